@@ -1,0 +1,141 @@
+"""C99 from a model: `model.h` (sizes, names) and `model.c` (the functions and the variable table)."""
+
+from __future__ import annotations
+
+import sympy
+from sympy.printing.c import C99CodePrinter
+
+from ..model.declare import Model
+from .functions import Function, functions, layout
+from .variables import Variable, guid, variables
+
+SCALARS = ("time", "unknown", "v_time", "v_unknown")
+
+
+class _Printer(C99CodePrinter):
+    """Integer powers as products, rationals as quotients of doubles; no `pow` where a product will do."""
+
+    def _print_Pow(self, expr: sympy.Pow) -> str:
+        base, exponent = expr.as_base_exp()
+        if exponent.is_Integer and 1 < abs(int(exponent)) <= 4:
+            power = {2: "square", 3: "cube", 4: "fourth"}[abs(int(exponent))]
+            text = f"{power}({self._print(base)})"
+            return text if exponent > 0 else f"(1.0/{text})"
+        return super()._print_Pow(expr)
+
+    def _print_Float(self, expr: sympy.Float) -> str:
+        return repr(float(expr))
+
+    def _print_Pi(self, expr: sympy.Expr) -> str:
+        return "3.141592653589793"
+
+
+_PRINTER = _Printer({"precision": 17, "contract": False})
+
+
+def expression(expr: sympy.Expr) -> str:
+    """A sympy expression as a C expression of doubles."""
+    return str(_PRINTER.doprint(sympy.sympify(expr)))
+
+
+def header(model: Model) -> str:
+    """`model.h`: array sizes, identity and prototypes."""
+    arrays = layout(model)
+    table = variables(model)
+    curve = model.curve
+    lines = [
+        f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
+        "#ifndef MODEL_H",
+        "#define MODEL_H",
+        "",
+        f'#define MODEL_NAME "{model.name}"',
+        f'#define MODEL_GUID "{guid(model)}"',
+        f"#define MODEL_NX {len(arrays.x)}",
+        f"#define MODEL_NU {len(arrays.u)}",
+        f"#define MODEL_NP {len(arrays.p)}",
+        f"#define MODEL_NY {len(arrays.y)}",
+        f"#define MODEL_VARIABLES {len(table)}",
+        f"#define MODEL_HAS_CURVE {1 if curve else 0}",
+    ]
+    if curve:
+        lines += [
+            f"#define CURVE_LOWER {curve.lower!r}",
+            f"#define CURVE_FOLD_LOWER {curve.fold_lower!r}",
+            f"#define CURVE_UPPER {curve.upper!r}",
+            f"#define CURVE_UNKNOWN {[str(s) for s in arrays.x].index(curve.unknown)} /* state {curve.unknown} */",
+            f"#define CURVE_LOAD {[str(s) for s in arrays.u].index(curve.load)} /* input {curve.load} */",
+            f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
+        ]
+    lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model)), "", "#endif", ""]
+    return "\n".join(lines)
+
+
+def source(model: Model) -> str:
+    """`model.c`: the variable table and the emitted functions."""
+    lines = [
+        f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
+        '#include "model.h"',
+        "#include <math.h>",
+        "",
+        "static inline double square(double a) { return a * a; }",
+        "static inline double cube(double a) { return a * a * a; }",
+        "static inline double fourth(double a) { return (a * a) * (a * a); }",
+        "",
+        "const Variable model_variables[MODEL_VARIABLES] = {",
+        *(f"    {_row(v)}," for v in variables(model)),
+        "};",
+        "",
+        "const double model_nominal[MODEL_NX] = {"
+        + ", ".join(repr(float(s.quantity.nominal)) for s in model.states)
+        + "};",
+        "",
+        *(definition(f) for f in functions(model)),
+    ]
+    return "\n".join(lines)
+
+
+def prototype(function: Function) -> str:
+    """`void model_NAME(const double *..., double *...)`; scalars by value."""
+    arguments = [
+        f"double {array}" if array in SCALARS else f"const double *{array}"
+        for array in function.arguments
+    ]
+    results = [f"double *{_out(array)}" for array in function.results]
+    return f"void model_{function.name}({', '.join([*arguments, *results])})"
+
+
+def definition(function: Function) -> str:
+    """The whole C function; only what is used is unpacked, and unused arguments are said to be so."""
+    used = function.used()
+    lines = [f"/* {function.description} */", prototype(function), "{"]
+    for array, symbols in function.arguments.items():
+        lines += _unpack(array, symbols, used)
+    lines += [f"    const double {name} = {expression(e)};" for name, e in function.live()]
+    for array, expressions in function.results.items():
+        lines += [f"    {_out(array)}[{i}] = {expression(e)};" for i, e in enumerate(expressions)]
+    return "\n".join([*lines, "}", ""])
+
+
+def _out(array: str) -> str:
+    return f"{array}_out"
+
+
+def _unpack(array: str, symbols: list[sympy.Symbol], used: set[sympy.Symbol]) -> list[str]:
+    if array in SCALARS:
+        name = str(symbols[0])
+        if symbols[0] not in used:
+            return [f"    (void)({array});"]
+        return [] if name == array else [f"    const double {name} = {array};"]
+    lines = [f"    const double {s} = {array}[{i}];" for i, s in enumerate(symbols) if s in used]
+    return lines or [f"    (void)({array});"]
+
+
+def _row(variable: Variable) -> str:
+    q = variable.quantity
+    low = "-INFINITY" if q.minimum is None else repr(float(q.minimum))
+    high = "INFINITY" if q.maximum is None else repr(float(q.maximum))
+    start = repr(float(q.value or 0.0))
+    return (
+        f'{{"{variable.name}", "{q.unit}", {variable.kind}, {variable.index}, TYPE_{q.type.upper()}, '
+        f"{variable.variability.upper()}, {low}, {high}, {start}, {int(variable.needs_fold)}}}"
+    )

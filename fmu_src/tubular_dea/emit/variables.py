@@ -1,0 +1,163 @@
+"""The table of FMI variables of a model: value references, causality, dependencies. Every interface reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from dataclasses import dataclass, replace
+
+import sympy
+
+from ..model.declare import TIME, Model, Quantity, rate
+from .jacobian import at_rest, needed, real
+
+TIME_QUANTITY = Quantity("time", "s", "Simulation time")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One FMI variable. `index` is its place in the array of its `kind`; its value reference is its place in
+    the table. `dependencies` names the inputs, states and time it depends on directly (outputs, derivatives);
+    `initial_dependencies` the inputs and parameters it depends on at the start of a simulation."""
+
+    name: str
+    kind: str
+    index: int
+    quantity: Quantity
+    causality: str
+    variability: str
+    needs_fold: bool = False
+    dependencies: tuple[str, ...] = ()
+    initial_dependencies: tuple[str, ...] = ()
+
+
+def variables(model: Model) -> list[Variable]:
+    """time, inputs, outputs, other states, derivatives, parameters; in this order, which is the value reference."""
+    return [
+        Variable("time", "TIME", 0, TIME_QUANTITY, "independent", "continuous"),
+        *(Variable(q.name, "INPUT", i, q, "input", "continuous") for i, q in enumerate(model.inputs)),
+        *_outputs(model),
+        *_hidden_states(model),
+        *_derivatives(model),
+        *(
+            Variable(p.quantity.name, "PARAMETER", i, p.quantity, "parameter", "tunable" if p.tunable else "fixed")
+            for i, p in enumerate(model.parameters)
+        ),
+    ]
+
+
+def guid(model: Model) -> str:
+    """An identifier that is a hash of everything declared: the same model gives the same FMU anywhere."""
+    text = repr((model.name, model.inputs, model.parameters, model.outputs, model.curve, model.effects))
+    text += repr([(d.quantity, sympy.srepr(d.expression)) for d in model.definitions])
+    text += repr([(s.quantity, *map(sympy.srepr, (s.derivative, s.start, s.equilibrium))) for s in model.states])
+    return f"{{{uuid.UUID(bytes=hashlib.sha256(text.encode()).digest()[:16], version=4)}}}"
+
+
+def direct_dependencies(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
+    """The time, inputs and states that an expression reaches through definitions, in table order.
+
+    The fold stands for the inputs that move it; an input's rate stands for that input.
+    """
+    reached = _reached(model, expression)
+    for q in model.inputs:
+        if rate(q) in reached:
+            reached.add(q.symbol)
+    ordered = [TIME, *(q.symbol for q in model.inputs), *(s.quantity.symbol for s in model.states)]
+    return tuple(str(s) for s in ordered if s in reached)
+
+
+def _reached(model: Model, expression: sympy.Expr) -> set[sympy.Symbol]:
+    expression = sympy.sympify(expression)
+    used = [expression, *(d.expression for d in needed(model, [expression]))]
+    reached: set[sympy.Symbol] = set().union(*(e.free_symbols for e in used))
+    if model.curve and model.curve.fold.symbol in reached:
+        reached |= _on_curve(model)
+    return reached
+
+
+def _on_curve(model: Model) -> set[sympy.Symbol]:
+    """The inputs and parameters that move the equilibrium curve."""
+    assert model.curve is not None
+    used = [expression for _, expression in at_rest(model, [real(model.curve.balance)])]
+    reached: set[sympy.Symbol] = set().union(*(e.free_symbols for e in used))
+    return reached - {s.quantity.symbol for s in model.states}
+
+
+def _initial(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
+    """Inputs and parameters that `expression` depends on at the start, through the initial states too."""
+    reached = _reached(model, expression)
+    for state in model.states:
+        if state.quantity.symbol in reached:
+            reached |= _initial_of_state(model, state.start, state.equilibrium)
+    for q in model.inputs:
+        if rate(q) in reached:
+            reached.add(q.symbol)
+    ordered = [*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)]
+    return tuple(str(s) for s in ordered if s in reached)
+
+
+def _initial_of_state(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> set[sympy.Symbol]:
+    reached = _reached(model, start)
+    if model.curve:
+        settled = sympy.sympify(equilibrium).free_symbols
+        reached |= settled
+        if real(model.curve.unknown) in settled:
+            reached |= _on_curve(model) | {real(model.curve.load)}
+        if settled or sympy.sympify(start) != sympy.sympify(equilibrium):
+            reached.add(real(model.curve.start_switch))
+    return reached
+
+
+def _outputs(model: Model) -> list[Variable]:
+    states = {s.quantity.name: (i, s) for i, s in enumerate(model.states)}
+    found = []
+    position = 0
+    for name in model.outputs:
+        quantity = model.quantity(name)
+        symbol = quantity.symbol
+        common = (quantity, "output", "continuous")
+        if name in states:
+            index, state = states[name]
+            initial = _state_initial(model, state.start, state.equilibrium)
+            found.append(Variable(name, "STATE", index, *common, False, (name,), initial))
+        elif model.curve and name == model.curve.fold.name:
+            found.append(Variable(name, "FOLD", 0, *common, True, direct_dependencies(model, symbol),
+                                  _initial(model, symbol)))  # fmt: skip
+        else:
+            fold = model.curve is not None and model.curve.fold.symbol in _reached(model, symbol)
+            found.append(Variable(name, "OUTPUT", position, *common, fold, direct_dependencies(model, symbol),
+                                  _initial(model, symbol)))  # fmt: skip
+            position += 1
+    return found
+
+
+def _state_initial(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> tuple[str, ...]:
+    reached = _initial_of_state(model, start, equilibrium)
+    ordered = [*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)]
+    return tuple(str(s) for s in ordered if s in reached)
+
+
+def _hidden_states(model: Model) -> list[Variable]:
+    return [
+        Variable(s.quantity.name, "STATE", i, s.quantity, "local", "continuous",
+                 initial_dependencies=_state_initial(model, s.start, s.equilibrium))
+        for i, s in enumerate(model.states)
+        if s.quantity.name not in model.outputs
+    ]  # fmt: skip
+
+
+def _derivatives(model: Model) -> list[Variable]:
+    return [
+        Variable(f"der({s.quantity.name})", "DERIVATIVE", i, _derivative_quantity(s.quantity), "local", "continuous",
+                 dependencies=direct_dependencies(model, s.derivative),
+                 initial_dependencies=_initial(model, s.derivative))
+        for i, s in enumerate(model.states)
+    ]  # fmt: skip
+
+
+def _derivative_quantity(quantity: Quantity) -> Quantity:
+    unit = {"1": "1/s", "1/s": "1/s2"}.get(quantity.unit, f"{quantity.unit}/s")
+    return replace(quantity, name=f"der({quantity.name})", unit=unit, value=None,
+                   description=f"Time derivative of {quantity.name}", display_unit=None,
+                   minimum=None, maximum=None)  # fmt: skip

@@ -1,0 +1,280 @@
+"""The vocabulary a model is declared in: quantities, states, definitions, and how to change them.
+
+A `Model` is a value. Nothing in it is ever changed in place: `extend`, `replace`, `drive` and `observe` return
+a new model, and refuse names that do not exist (or exist already). Everything that is printed from a model
+(C, Python, XML, tables) reads only what is declared here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import sympy
+
+TIME = sympy.Symbol("time", real=True)
+
+
+class DeclarationError(ValueError):
+    """A model was declared or changed in a way that cannot mean anything; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A physical quantity: its name in the paper (ASCII), its SI unit, what it is and where it comes from.
+
+    `value` is the start or default value in `unit`; `nominal` its typical size (used to scale tolerances);
+    `minimum` and `maximum` are inclusive and enforced wherever a value is set. `type` is the FMI type:
+    "Real", "Integer" or "Boolean".
+    """
+
+    name: str
+    unit: str
+    description: str
+    value: float | None = None
+    source: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float = 1.0
+    display_unit: str | None = None
+    type: str = "Real"
+
+    @property
+    def symbol(self) -> sympy.Symbol:
+        """The real sympy symbol of this quantity; equal names give equal symbols."""
+        return sympy.Symbol(self.name, real=True)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A quantity the user may choose; `tunable` ones may change while the simulation runs."""
+
+    quantity: Quantity
+    tunable: bool = False
+
+
+@dataclass(frozen=True)
+class State:
+    """A continuous state: `derivative` is its rate, `start` its value at rest, both as expressions.
+
+    `equilibrium` is the value it settles to, as an expression in the inputs, the parameters and the unknown of
+    the model's equilibrium curve; it is used to start at equilibrium and to walk along that curve.
+    """
+
+    quantity: Quantity
+    derivative: sympy.Expr
+    start: sympy.Expr
+    equilibrium: sympy.Expr
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A named intermediate or observable: `quantity = expression`."""
+
+    quantity: Quantity
+    expression: sympy.Expr
+
+
+@dataclass(frozen=True)
+class EquilibriumCurve:
+    """The balance `load = f(unknown)` at rest, and the end of its first rising branch (the fold).
+
+    `balance` names the definition that gives the load in equilibrium, `load` the input it balances, `unknown`
+    the state that parametrises the curve between `lower` and `upper`, `fold` the quantity that is the largest
+    load on the first rising branch from `fold_lower` on: the first local maximum, or the value at the end of
+    the interval where there is none. `start_switch` names the parameter that starts the model on the curve.
+    """
+
+    balance: str
+    load: str
+    unknown: str
+    fold: Quantity
+    lower: float
+    fold_lower: float
+    upper: float
+    start_switch: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """A set of ordinary differential equations with named intermediates, declared once.
+
+    `definitions` are evaluated in their order; each may use the time, inputs and their rates, parameters,
+    states and earlier definitions. `outputs` are names of states or definitions.
+    """
+
+    name: str
+    description: str
+    documentation: str
+    inputs: tuple[Quantity, ...]
+    parameters: tuple[Parameter, ...]
+    definitions: tuple[Definition, ...]
+    states: tuple[State, ...]
+    outputs: tuple[str, ...]
+    curve: EquilibriumCurve | None = None
+    effects: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        _check_names(self)
+        _check_order(self)
+
+    # What is declared --------------------------------------------------------------------------------
+
+    def quantities(self) -> dict[str, Quantity]:
+        """Every declared quantity by name, in the order inputs, parameters, states, fold, definitions."""
+        fold = [self.curve.fold] if self.curve else []
+        listed = [
+            *self.inputs,
+            *(parameter.quantity for parameter in self.parameters),
+            *(state.quantity for state in self.states),
+            *fold,
+            *(definition.quantity for definition in self.definitions),
+        ]
+        return {quantity.name: quantity for quantity in listed}
+
+    def __getitem__(self, name: str) -> sympy.Symbol:
+        """The symbol of a declared quantity."""
+        return self.quantity(name).symbol
+
+    def quantity(self, name: str) -> Quantity:
+        """The declared quantity of that name; `DeclarationError` with the nearest names if there is none."""
+        quantities = self.quantities()
+        if name not in quantities:
+            raise DeclarationError(f"{self.name} has no quantity {name!r}{nearest(name, quantities)}")
+        return quantities[name]
+
+    def expression(self, name: str) -> sympy.Expr:
+        """The defining expression of a definition."""
+        for definition in self.definitions:
+            if definition.quantity.name == name:
+                return definition.expression
+        names = [definition.quantity.name for definition in self.definitions]
+        raise DeclarationError(f"{self.name} has no definition {name!r}{nearest(name, names)}")
+
+    def parameter_values(self) -> dict[str, float]:
+        """Default parameter values by name, in SI units."""
+        return {p.quantity.name: float(p.quantity.value or 0.0) for p in self.parameters}
+
+    # How a declaration changes -----------------------------------------------------------------------
+
+    def extend(
+        self,
+        *,
+        parameters: Iterable[Parameter] = (),
+        definitions: Iterable[Definition] = (),
+        states: Iterable[State] = (),
+        before: str | None = None,
+    ) -> Model:
+        """The model with more parameters, states and definitions; the latter placed in front of `before`."""
+        at = len(self.definitions)
+        if before is not None:
+            self.expression(before)
+            at = [d.quantity.name for d in self.definitions].index(before)
+        placed = (*self.definitions[:at], *definitions, *self.definitions[at:])
+        return dataclasses.replace(
+            self,
+            parameters=(*self.parameters, *parameters),
+            states=(*self.states, *states),
+            definitions=placed,
+        )
+
+    def replace(self, name: str, expression: sympy.Expr) -> Model:
+        """The model with another expression for the definition `name`."""
+        self.expression(name)
+        changed = tuple(
+            dataclasses.replace(d, expression=expression) if d.quantity.name == name else d
+            for d in self.definitions
+        )
+        return dataclasses.replace(self, definitions=changed)
+
+    def drive(self, state: str, derivative: sympy.Expr) -> Model:
+        """The model with another derivative for one of its states."""
+        if state not in [s.quantity.name for s in self.states]:
+            names = [s.quantity.name for s in self.states]
+            raise DeclarationError(f"{self.name} has no state {state!r}{nearest(state, names)}")
+        changed = tuple(
+            dataclasses.replace(s, derivative=derivative) if s.quantity.name == state else s
+            for s in self.states
+        )
+        return dataclasses.replace(self, states=changed)
+
+    def observe(self, quantity: Quantity, expression: sympy.Expr) -> Model:
+        """The model with one more output, computed last."""
+        extended = self.extend(definitions=[Definition(quantity, expression)])
+        return dataclasses.replace(extended, outputs=(*self.outputs, quantity.name))
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """The model with other default parameter values (SI units)."""
+        names = [p.quantity.name for p in self.parameters]
+        for name in values:
+            if name not in names:
+                raise DeclarationError(f"{self.name} has no parameter {name!r}{nearest(name, names)}")
+        changed = tuple(
+            dataclasses.replace(
+                p, quantity=dataclasses.replace(p.quantity, value=values.get(p.quantity.name, p.quantity.value))
+            )
+            for p in self.parameters
+        )
+        return dataclasses.replace(self, parameters=changed)
+
+
+def rate(quantity: Quantity) -> sympy.Symbol:
+    """The time derivative of an input: known where the input is interpolated, zero where it is held."""
+    return sympy.Symbol(f"{quantity.name}_rate", real=True)
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """A hint for an error message: "; did you mean a, b?" or the names there are."""
+    known = list(names)
+    close = difflib.get_close_matches(name, known, n=3)
+    if close:
+        return f"; did you mean {', '.join(close)}?"
+    return f"; there are {', '.join(known)}"
+
+
+def _check_names(model: Model) -> None:
+    """Every quantity is declared once, and every output is a state, a definition or the fold."""
+    fold = [model.curve.fold.name] if model.curve else []
+    seen: set[str] = set()
+    for name in [
+        *(q.name for q in model.inputs),
+        *(p.quantity.name for p in model.parameters),
+        *(s.quantity.name for s in model.states),
+        *fold,
+        *(d.quantity.name for d in model.definitions),
+    ]:
+        if name in seen:
+            raise DeclarationError(f"{model.name} declares {name!r} twice; give the second another name")
+        seen.add(name)
+    for name in model.outputs:
+        if name not in seen:
+            raise DeclarationError(f"{model.name} has no quantity {name!r} to put out{nearest(name, seen)}")
+
+
+def _check_order(model: Model) -> None:
+    """Every expression uses only what is declared before it."""
+    fold = [model.curve.fold.symbol] if model.curve else []
+    known = {
+        TIME,
+        *(q.symbol for q in model.inputs),
+        *(rate(q) for q in model.inputs),
+        *(p.quantity.symbol for p in model.parameters),
+        *(s.quantity.symbol for s in model.states),
+        *fold,
+    }
+    for definition in model.definitions:
+        _check_known(model, definition.quantity.name, definition.expression, known)
+        known.add(definition.quantity.symbol)
+    for state in model.states:
+        _check_known(model, f"der({state.quantity.name})", state.derivative, known)
+
+
+def _check_known(model: Model, name: str, expression: sympy.Expr, known: set[sympy.Symbol]) -> None:
+    unknown = sorted(str(s) for s in sympy.sympify(expression).free_symbols - known)
+    if unknown:
+        raise DeclarationError(
+            f"{model.name}: {name} uses {', '.join(unknown)} before it is declared; "
+            "declare it, or place this definition after it"
+        )

@@ -1,0 +1,21 @@
+/* Rest states of a model: its equilibrium curve load = f(unknown), and the fold that ends its first rising branch. */
+#ifndef EQUILIBRIUM_H
+#define EQUILIBRIUM_H
+
+#include "model.h"
+
+#if MODEL_HAS_CURVE
+
+/* A point of the curve. */
+typedef struct {
+    double unknown, load;
+} CurvePoint;
+
+/* The first local maximum of the load from CURVE_FOLD_LOWER on; the end of the interval where there is none. */
+CurvePoint curve_fold(const double *u, const double *p);
+
+/* The rest state under the inputs `u` on the branch before `fold`; 0 where there is none. */
+int curve_rest(const double *u, const double *p, CurvePoint fold, double *unknown, double *x);
+
+#endif
+#endif

@@ -1,0 +1,372 @@
+/* FMI 2.0 for an Instance: types, modes and memory; what the calls mean is in instance.c. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmi2Functions.h"
+#include "instance.h"
+
+/* The statuses of FMI 2 and of Instance have the same values, up to "pending", which is not used. */
+#define STATUS(status) ((fmi2Status)(status))
+#define ALLOW(modes)                                              \
+    Instance *const instance = c;                                 \
+    if (!instance || instance_allow(instance, __func__, (modes))) \
+    return fmi2Error
+
+static void log_message(Instance *instance, Status status, const char *category, const char *message)
+{
+    const fmi2CallbackFunctions *callbacks = instance->host;
+    if (callbacks && callbacks->logger)
+        callbacks->logger(callbacks->componentEnvironment, instance->name, STATUS(status), category, "%s", message);
+}
+
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+const char *fmi2GetVersion(void) { return fmi2Version; }
+
+/* Life ------------------------------------------------------------------------------------------------------ */
+
+static void refuse(const fmi2CallbackFunctions *callbacks, fmi2String name, const char *message)
+{
+    if (callbacks && callbacks->logger)
+        callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", "%s", message);
+}
+
+fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
+                              fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
+                              fmi2Boolean visible, fmi2Boolean loggingOn)
+{
+    (void)fmuResourceLocation;
+    (void)visible;
+    if (!instanceName || !*instanceName) {
+        refuse(functions, instanceName, "fmi2Instantiate: expected an instance name but was given none");
+        return NULL;
+    }
+    if (!fmuGUID || strcmp(fmuGUID, MODEL_GUID)) {
+        refuse(functions, instanceName, "fmi2Instantiate: expected the GUID " MODEL_GUID
+                                        ", as in modelDescription.xml, but was given another");
+        return NULL;
+    }
+    if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
+        refuse(functions, instanceName, "fmi2Instantiate: expected fmi2ModelExchange or fmi2CoSimulation");
+        return NULL;
+    }
+    Instance *instance = instance_create(instanceName, fmuType == fmi2CoSimulation);
+    if (!instance) {
+        refuse(functions, instanceName, "fmi2Instantiate: out of memory");
+        return NULL;
+    }
+    instance->log = log_message;
+    instance->host = (void *)(uintptr_t)functions;
+    instance->logged = loggingOn ? LOG_EVENTS | LOG_SOLVER : 0;
+    return instance;
+}
+
+void fmi2FreeInstance(fmi2Component c) { instance_free(c); }
+
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories, const fmi2String categories[])
+{
+    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED);
+    return STATUS(instance_set_logging(instance, loggingOn, nCategories, categories));
+}
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
+                               fmi2Boolean stopTimeDefined, fmi2Real stopTime)
+{
+    ALLOW(INSTANTIATED);
+    return STATUS(instance_setup(instance, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime));
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component c)
+{
+    ALLOW(INSTANTIATED);
+    return STATUS(instance_enter_initialization(instance));
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+{
+    ALLOW(INITIALIZATION);
+    return STATUS(instance_exit_initialization(instance));
+}
+
+fmi2Status fmi2Terminate(fmi2Component c)
+{
+    ALLOW(RUNNING);
+    instance->now.mode = TERMINATED;
+    return fmi2OK;
+}
+
+fmi2Status fmi2Reset(fmi2Component c)
+{
+    ALLOW(INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED);
+    instance_reset(instance);
+    return fmi2OK;
+}
+
+/* Values ------------------------------------------------------------------------------------------------------ */
+
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
+{
+    return c ? STATUS(instance_get(c, __func__, TYPE_REAL, vr, nvr, value)) : fmi2Error;
+}
+
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
+{
+    return c ? STATUS(instance_set(c, __func__, TYPE_REAL, vr, nvr, value)) : fmi2Error;
+}
+
+/* Integers and Booleans are kept as doubles, which hold them exactly; both are C ints in FMI 2. */
+static fmi2Status get_ints(fmi2Component c, const char *function, Type type, const fmi2ValueReference vr[], size_t nvr,
+                           int value[])
+{
+    Instance *const instance = c;
+    if (!instance) return fmi2Error;
+    if (nvr && !value)
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected an array but was given NULL", function));
+    for (size_t i = 0; i < nvr; i++) {
+        double real = 0;
+        const Status status = instance_get(instance, function, type, vr ? vr + i : NULL, 1, &real);
+        if (status != STATUS_OK) return STATUS(status);
+        value[i] = (int)real;
+    }
+    return fmi2OK;
+}
+
+static fmi2Status set_ints(fmi2Component c, const char *function, Type type, const fmi2ValueReference vr[], size_t nvr,
+                           const int value[])
+{
+    Instance *const instance = c;
+    double real[MODEL_VARIABLES];
+    if (!instance) return fmi2Error;
+    if (nvr > MODEL_VARIABLES || (nvr && !value))
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected at most %d values in an array, given %zu",
+                                      function, MODEL_VARIABLES, value ? nvr : (size_t)0));
+    for (size_t i = 0; i < nvr; i++) real[i] = type == TYPE_BOOLEAN ? value[i] != 0 : value[i];
+    return STATUS(instance_set(instance, function, type, vr, nvr, real));
+}
+
+fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
+{
+    return get_ints(c, __func__, TYPE_INTEGER, vr, nvr, value);
+}
+
+fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[])
+{
+    return set_ints(c, __func__, TYPE_INTEGER, vr, nvr, value);
+}
+
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
+{
+    return get_ints(c, __func__, TYPE_BOOLEAN, vr, nvr, value);
+}
+
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[])
+{
+    return set_ints(c, __func__, TYPE_BOOLEAN, vr, nvr, value);
+}
+
+static fmi2Status no_strings(fmi2Component c, const char *function, size_t nvr)
+{
+    Instance *const instance = c;
+    if (!instance) return fmi2Error;
+    if (nvr == 0) return fmi2OK;
+    return STATUS(instance_report(instance, STATUS_ERROR, "%s: the model has no String variables", function));
+}
+
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
+{
+    (void)vr;
+    (void)value;
+    return no_strings(c, __func__, nvr);
+}
+
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[])
+{
+    (void)vr;
+    (void)value;
+    return no_strings(c, __func__, nvr);
+}
+
+/* Saved states -------------------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    return c ? STATUS(state_get(c, __func__, state)) : fmi2Error;
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
+{
+    return c ? STATUS(state_set(c, __func__, state)) : fmi2Error;
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    if (!c) return fmi2Error;
+    state_free(state);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    return c ? STATUS(state_size(c, __func__, state, size)) : fmi2Error;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    return c ? STATUS(state_serialize(c, __func__, state, (unsigned char *)bytes, size)) : fmi2Error;
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    return c ? STATUS(state_deserialize(c, __func__, (const unsigned char *)bytes, size, state)) : fmi2Error;
+}
+
+/* Derivatives --------------------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown[], size_t nUnknown,
+                                        const fmi2ValueReference vKnown[], size_t nKnown, const fmi2Real dvKnown[],
+                                        fmi2Real dvUnknown[])
+{
+    ALLOW(INITIALIZATION | RUNNING | TERMINATED);
+    return STATUS(instance_directional(instance, vUnknown, nUnknown, vKnown, nKnown, dvKnown, dvUnknown));
+}
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                       const fmi2Integer order[], const fmi2Real value[])
+{
+    ALLOW(INSTANTIATED | INITIALIZATION | STEPPING);
+    return STATUS(instance_set_input_derivatives(instance, vr, nvr, order, value));
+}
+
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                        const fmi2Integer order[], fmi2Real value[])
+{
+    ALLOW(STEPPING | TERMINATED);
+    return STATUS(instance_get_output_derivatives(instance, vr, nvr, order, value));
+}
+
+/* Co-simulation --------------------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
+                      fmi2Boolean noSetFMUStatePriorToCurrentPoint)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    ALLOW(STEPPING);
+    return STATUS(instance_do_step(instance, currentCommunicationPoint, communicationStepSize, NULL));
+}
+
+fmi2Status fmi2CancelStep(fmi2Component c)
+{
+    Instance *const instance = c;
+    if (!instance) return fmi2Error;
+    return STATUS(instance_report(instance, STATUS_ERROR, "fmi2CancelStep: steps are never pending"));
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+{
+    ALLOW(STEPPING | TERMINATED);
+    if (kind != fmi2LastSuccessfulTime || !value) return fmi2Discard;
+    *value = instance->now.time;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    ALLOW(STEPPING | TERMINATED);
+    if (kind != fmi2Terminated || !value) return fmi2Discard;
+    *value = fmi2False;
+    return fmi2OK;
+}
+
+/* Steps are never pending, so there is no status to ask for. */
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
+{
+    (void)kind;
+    (void)value;
+    return c ? fmi2Discard : fmi2Error;
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
+{
+    (void)kind;
+    (void)value;
+    return c ? fmi2Discard : fmi2Error;
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
+{
+    (void)kind;
+    (void)value;
+    return c ? fmi2Discard : fmi2Error;
+}
+
+/* Model exchange ------------------------------------------------------------------------------------------------ */
+
+fmi2Status fmi2EnterEventMode(fmi2Component c)
+{
+    ALLOW(CONTINUOUS_TIME | EVENT);
+    instance->now.mode = EVENT;
+    return fmi2OK;
+}
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
+{
+    ALLOW(EVENT);
+    if (!info) return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected an event info but was given NULL", __func__));
+    memset(info, 0, sizeof *info); /* no discrete states, no time events */
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
+{
+    ALLOW(EVENT);
+    instance->now.mode = CONTINUOUS_TIME;
+    return fmi2OK;
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    ALLOW(CONTINUOUS_TIME);
+    if (enterEventMode) *enterEventMode = fmi2False;
+    if (terminateSimulation) *terminateSimulation = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
+{
+    ALLOW(EVENT | CONTINUOUS_TIME);
+    return STATUS(instance_set_time(instance, time));
+}
+
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
+{
+    ALLOW(EVENT | CONTINUOUS_TIME);
+    return STATUS(instance_set_states(instance, x, nx));
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
+{
+    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    return STATUS(instance_get_derivatives(instance, derivatives, nx));
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni)
+{
+    (void)indicators;
+    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    if (ni == 0) return fmi2OK;
+    return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected 0 values but was given %zu", __func__, ni));
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
+{
+    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    return STATUS(instance_get_states(instance, x, nx));
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t nx)
+{
+    ALLOW(INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    return STATUS(instance_get_nominals(instance, nominal, nx));
+}

@@ -1,0 +1,104 @@
+/* Saved states: one block of bytes, the same in memory and serialised, so that restoring is exact and checked. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "instance.h"
+
+/* Layout: mark, the model's identity, the snapshot, and a checksum over all before it. */
+#define MARK "FMUstate"
+#define HEADER (sizeof MARK - 1 + sizeof MODEL_GUID)
+#define BODY (HEADER + sizeof(Snapshot))
+#define SIZE (BODY + sizeof(uint64_t))
+
+static uint64_t checksum(const unsigned char *bytes, size_t n)
+{
+    uint64_t hash = 14695981039346656037u; /* FNV-1a */
+    for (size_t i = 0; i < n; i++) hash = (hash ^ bytes[i]) * 1099511628211u;
+    return hash;
+}
+
+static Status null(Instance *instance, const char *function)
+{
+    return instance_report(instance, STATUS_ERROR, "%s: expected a state but was given NULL", function);
+}
+
+Status state_get(Instance *instance, const char *function, void **state)
+{
+    if (!state) return null(instance, function);
+    if (!*state) *state = malloc(SIZE);
+    if (!*state) return instance_report(instance, STATUS_ERROR, "%s: out of memory", function);
+    unsigned char *bytes = *state;
+    memcpy(bytes, MARK, sizeof MARK - 1);
+    memcpy(bytes + sizeof MARK - 1, MODEL_GUID, sizeof MODEL_GUID);
+    memcpy(bytes + HEADER, &instance->now, sizeof(Snapshot));
+    const uint64_t sum = checksum(bytes, BODY);
+    memcpy(bytes + BODY, &sum, sizeof sum);
+    return STATUS_OK;
+}
+
+static Status check(Instance *instance, const char *function, const unsigned char *bytes)
+{
+    const int modes = INSTANTIATED | INITIALIZATION | TERMINATED |
+                      (instance->cosimulation ? STEPPING : EVENT | CONTINUOUS_TIME);
+    uint64_t sum;
+    Snapshot saved;
+    memcpy(&sum, bytes + BODY, sizeof sum);
+    memcpy(&saved, bytes + HEADER, sizeof saved);
+    if (memcmp(bytes, MARK, sizeof MARK - 1) || memcmp(bytes + sizeof MARK - 1, MODEL_GUID, sizeof MODEL_GUID))
+        return instance_report(instance, STATUS_ERROR, "%s: expected a state of %s %s but was given another", function,
+                               MODEL_NAME, MODEL_GUID);
+    if (sum != checksum(bytes, BODY))
+        return instance_report(instance, STATUS_ERROR, "%s: the state's checksum is wrong; it was changed", function);
+    if (!(saved.mode & modes))
+        return instance_report(instance, STATUS_ERROR,
+                               "%s: expected a state of %s but was given one of the other kind", function,
+                               instance->cosimulation ? "a co-simulation" : "a model exchange");
+    return STATUS_OK;
+}
+
+Status state_set(Instance *instance, const char *function, const void *state)
+{
+    if (!state) return null(instance, function);
+    const Status status = check(instance, function, state);
+    if (status != STATUS_OK) return status;
+    memcpy(&instance->now, (const unsigned char *)state + HEADER, sizeof instance->now);
+    instance_forget(instance);
+    return STATUS_OK;
+}
+
+void state_free(void **state)
+{
+    if (!state) return;
+    free(*state);
+    *state = NULL;
+}
+
+Status state_size(Instance *instance, const char *function, const void *state, size_t *size)
+{
+    if (!state || !size) return null(instance, function);
+    *size = SIZE;
+    return STATUS_OK;
+}
+
+Status state_serialize(Instance *instance, const char *function, const void *state, unsigned char *bytes, size_t size)
+{
+    if (!state || !bytes) return null(instance, function);
+    if (size < SIZE)
+        return instance_report(instance, STATUS_ERROR, "%s: expected room for %zu bytes but was given %zu", function, SIZE,
+                               size);
+    memcpy(bytes, state, SIZE);
+    return STATUS_OK;
+}
+
+Status state_deserialize(Instance *instance, const char *function, const unsigned char *bytes, size_t size, void **state)
+{
+    if (!state || !bytes) return null(instance, function);
+    if (size != SIZE)
+        return instance_report(instance, STATUS_ERROR, "%s: expected %zu bytes but was given %zu", function, SIZE, size);
+    const Status status = check(instance, function, bytes);
+    if (status != STATUS_OK) return status;
+    if (!*state) *state = malloc(SIZE);
+    if (!*state) return instance_report(instance, STATUS_ERROR, "%s: out of memory", function);
+    memcpy(*state, bytes, SIZE);
+    return STATUS_OK;
+}

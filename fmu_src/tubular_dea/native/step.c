@@ -1,0 +1,124 @@
+/* Co-simulation: one communication step. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "instance.h"
+
+#define MAX_STEPS 1000000 /* internal steps in one communication step: bounded, so that no call hangs */
+
+static Status check_step(Instance *instance, double time, double step)
+{
+    const Snapshot *now = &instance->now;
+    const double slack = 1e-9 * fmax(fabs(now->time), isfinite(step) ? fabs(step) : 0) + 1e-15;
+    if (!isfinite(step) || !(step > 0))
+        return instance_report(instance, STATUS_ERROR,
+                               "communication step size: expected a positive finite number in s but was given %g",
+                               step);
+    if (!isfinite(time) || fabs(time - now->time) > slack)
+        return instance_report(instance, STATUS_ERROR,
+                               "communication point: expected the present time %.12g s but was given %.12g; the "
+                               "instance neither goes back in time nor skips any, unless a saved state is restored",
+                               now->time, time);
+    if (time + step > now->stop + slack)
+        return instance_report(instance, STATUS_ERROR,
+                               "communication step: expected an end at or before the stop time %.12g s but was given "
+                               "%.12g",
+                               now->stop, time + step);
+    if (!(time + step > time))
+        return instance_report(instance, STATUS_ERROR,
+                               "communication step size: %g s is lost in rounding at time %.12g s; expected more", step,
+                               time);
+    return STATUS_OK;
+}
+
+typedef struct {
+    Instance *instance;
+    Solver *solver;
+    Between between;
+    double end;
+    int stop;
+} Watch;
+
+static void take_inputs(Instance *instance, Solver *solver)
+{
+    inputs_move(&solver->inputs, instance->now.time);
+    memcpy(instance->now.u, solver->inputs.u, sizeof instance->now.u);
+}
+
+/* After an internal step: let the host look at the instance, and change its inputs. */
+static int look(void *context, const Step *step)
+{
+    Watch *watch = context;
+    Instance *instance = watch->instance;
+    (void)step;
+    take_inputs(instance, watch->solver);
+    instance_forget(instance);
+    instance->now.mode = INTERMEDIATE;
+    watch->stop = watch->between(instance, watch->end);
+    instance->now.mode = STEPPING;
+    return 1;
+}
+
+static Status solver_failed(Instance *instance, SolverStatus failure, const Snapshot *reached)
+{
+    char states[512] = "";
+    size_t used = 0;
+    for (int i = 0; i < MODEL_VARIABLES; i++) {
+        const Variable *v = &model_variables[i];
+        if (v->kind == STATE && used < sizeof states - 1)
+            used += (size_t)snprintf(states + used, sizeof states - used, "%s%s = %.6g", used ? ", " : "", v->name,
+                                     reached->x[v->index]);
+    }
+    if (failure == SOLVER_TOO_MANY_STEPS)
+        return instance_report(instance, STATUS_ERROR,
+                               "more than %d internal steps were needed: stopped at time %.9g with %s; the instance is as "
+                               "it was before the step; use a shorter step or a larger tolerance",
+                               MAX_STEPS, reached->time, states);
+    return instance_report(instance, STATUS_ERROR,
+                           "no step size, however small, solves the equations at time %.9g with %s; the instance is as it "
+                           "was before the step; check inputs and parameters",
+                           reached->time, states);
+}
+
+/* Integrate towards `end` with the instance's present inputs; the observer, if any, stops after each step. */
+static SolverStatus run(Instance *instance, Solver *solver, double end)
+{
+    Snapshot *now = &instance->now;
+    solver->inputs.time = now->time;
+    memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
+    if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, end - now->time);
+    return solver_advance(solver, &now->time, end, now->x, &now->h);
+}
+
+Status instance_do_step(Instance *instance, double time, double step, Between between)
+{
+    const Status status = check_step(instance, time, step);
+    if (status != STATUS_OK) return status;
+    const Snapshot before = instance->now;
+    Snapshot *now = &instance->now;
+    const double end = time + step;
+    Solver solver = {0};
+    Watch watch = {instance, &solver, between, end, 0};
+    SolverStatus outcome;
+    solver.p = now->p;
+    solver.tolerance = now->tolerance;
+    solver.max_steps = MAX_STEPS;
+    solver.observer = between ? look : NULL;
+    solver.context = &watch;
+    now->time = time;
+    do outcome = run(instance, &solver, end);
+    while (outcome == SOLVER_STOPPED && !watch.stop && now->time < end);
+    instance_forget(instance);
+    if (outcome == SOLVER_TOO_MANY_STEPS || outcome == SOLVER_STEP_TOO_SMALL) {
+        const Snapshot reached = instance->now;
+        instance->now = before;
+        return solver_failed(instance, outcome, &reached);
+    }
+    take_inputs(instance, &solver);
+    for (int i = 0; i < MODEL_NU; i++)
+        for (int k = 1; k <= INPUT_ORDER; k++) now->u[i][k] = 0; /* derivatives hold for one step */
+    instance_note(instance, LOG_SOLVER, "stepped to time %.9g: %ld internal steps, %ld rejected", now->time,
+                  solver.steps, solver.rejected);
+    return STATUS_OK;
+}
