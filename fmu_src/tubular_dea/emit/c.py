@@ -7,9 +7,16 @@ from sympy.printing.c import C99CodePrinter
 
 from ..model.declare import Model
 from .functions import Function, functions, layout
+from .solver import solver_functions
 from .variables import Variable, guid, variables
 
-SCALARS = ("time", "unknown", "v_time", "v_unknown")
+SCALARS = ("time", "unknown", "v_time", "v_unknown", "shift")
+
+POWERS = (
+    "static inline double square(double a) { return a * a; }",
+    "static inline double cube(double a) { return a * a * a; }",
+    "static inline double fourth(double a) { return (a * a) * (a * a); }",
+)
 
 
 class _Printer(C99CodePrinter):
@@ -39,7 +46,8 @@ def expression(expr: sympy.Expr) -> str:
 
 
 def header(model: Model) -> str:
-    """`model.h`: array sizes, identity and prototypes."""
+    """`model.h`: array sizes, identity and prototypes; and the solver's functions, for the file that asks for them."""
+    solver = solver_functions(model)
     arrays = layout(model)
     table = variables(model)
     curve = model.curve
@@ -55,6 +63,7 @@ def header(model: Model) -> str:
         f"#define MODEL_NP {len(arrays.p)}",
         f"#define MODEL_NY {len(arrays.y)}",
         f"#define MODEL_VARIABLES {len(table)}",
+        *(f"#define MODEL_{name} {size}" for name, size in solver.sizes.items()),
         f"#define MODEL_HAS_CURVE {1 if curve else 0}",
     ]
     if curve:
@@ -66,7 +75,9 @@ def header(model: Model) -> str:
             f"#define CURVE_LOAD {[str(s) for s in arrays.u].index(curve.load)} /* input {curve.load} */",
             f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
         ]
-    lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model)), "", "#endif", ""]
+    lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model))]
+    lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */", "#include <math.h>"]
+    lines += ["", *POWERS, "", *(definition(f, "static inline ") for f in solver.functions), "#endif", "", "#endif", ""]
     return "\n".join(lines)
 
 
@@ -77,9 +88,7 @@ def source(model: Model) -> str:
         '#include "model.h"',
         "#include <math.h>",
         "",
-        "static inline double square(double a) { return a * a; }",
-        "static inline double cube(double a) { return a * a * a; }",
-        "static inline double fourth(double a) { return (a * a) * (a * a); }",
+        *POWERS,
         "",
         "const Variable model_variables[MODEL_VARIABLES] = {",
         *(f"    {_row(v)}," for v in variables(model)),
@@ -104,10 +113,10 @@ def prototype(function: Function) -> str:
     return f"void model_{function.name}({', '.join([*arguments, *results])})"
 
 
-def definition(function: Function) -> str:
+def definition(function: Function, storage: str = "") -> str:
     """The whole C function; only what is used is unpacked, and unused arguments are said to be so."""
     used = function.used()
-    lines = [f"/* {function.description} */", prototype(function), "{"]
+    lines = [f"/* {function.description} */", storage + prototype(function), "{"]
     for array, symbols in function.arguments.items():
         lines += _unpack(array, symbols, used)
     lines += [f"    const double {name} = {expression(e)};" for name, e in function.live()]

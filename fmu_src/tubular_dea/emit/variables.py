@@ -46,9 +46,12 @@ def variables(model: Model) -> list[Variable]:
     ]
 
 
-def guid(model: Model) -> str:
-    """An identifier that is a hash of everything declared: the same model gives the same FMU anywhere."""
-    text = repr((model.name, model.inputs, model.parameters, model.outputs, model.curve, model.effects))
+def guid(model: Model, kind: str = "native") -> str:
+    """An identifier that is a hash of everything declared: the same model gives the same FMU anywhere.
+
+    Hosts may take FMUs with one identifier for the same, so each `kind` ("native", "python") has its own.
+    """
+    text = repr((kind, model.name, model.inputs, model.parameters, model.outputs, model.curve, model.effects))
     text += repr([(d.quantity, sympy.srepr(d.expression)) for d in model.definitions])
     text += repr([(s.quantity, *map(sympy.srepr, (s.derivative, s.start, s.equilibrium))) for s in model.states])
     return f"{{{uuid.UUID(bytes=hashlib.sha256(text.encode()).digest()[:16], version=4)}}}"

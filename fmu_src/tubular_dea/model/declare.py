@@ -14,10 +14,12 @@ from dataclasses import dataclass, field
 
 import sympy
 
+from ..errors import UserError
+
 TIME = sympy.Symbol("time", real=True)
 
 
-class DeclarationError(ValueError):
+class DeclarationError(UserError, ValueError):
     """A model was declared or changed in a way that cannot mean anything; the text says what to do."""
 
 

@@ -1,0 +1,52 @@
+"""The command `tubular-dea`: one subcommand a module in `commands`, errors in one line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from . import __version__
+from .errors import UserError
+
+COMMANDS = {
+    "build": "write the FMUs",
+    "simulate": "drive the tube with pressure and voltage; CSV and a picture",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0 on success, 2 where the user has something to mend, 130 when interrupted."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parser = argparse.ArgumentParser(
+        prog="tubular-dea",
+        description="A tubular dielectric elastomer actuator as a co-simulation unit.",
+        epilog='Example: tubular-dea simulate --pressure "95 mmHg" --voltage "step 0 5 kV at 1" --stop 3 --out run',
+    )
+    parser.add_argument("--version", action="version", version=f"tubular-dea {__version__}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    # Only the command in use is imported: help and errors come at once.
+    for name, description in COMMANDS.items():
+        subparser = subparsers.add_parser(
+            name, help=description, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        if name in given[:1]:
+            module = importlib.import_module(f".commands.{name.replace('-', '_')}", __package__)
+            subparser.description, subparser.epilog = module.__doc__, module.EXAMPLE
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
+    options = parser.parse_args(given)
+    try:
+        options.run(options)
+    except UserError as problem:
+        print(f"tubular-dea {options.command}: {problem}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"tubular-dea {options.command}: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""Write the FMUs: native FMI 2.0 and 3.0 for this machine or for every platform, and the pythonfmu variant."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tqdm import tqdm
+
+from ..export.compile import PLATFORMS, Platform, host
+from ..export.package import native_fmu
+from ..export.python_fmu import python_fmu
+from ..model.dea import tubular_dea
+from ..model.declare import Model
+
+EXAMPLE = """example:
+  tubular-dea build --out build                      for this machine, a few seconds
+  tubular-dea build --out build --platforms all      Linux, Windows and macOS, about a minute the first time"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `tubular-dea build`."""
+    names = ", ".join(p.name for p in PLATFORMS)
+    parser.add_argument("--out", type=Path, default=Path("build"), help="folder to write to (default: build)")
+    parser.add_argument(
+        "--platforms",
+        nargs="+",
+        default=["host"],
+        choices=["host", "all", *(p.name for p in PLATFORMS)],
+        metavar="PLATFORM",
+        help=f"host (default), all, or some of {names}",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    """Build every FMU into `options.out`."""
+    for path in build([tubular_dea()], options.out, platforms(options.platforms)):
+        print(f"wrote {path}")
+
+
+def platforms(names: list[str]) -> list[Platform]:
+    """The platforms behind the names "host", "all" or those of `PLATFORMS`."""
+    if "all" in names:
+        return list(PLATFORMS)
+    return [p for p in PLATFORMS if p.name in names or ("host" in names and p == host())]
+
+
+def build(models: list[Model], out: Path, targets: list[Platform]) -> list[Path]:
+    """Write fmi2/, fmi3/ and python/ FMUs of `models` below `out`; returns their paths. Shows progress."""
+    written = []
+    with tqdm(total=len(models) * (2 * len(targets) + 1), unit="library", disable=None) as bar:
+
+        def progress(what: str) -> None:
+            bar.set_postfix_str(what)
+            bar.update()
+
+        for model in models:
+            for version in (2, 3):
+                path = out / f"fmi{version}" / f"{model.name}.fmu"
+                written.append(native_fmu(model, version, path, targets, progress))
+            written.append(python_fmu(model, out / "python" / f"{model.name}.fmu"))
+            progress("python")
+    return written

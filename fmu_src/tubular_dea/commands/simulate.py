@@ -1,0 +1,136 @@
+"""Drive the tube with pressure and voltage, and write its response as a table (CSV) and a picture (PNG).
+
+Inputs are short specifications, or a CSV file whose header names quantity and unit:
+  time [s],pressure [mmHg],voltage [kV]
+A time listed twice is a jump; between rows the inputs run straight.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from ..emit.tables import shown
+from ..errors import UserError
+from ..export.compile import write_atomically
+from ..kernel import Kernel, Trajectory
+from ..model.dea import tubular_dea
+from ..model.declare import Model, nearest
+from ..model.units import UnitError, factor, quantity
+from ..protocol import Protocol, from_specifications, read_csv
+
+EXAMPLE = """example:
+  tubular-dea simulate --pressure "ramp 0 95 mmHg from 0 to 1" --voltage "step 0 5 kV at 2 until 3" --stop 4 --out run
+  tubular-dea simulate --inputs bench.csv --set C_1=340kPa --out run"""
+UNITS = {"pressure": "Pa", "voltage": "V"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `tubular-dea simulate`; parameters are listed from the declaration."""
+    parser.add_argument("--inputs", type=Path, help="CSV file with time, pressure and voltage")
+    parser.add_argument("--pressure", help='for example "95 mmHg" or "ramp 0 95 mmHg from 0 to 1"')
+    parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
+    parser.add_argument("--stop", type=float, default=5.0, help="end of the run [s] for specifications (default: 5)")
+    parser.add_argument("--interval", type=float, default=0.01, help="time between rows of the table [s]")
+    parser.add_argument("--tolerance", type=float, default=1e-6, help="error in lambda_2, about (default: 1e-6)")
+    values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE[UNIT]", help=f"change a parameter: {values}"
+    )
+    parser.add_argument("--out", type=Path, default=Path("run"), help="folder to write to (default: run)")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Simulate and write response.csv and response.png."""
+    model = tubular_dea()
+    protocol = _protocol(options)
+    parameters = parameter_values(model, options.set)
+    times = _times(protocol, options.interval)
+    if not 1e-12 <= options.tolerance <= 1e-2:
+        raise UserError(f"--tolerance: expected 1e-12 to 1e-2 but was given {options.tolerance:g}")
+    response = Kernel(model).simulate(protocol, times, parameters, options.tolerance, with_fold=True)
+    table = options.out / "response.csv"
+    picture = options.out / "response.png"
+    write_atomically(table, _csv(model, response).encode())
+    write_atomically(picture, _png(response))
+    print(f"wrote {table} and {picture}")
+    print(
+        f"largest displacement {1e3 * response['radial_displacement'].max():.3f} mm, "
+        f"largest field {1e-6 * np.abs(response['electric_field']).max():.1f} V/um, "
+        f"smallest margin to snap-through {response['snap_through_margin'].min() / factor('mmHg', 'Pa'):.1f} mmHg"
+    )
+
+
+def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
+    """Parameters from "NAME=VALUE" or "NAME=VALUE UNIT", checked against the declaration; values in SI units."""
+    declared = {p.quantity.name: p.quantity for p in model.parameters}
+    values = {}
+    for setting in settings:
+        name, _, text = setting.partition("=")
+        name = name.strip()
+        if name not in declared:
+            raise UserError(f"--set: {model.name} has no parameter {name!r}{nearest(name, declared)}")
+        q = declared[name]
+        try:
+            value = {"true": 1.0, "false": 0.0}.get(text.strip()) if q.type == "Boolean" else None
+            value = quantity(text, q.unit) if value is None else value
+        except UnitError as problem:
+            raise UserError(f"--set {setting}: {problem}; for example {name}={shown(q).replace(' ', '')}") from None
+        low, high = q.minimum, q.maximum
+        if not np.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
+            allowed = f"{'-inf' if low is None else low} to {'inf' if high is None else high}"
+            raise UserError(f"--set {setting}: expected {allowed} {q.unit} but was given {value:g}")
+        values[name] = value
+    return values
+
+
+def _protocol(options: argparse.Namespace) -> Protocol:
+    given = {name: getattr(options, name) for name in UNITS if getattr(options, name) is not None}
+    if options.inputs is not None:
+        if given:
+            raise UserError(f"--inputs and --{next(iter(given))} exclude each other; give one of them")
+        return read_csv(options.inputs, UNITS)
+    missing = [name for name in UNITS if name not in given]
+    if missing:
+        raise UserError(f"expected --inputs FILE, or --pressure and --voltage; --{missing[0]} is missing")
+    return from_specifications(given, UNITS, options.stop)
+
+
+def _times(protocol: Protocol, interval: float) -> np.ndarray:
+    start, stop = protocol.time[0], protocol.time[-1]
+    if not (np.isfinite(interval) and 0 < interval <= stop - start):
+        raise UserError(f"--interval: expected more than 0 and at most {stop - start:g} s but was given {interval:g}")
+    rows = (stop - start) / interval
+    if rows > 1e7:
+        raise UserError(f"--interval: {interval:g} s makes {rows:.3g} rows; expected at most 1e7")
+    grid = start + interval * np.arange(int(np.floor(rows + 1e-9)) + 1)
+    return np.minimum(grid, stop)
+
+
+def _csv(model: Model, response: Trajectory) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    inputs = [q.name for q in model.inputs]
+    names = [*inputs, *(name for name in response.values if name not in inputs)]
+    writer.writerow(["time [s]", *(f"{name} [{model.quantity(name).unit}]" for name in names)])
+    for row in np.column_stack([response.time, *(response[name] for name in names)]):
+        writer.writerow([f"{value:.12g}" for value in row])
+    return text.getvalue()
+
+
+def _png(response: Trajectory) -> bytes:
+    from ..report.figures import time_panels
+
+    return time_panels(
+        response.time,
+        [
+            ("pressure [mmHg]", {"": response["pressure"] / factor("mmHg", "Pa")}),
+            ("voltage [kV]", {"": response["voltage"] / 1e3}),
+            ("displacement [mm]", {"": response["radial_displacement"] * 1e3}),
+            ("field [V/um]", {"": response["electric_field"] / 1e6}),
+        ],
+    )

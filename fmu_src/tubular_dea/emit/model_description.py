@@ -1,0 +1,305 @@
+"""modelDescription.xml of FMI 2.0 and FMI 3.0, and the FMI 3 files beside it, from the variable table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from xml.etree import ElementTree as ET
+
+from .. import __version__
+from ..model import units
+from ..model.declare import Model, Quantity
+from .variables import Variable, guid, variables
+
+LOG_CATEGORIES = {
+    "logEvents": "Changes of mode",
+    "logSolver": "Internal steps of each communication step",
+    "logStatusWarning": "Calls that were answered with a warning",
+    "logStatusDiscard": "Calls that were discarded",
+    "logStatusError": "Calls that were refused, and why",
+    "logStatusFatal": "Failures after which the instance cannot be used",
+    "logAll": "All of these",
+}
+DEFAULT_EXPERIMENT = {"startTime": "0", "stopTime": "15", "tolerance": "1e-06", "stepSize": "0.001"}
+
+
+def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ()) -> str:
+    """FMI 2.0 model description. `kind` is "native" (model exchange and co-simulation, all capabilities) or
+    "python" (co-simulation by pythonfmu, without derivatives of inputs and outputs)."""
+    root = ET.Element("fmiModelDescription", fmiVersion="2.0", **_identity(model), guid=guid(model, kind),
+                      numberOfEventIndicators="0")  # fmt: skip
+    common = {
+        "modelIdentifier": model.name, "needsExecutionTool": "false", "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": _true(kind == "native"),
+    }  # fmt: skip
+    interfaces = []
+    if kind == "native":
+        interfaces.append(ET.SubElement(root, "ModelExchange", common | {"completedIntegratorStepNotNeeded": "true"}))
+    interfaces.append(ET.SubElement(root, "CoSimulation", common | {
+        "canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": _true(kind == "native"),
+        "maxOutputDerivativeOrder": "1" if kind == "native" else "0", "canRunAsynchronuously": "false",
+    }))  # fmt: skip
+    for interface in interfaces:
+        if source_files:
+            files = ET.SubElement(interface, "SourceFiles")
+            for name in source_files:
+                ET.SubElement(files, "File", name=name)
+    table = variables(model)
+    _units(root, table)
+    _types(root, table, lambda parent, name, attributes: ET.SubElement(
+        ET.SubElement(parent, "SimpleType", name=name), "Real", attributes))  # fmt: skip
+    _log_categories(root)
+    ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
+    _variables2(root, table)
+    _structure2(root, table)
+    return _text(root)
+
+
+def fmi3(model: Model) -> str:
+    """FMI 3.0 model description: model exchange and co-simulation."""
+    root = ET.Element("fmiModelDescription", fmiVersion="3.0", **_identity(model), instantiationToken=guid(model))
+    common = {
+        "modelIdentifier": model.name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true",
+    }  # fmt: skip
+    ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "false"})
+    ET.SubElement(root, "CoSimulation", common | {
+        "canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1",
+        "providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
+        "canReturnEarlyAfterIntermediateUpdate": "true", "hasEventMode": "false",
+    })  # fmt: skip
+    table = variables(model)
+    _units(root, table)
+    _types(root, table, lambda parent, name, attributes: ET.SubElement(parent, "Float64Type", {"name": name} | attributes))
+    _log_categories(root)
+    ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
+    _variables3(root, table)
+    _structure3(root, table)
+    return _text(root)
+
+
+def build_description(model: Model, source_files: tuple[str, ...]) -> str:
+    """sources/buildDescription.xml of FMI 3.0."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.name)
+    files = ET.SubElement(configuration, "SourceFileSet", language="C99")
+    for name in source_files:
+        ET.SubElement(files, "SourceFile", name=name)
+    ET.SubElement(configuration, "Library", name="m", external="true", description="The C mathematics library")
+    return _text(root)
+
+
+def terminals(model: Model, members: dict[str, tuple[str, dict[str, str]]]) -> str:
+    """terminalsAndIcons.xml of FMI 3.0: `members` maps a terminal to its description and {member: variable}."""
+    root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = ET.SubElement(root, "GraphicalRepresentation")
+    square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    ET.SubElement(graphics, "CoordinateSystem", square | {"suggestedScalingFactorTo_mm": "0.1"})
+    ET.SubElement(graphics, "Icon", square | {"iconBaseName": "icon"})
+    group = ET.SubElement(root, "Terminals")
+    for name, (description, variables_by_member) in members.items():
+        terminal = ET.SubElement(group, "Terminal", name=name, matchingRule="plug", description=description)
+        for member, variable in variables_by_member.items():
+            model.quantity(variable)
+            ET.SubElement(terminal, "TerminalMemberVariable", variableName=variable, memberName=member,
+                          variableKind="signal")  # fmt: skip
+    return _text(root)
+
+
+# What both versions share ----------------------------------------------------------------------------------
+
+
+def _identity(model: Model) -> dict[str, str]:
+    return {
+        "modelName": model.name, "description": model.description, "version": __version__,
+        "author": "tubular-dea contributors", "license": "MIT", "generationTool": f"tubular-dea {__version__}",
+        "variableNamingConvention": "structured",
+    }  # fmt: skip
+
+
+def _text(root: ET.Element) -> str:
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _true(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def _units(root: ET.Element, table: list[Variable]) -> None:
+    """Every unit in use with its SI exponents, and the display units of its variables."""
+    display: dict[str, set[str]] = {}
+    for variable in table:
+        q = variable.quantity
+        display.setdefault(q.unit, set()).update([q.display_unit] if q.display_unit else [])
+    group = ET.SubElement(root, "UnitDefinitions")
+    for name in sorted(display):
+        parsed = units.parse(name)
+        unit = ET.SubElement(group, "Unit", name=name)
+        exponents = {base: str(e) for base, e in zip(units.BASE, parsed.exponents, strict=True) if e}
+        if parsed.factor != 1.0:
+            exponents["factor"] = _number(parsed.factor)
+        ET.SubElement(unit, "BaseUnit", exponents)
+        for shown in sorted(display[name]):
+            ET.SubElement(unit, "DisplayUnit", name=shown, factor=f"{1 / units.factor(shown, name):.15g}")
+
+
+def _type_name(q: Quantity) -> str | None:
+    """One type for each quantity as it is shown: Pressure_mmHg, Length_mm, Length."""
+    kind = units.QUANTITY_NAMES.get(q.unit)
+    if kind is None:
+        return None
+    return kind if q.display_unit is None else f"{kind}_{q.display_unit.replace('/', '_per_').replace('.', '_')}"
+
+
+def _types(
+    root: ET.Element, table: list[Variable], add: Callable[[ET.Element, str, dict[str, str]], ET.Element]
+) -> None:
+    named = {_type_name(v.quantity): v.quantity for v in table if v.quantity.type == "Real"}
+    group = ET.SubElement(root, "TypeDefinitions")
+    for name in sorted(n for n in named if n):
+        q = named[name]
+        attributes = {"quantity": units.QUANTITY_NAMES[q.unit], "unit": q.unit}
+        if q.display_unit:
+            attributes["displayUnit"] = q.display_unit
+        add(group, name, attributes)
+
+
+def _log_categories(root: ET.Element) -> None:
+    group = ET.SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        ET.SubElement(group, "Category", name=name, description=description)
+
+
+def _real_attributes(variable: Variable) -> dict[str, str]:
+    """Type, unit, bounds and nominal value of a real variable."""
+    q = variable.quantity
+    attributes = {}
+    if _type_name(q):
+        attributes["declaredType"] = str(_type_name(q))
+    attributes["unit"] = q.unit
+    if q.display_unit:
+        attributes["displayUnit"] = q.display_unit
+    if variable.kind in ("INPUT", "OUTPUT", "STATE", "FOLD"):
+        attributes["nominal"] = _number(q.nominal)
+    return attributes | _bounds(q, _number)
+
+
+def _bounds(q: Quantity, number: Callable[[float], str]) -> dict[str, str]:
+    bounds = {"min": q.minimum, "max": q.maximum}
+    return {name: number(value) for name, value in bounds.items() if value is not None}
+
+
+def _start(variable: Variable) -> str | None:
+    """The start value of inputs and parameters as XML text; None for what the model calculates."""
+    if variable.kind not in ("INPUT", "PARAMETER"):
+        return None
+    value = float(variable.quantity.value or 0.0)
+    if variable.quantity.type == "Boolean":
+        return _true(value != 0)
+    return str(int(value)) if variable.quantity.type == "Integer" else _number(value)
+
+
+def _initial(variable: Variable) -> dict[str, str]:
+    """`initial` of what the model calculates; inputs must not have one, parameters are exact by default."""
+    return {"initial": "calculated"} if variable.kind in ("OUTPUT", "STATE", "DERIVATIVE", "FOLD") else {}
+
+
+def _unknowns(table: list[Variable]) -> dict[str, list[tuple[Variable, tuple[str, ...]]]]:
+    """Outputs, state derivatives and initial unknowns with their dependencies."""
+    outputs = [v for v in table if v.causality == "output"]
+    derivatives = [v for v in table if v.kind == "DERIVATIVE"]
+    initial = [v for v in table if v.causality == "output" or v.kind in ("STATE", "DERIVATIVE")]
+    return {
+        "Outputs": [(v, v.dependencies) for v in outputs],
+        "Derivatives": [(v, v.dependencies) for v in derivatives],
+        "InitialUnknowns": [(v, v.initial_dependencies) for v in initial],
+    }
+
+
+def _state_of(variable: Variable, table: list[Variable]) -> int:
+    """The place in the table of the state that a derivative belongs to."""
+    return next(i for i, v in enumerate(table) if v.kind == "STATE" and v.index == variable.index)
+
+
+# FMI 2 -----------------------------------------------------------------------------------------------------
+
+
+def _variables2(root: ET.Element, table: list[Variable]) -> None:
+    group = ET.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(table):
+        scalar = ET.SubElement(group, "ScalarVariable", {
+            "name": variable.name, "valueReference": str(reference), "description": _description(variable),
+            "causality": variable.causality, "variability": variable.variability,
+        } | _initial(variable))  # fmt: skip
+        attributes = _real_attributes(variable) if variable.quantity.type == "Real" else {}
+        if variable.quantity.type == "Integer":
+            attributes = _bounds(variable.quantity, lambda value: str(int(value)))
+        start = _start(variable)
+        if start is not None:
+            attributes["start"] = start
+        if variable.kind == "DERIVATIVE":
+            attributes["derivative"] = str(_state_of(variable, table) + 1)
+        ET.SubElement(scalar, variable.quantity.type, attributes)
+
+
+def _structure2(root: ET.Element, table: list[Variable]) -> None:
+    place = {v.name: str(i + 1) for i, v in enumerate(table)}
+    structure = ET.SubElement(root, "ModelStructure")
+    for section, unknowns in _unknowns(table).items():
+        if not unknowns:
+            continue
+        group = ET.SubElement(structure, section)
+        for variable, dependencies in unknowns:
+            ET.SubElement(group, "Unknown", index=place[variable.name], **_dependencies(dependencies, place))
+
+
+def _dependencies(names: tuple[str, ...], place: dict[str, str]) -> dict[str, str]:
+    return {
+        "dependencies": " ".join(place[name] for name in names),
+        "dependenciesKind": " ".join("dependent" for _ in names),
+    }
+
+
+def _description(variable: Variable) -> str:
+    q = variable.quantity
+    return f"{q.description} ({q.source})" if q.source and variable.kind != "DERIVATIVE" else q.description
+
+
+# FMI 3 -----------------------------------------------------------------------------------------------------
+
+
+def _variables3(root: ET.Element, table: list[Variable]) -> None:
+    group = ET.SubElement(root, "ModelVariables")
+    element = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean"}
+    for reference, variable in enumerate(table):
+        attributes = {
+            "name": variable.name, "valueReference": str(reference), "description": _description(variable),
+            "causality": variable.causality, "variability": variable.variability,
+        } | _initial(variable)  # fmt: skip
+        if variable.kind not in ("TIME", "PARAMETER"):
+            attributes["intermediateUpdate"] = "true"
+        if variable.quantity.type == "Real":
+            attributes |= _real_attributes(variable)
+        elif variable.quantity.type == "Integer":
+            attributes |= _bounds(variable.quantity, lambda value: str(int(value)))
+        start = _start(variable)
+        if start is not None:
+            attributes["start"] = start
+        if variable.kind == "DERIVATIVE":
+            attributes["derivative"] = str(_state_of(variable, table))
+        ET.SubElement(group, element[variable.quantity.type], attributes)
+
+
+def _structure3(root: ET.Element, table: list[Variable]) -> None:
+    place = {v.name: str(i) for i, v in enumerate(table)}
+    element = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative", "InitialUnknowns": "InitialUnknown"}
+    structure = ET.SubElement(root, "ModelStructure")
+    for section, unknowns in _unknowns(table).items():
+        for variable, dependencies in unknowns:
+            ET.SubElement(structure, element[section], valueReference=place[variable.name],
+                          **_dependencies(dependencies, place))  # fmt: skip

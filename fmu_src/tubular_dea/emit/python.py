@@ -1,0 +1,201 @@
+"""Plain Python from a model: right-hand side, exact Jacobian, outputs and sensitivities.
+
+The emitted text needs nothing but the standard library's `math`. Its functions take and return tuples in the
+order of `layout(model)` and read like the paper: one named intermediate a line, integer powers as products.
+
+Usage::
+
+    from tubular_dea.emit.python import compile_python, source
+    from tubular_dea.model.dea import tubular_dea
+
+    print(source(tubular_dea()))                # a module, to read or to keep
+    tube = compile_python(tubular_dea())        # the same module, ready to use
+    p = tuple(tube.PARAMETERS.values())
+    tube.derivatives(0.0, x, u, du, p, fold)    # dx/dt, equation (18)
+    tube.jacobian(0.0, x, u, du, p, fold)       # rows of d(dx)/dx, and d(dx)/dt
+    tube.tangent(0.0, x, u, du, p, fold, 0.0, v_x, v_u, v_du, v_p, v_fold)    # exact change of (dx, y) along v
+"""
+
+from __future__ import annotations
+
+import keyword
+from types import SimpleNamespace
+
+import sympy
+from sympy.printing.pycode import PythonCodePrinter
+
+from ..model.declare import Model
+from .functions import Function, functions, layout
+
+WIDTH = 110
+POWERS = {2: "square", 3: "cube", 4: "fourth"}
+SCALARS = ("time", "unknown", "v_time", "v_unknown", "load", "slope", "v_load")
+HELPERS = """\
+def square(a):
+    return a * a
+
+
+def cube(a):
+    return a * a * a
+
+
+def fourth(a):
+    return (a * a) * (a * a)
+"""
+
+
+class _Printer(PythonCodePrinter):
+    """Integer powers as products: written out for names, by a helper for whole expressions."""
+
+    def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
+        base, exponent = expr.as_base_exp()
+        if not (exponent.is_Integer and 1 < abs(int(exponent)) <= 4):
+            return str(super()._print_Pow(expr, rational=rational))
+        power = abs(int(exponent))
+        text = self._print(base)
+        text = f"({'*'.join([text] * power)})" if base.is_Symbol and power < 4 else f"{POWERS[power]}({text})"
+        return text if exponent > 0 else f"(1.0/{text})"
+
+    def _print_Float(self, expr: sympy.Float) -> str:
+        return repr(float(expr))
+
+
+_PRINTER = _Printer({"fully_qualified_modules": True})
+
+
+def expression(expr: sympy.Expr) -> str:
+    """A sympy expression as a Python expression of floats."""
+    return str(_PRINTER.doprint(sympy.sympify(expr)))
+
+
+def source(model: Model) -> str:
+    """The whole module: names and values of what is declared, then `equations(model)`."""
+    return "\n".join([
+        '"""', model.documentation.strip().replace("\\", "\\\\"), '"""', "",
+        "import math", "", names(model), "", equations(model),
+    ])  # fmt: skip
+
+
+def names(model: Model) -> str:
+    """`STATES`, `INPUTS`, `OUTPUTS` in the order of their tuples, and `PARAMETERS` with their values (SI)."""
+    arrays = layout(model)
+    lines: list[str] = []
+    for title, symbols in (("STATES", arrays.x), ("INPUTS", arrays.u), ("OUTPUTS", arrays.y)):
+        lines += _tuple(f"{title} = ", [f'"{s}"' for s in symbols])
+    rows = [f'    "{q.name}": {float(q.value or 0.0)!r},  # {q.unit}: {q.description}'
+            for q in (p.quantity for p in model.parameters)]  # fmt: skip
+    return "\n".join([*lines, "PARAMETERS = {", *rows, "}"]) + "\n"
+
+
+def equations(model: Model) -> str:
+    """All functions of the model, and the helpers for powers."""
+    return "\n\n".join([HELPERS, *(definition(f) for f in functions(model))])
+
+
+def definition(function: Function) -> str:
+    """The whole Python function; only what is used is unpacked."""
+    _check_names(function)
+    used = function.used()
+    lines = [f"def {function.name}({', '.join(function.arguments)}):", f'    """{function.description}"""']
+    for array, symbols in function.arguments.items():
+        lines += _unpack(array, symbols, used)
+    for name, value in function.live():
+        lines += _wrapped(f"    {name} = ", expression(value))
+    return "\n".join([*lines, *_returned(function), ""])
+
+
+def compile_python(model: Model) -> SimpleNamespace:
+    """The module of `source(model)` as a namespace; the one place where emitted Python is executed."""
+    namespace: dict[str, object] = {"__name__": f"{model.name}_equations"}
+    exec(compile(source(model), f"<{model.name} in plain Python>", "exec"), namespace)
+    return SimpleNamespace(**{name: value for name, value in namespace.items() if not name.startswith("__")})
+
+
+def _check_names(function: Function) -> None:
+    """No name may be Python's own or that of an argument it does not mean."""
+    taken = {"math", *POWERS.values()}
+    taken |= {array for array, symbols in function.arguments.items() if [array] != [str(s) for s in symbols]}
+    given = {str(s) for symbols in function.arguments.values() for s in symbols}
+    for name in sorted(given | {name for name, _ in function.body}):
+        if keyword.iskeyword(name) or name in taken:
+            raise ValueError(
+                f"{function.name}: expected names of quantities that Python leaves free but was given {name!r}; "
+                "rename that quantity"
+            )
+
+
+def _unpack(array: str, symbols: list[sympy.Symbol], used: set[sympy.Symbol]) -> list[str]:
+    wanted = [(i, s) for i, s in enumerate(symbols) if s in used]
+    if array in SCALARS:
+        return [f"    {s} = {array}" for _, s in wanted if str(s) != array]
+    if len(wanted) == len(symbols) > 1:
+        return [f"    {', '.join(map(str, symbols))} = {array}"]
+    return [f"    {s} = {array}[{i}]" for i, s in wanted]
+
+
+def _returned(function: Function) -> list[str]:
+    """`return` of the one result, or of all of them as a tuple."""
+    if len(function.results) == 1:
+        ((array, expressions),) = function.results.items()
+        return _result("    return ", array, expressions, function)
+    lines = ["    return ("]
+    for array, expressions in function.results.items():
+        lines += _result("        ", array, expressions, function, ",")
+    return [*lines, "    )"]
+
+
+def _result(
+    before: str, array: str, expressions: list[sympy.Expr], function: Function, after: str = ""
+) -> list[str]:
+    """A number, a tuple, or, for a matrix, the tuple of its rows."""
+    texts = [expression(e) if e.free_symbols else repr(float(e)) for e in map(sympy.sympify, expressions)]
+    if array in SCALARS:
+        return _wrapped(before, texts[0], after)
+    if array != "J":
+        return _tuple(before, texts, after)
+    n = len(function.arguments["x"])
+    indent = " " * (len(before) - len(before.lstrip()))
+    rows = [_tuple(f"{indent}    ", texts[i * n : (i + 1) * n], ",") for i in range(n)]
+    return [f"{before}(", *(line for row in rows for line in row), f"{indent}){after}"]
+
+
+def _tuple(before: str, texts: list[str], after: str = "") -> list[str]:
+    """A tuple on one line, or one element a line."""
+    line = f"{before}({', '.join(texts)}{',' if len(texts) == 1 else ''}){after}"
+    if len(line) <= WIDTH:
+        return [line]
+    indent = " " * (len(before) - len(before.lstrip()))
+    elements = [line for text in texts for line in _wrapped(f"{indent}    ", text, ",")]
+    return [f"{before}(", *elements, f"{indent}){after}"]
+
+
+def _wrapped(before: str, text: str, after: str = "") -> list[str]:
+    """One line, or the text in brackets over several lines, broken in front of its outermost sums."""
+    if len(before + text + after) <= WIDTH:
+        return [before + text + after]
+    indent = " " * (len(before) - len(before.lstrip()))
+    room = WIDTH - len(indent) - 4
+    depth = 0
+    while max(map(len, _broken(text, depth))) > room and depth < text.count("("):
+        depth += 1
+    lines = [""]
+    for piece in _broken(text, depth):
+        joined = f"{lines[-1]} {piece}".strip()
+        if len(joined) <= room:
+            lines[-1] = joined
+        else:
+            lines.append(piece)
+    return [f"{before}(", *(f"{indent}    {line}" for line in lines), f"{indent}){after}"]
+
+
+def _broken(text: str, depth: int) -> list[str]:
+    """The text cut in front of every " + " and " - ", and after every ", ", in at most `depth` brackets."""
+    pieces, level = [""], 0
+    for i, character in enumerate(text):
+        level += (character in "([") - (character in ")]")
+        cut = text[i + 1 : i + 3] in ("+ ", "- ") or text[i - 1] == ","
+        if character == " " and level <= depth and cut:
+            pieces.append("")
+        else:
+            pieces[-1] += character
+    return pieces

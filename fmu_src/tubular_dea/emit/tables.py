@@ -1,0 +1,128 @@
+"""Documentation from the declaration: equations as MathML, tables of parameters and variables, one HTML page."""
+
+from __future__ import annotations
+
+import html
+import re
+
+import sympy
+from sympy.printing.mathml import MathMLPresentationPrinter
+
+from .. import __version__
+from ..model import units
+from ..model.declare import Model, Parameter, Quantity
+from .variables import Variable, variables
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 2px solid #c8402f; padding-bottom: .2rem; }
+table { border-collapse: collapse; width: 100%; } td, th { text-align: left; padding: .25rem .7rem .25rem 0;
+border-bottom: 1px solid #dde3e8; vertical-align: top; } td.n { white-space: nowrap; } code { font-size: .95em; }
+pre { background: #f3f5f7; padding: 1rem; overflow-x: auto; font-size: 13px; line-height: 1.25; }
+math { font-size: 1.05em; } .src { color: #6b7a88; white-space: nowrap; }
+"""
+
+
+def page(model: Model) -> str:
+    """documentation/index.html of an FMU: drawing, equations, citation, parameters, usage; opens offline."""
+    parts = [
+        f"<h1>{html.escape(model.name)}</h1><p>{html.escape(model.description)}. tubular-dea {__version__}.</p>",
+        f"<pre>{html.escape(model.documentation.strip())}</pre>",
+        "<h2>Equations</h2>", _equations(model),
+        "<h2>State derivatives</h2>", _derivatives(model),
+        "<h2>Parameters</h2>", parameter_table(model),
+        "<h2>Inputs and outputs</h2>", _interface(model),
+    ]  # fmt: skip
+    if model.effects:
+        listed = "".join(f"<li><code>{html.escape(e)}</code></li>" for e in model.effects)
+        parts.insert(2, f"<h2>Effects added</h2><ul>{listed}</ul>")
+    return (
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(model.name)}</title>'
+        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+    )
+
+
+def parameter_table(model: Model) -> str:
+    """The parameters as an HTML table: name, value in display units, bounds, meaning, source."""
+    rows = [_parameter_row(p) for p in model.parameters]
+    head = "<tr><th>Name</th><th>Value</th><th>Allowed</th><th>Meaning</th><th>Source</th></tr>"
+    return f"<table>{head}{''.join(rows)}</table>"
+
+
+def parameter_markdown(model: Model) -> str:
+    """The parameters as a Markdown table, for the README."""
+    lines = ["| name | value | | meaning | source |", "|---|---|---|---|---|"]
+    for p in model.parameters:
+        kind = "tunable" if p.tunable else "fixed"
+        lines.append(f"| `{p.quantity.name}` | {shown(p.quantity)} | {kind} | {p.quantity.description} | {p.quantity.source} |")
+    return "\n".join(lines)
+
+
+def shown(q: Quantity) -> str:
+    """A quantity's value as people read it: in its display unit, without "1" for what has no unit."""
+    value = q.value or 0.0
+    if q.type == "Boolean":
+        return "true" if value else "false"
+    unit = q.display_unit or q.unit
+    number = f"{value * units.factor(q.unit, unit):.10g}"
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def _parameter_row(parameter: Parameter) -> str:
+    q = parameter.quantity
+    kind = "tunable" if parameter.tunable else "fixed"
+    low = "" if q.minimum is None else f"from {q.minimum:g} "
+    high = "" if q.maximum is None else f"to {q.maximum:g} "
+    unit = "" if q.unit == "1" or not (low or high) else q.unit
+    return (
+        f"<tr><td class=n><code>{q.name}</code></td><td class=n>{shown(q)}</td><td>{kind}; {low}{high}{unit}</td>"
+        f"<td>{html.escape(q.description)}</td><td class=src>{html.escape(q.source)}</td></tr>"
+    )
+
+
+def _equations(model: Model) -> str:
+    rows = "".join(
+        f"<tr><td>{_math(d.quantity.symbol, d.expression)}</td><td>{html.escape(d.quantity.description)} "
+        f"[{d.quantity.unit}]</td><td class=src>{html.escape(d.quantity.source)}</td></tr>"
+        for d in model.definitions
+    )
+    return f"<table><tr><th>Equation</th><th>Meaning</th><th>Source</th></tr>{rows}</table>"
+
+
+def _derivatives(model: Model) -> str:
+    rows = "".join(
+        f"<tr><td>{_math(sympy.Symbol('d' + s.quantity.name + '/dt'), s.derivative)}</td>"
+        f"<td>{html.escape(s.quantity.description)} [{s.quantity.unit}]</td></tr>"
+        for s in model.states
+    )
+    return f"<table>{rows}</table>"
+
+
+def _interface(model: Model) -> str:
+    rows = "".join(_interface_row(v) for v in variables(model) if v.causality in ("input", "output"))
+    return f"<table><tr><th>Name</th><th></th><th>Unit</th><th>Meaning</th><th>Depends directly on</th></tr>{rows}</table>"
+
+
+def _interface_row(variable: Variable) -> str:
+    q = variable.quantity
+    unit = q.unit if q.display_unit is None else f"{q.unit} ({q.display_unit})"
+    needs = ", ".join(variable.dependencies)
+    return (
+        f"<tr><td class=n><code>{variable.name}</code></td><td>{variable.causality}</td><td>{unit}</td>"
+        f"<td>{html.escape(q.description)}</td><td>{needs}</td></tr>"
+    )
+
+
+class _MathML(MathMLPresentationPrinter):
+    """Names stay as they are written in the code and the XML, so that a reader can search for them."""
+
+    def _print_Symbol(self, sym: sympy.Symbol, style: str = "plain"):  # type: ignore[no-untyped-def]
+        node = self.dom.createElement("mi")
+        node.appendChild(self.dom.createTextNode(sym.name))
+        return node
+
+
+def _math(left: sympy.Symbol, right: sympy.Expr) -> str:
+    text = _MathML().doprint(sympy.Eq(left, right, evaluate=False))
+    text = re.sub(r"<mi>([A-Za-z]+)_(\w+)</mi>", r"<msub><mi>\1</mi><mi>\2</mi></msub>", text)
+    return f"<math>{text}</math>"

@@ -1,0 +1,136 @@
+"""Shared libraries from C sources, for this machine and for every platform an FMU carries, with zig from PyPI.
+
+Compiled libraries are cached by a hash of everything that goes into them, so a second build costs nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from ..errors import UserError
+
+
+class CompileError(UserError, RuntimeError):
+    """The compiler refused; the text carries what it said."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform of an FMU: zig's target (with the oldest system it runs on) and the FMI folder names."""
+
+    name: str
+    target: str
+    fmi2: str
+    fmi3: str
+    suffix: str
+
+
+PLATFORMS = (
+    Platform("linux-x86_64", "x86_64-linux-gnu.2.17", "linux64", "x86_64-linux", ".so"),
+    Platform("linux-aarch64", "aarch64-linux-gnu.2.17", "aarch64-linux", "aarch64-linux", ".so"),
+    Platform("windows-x86_64", "x86_64-windows-gnu", "win64", "x86_64-windows", ".dll"),
+    Platform("windows-x86", "x86-windows-gnu", "win32", "x86-windows", ".dll"),
+    Platform("macos-x86_64", "x86_64-macos.10.15", "x86_64-darwin", "x86_64-darwin", ".dylib"),
+    Platform("macos-aarch64", "aarch64-macos.11.0", "aarch64-darwin", "aarch64-darwin", ".dylib"),
+)
+
+# -ffp-contract=off: no fused multiply-add anywhere, so that platforms agree to the last digits.
+FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-g0", "-s", "-shared")
+
+
+def host() -> Platform:
+    """The platform this Python runs on."""
+    system = {"linux": "linux", "darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    if struct.calcsize("P") == 4 and machine == "x86_64":
+        machine = "x86"
+    for candidate in PLATFORMS:
+        if candidate.name == f"{system}-{machine}":
+            return candidate
+    names = ", ".join(p.name for p in PLATFORMS)
+    raise CompileError(f"no known compiler target for {system}-{machine}; known platforms are {names}")
+
+
+def native_source(name: str) -> str:
+    """The text of a hand-written C file of this package."""
+    return (resources.files("tubular_dea") / "native" / name).read_text(encoding="utf-8")
+
+
+def shared_library(sources: Mapping[str, str], target: Platform) -> bytes:
+    """The shared library compiled from `sources` (file name to text; headers among them) for `target`."""
+    return cached_library(sources, target).read_bytes()
+
+
+def cached_library(sources: Mapping[str, str], target: Platform) -> Path:
+    """The path of that library in the cache, compiled if it is not there yet."""
+    key = hashlib.sha256(repr((sorted(sources.items()), target, FLAGS, _zig_version())).encode()).hexdigest()
+    cached = cache_folder() / f"{key}{target.suffix}"
+    if cached.exists():
+        return cached
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in sources.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
+        library = Path(folder) / f"library{target.suffix}"
+        _zig_cc(target, [name for name in sources if name.endswith(".c")], library, folder)
+        write_atomically(cached, library.read_bytes())
+    return cached
+
+
+def universal(x86_64: bytes, arm64: bytes) -> bytes:
+    """A macOS library for both processors: a "fat" Mach-O header in front of the two (page-aligned)."""
+    page = 1 << 14
+    entries, body, offset = [], b"", page
+    for cpu, subtype, data in ((0x01000007, 3, x86_64), (0x0100000C, 0, arm64)):
+        entries.append(struct.pack(">5I", cpu, subtype, offset, len(data), 14))
+        padded = data + b"\0" * (-len(data) % page)
+        body += padded
+        offset += len(padded)
+    header = struct.pack(">2I", 0xCAFEBABE, len(entries)) + b"".join(entries)
+    return header + b"\0" * (page - len(header)) + body
+
+
+def cache_folder() -> Path:
+    """Where compiled libraries are kept: the user's cache folder, or TUBULAR_DEA_CACHE."""
+    if "TUBULAR_DEA_CACHE" in os.environ:
+        return Path(os.environ["TUBULAR_DEA_CACHE"])
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "tubular-dea"
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tubular-dea"
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file that is there whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def _zig_version() -> str:
+    from importlib.metadata import version
+
+    return version("ziglang")
+
+
+def _zig_cc(target: Platform, compiled: list[str], library: Path, folder: str) -> None:
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, *FLAGS, "-I.", "-o", str(library)]
+    command += [*compiled, *([] if target.suffix == ".dll" else ["-fPIC", "-lm"])]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CompileError(f"compiling for {target.name} failed:\n{done.stderr.strip()}")

@@ -1,0 +1,119 @@
+"""FMUs from models: sources, libraries, descriptions and documentation in one reproducible archive."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable, Iterable
+from importlib import resources
+from pathlib import Path
+
+import fmpy
+
+from ..emit import c, model_description, tables
+from ..model.declare import Model
+from .compile import Platform, host, native_source, shared_library, universal, write_atomically
+
+CORE_SOURCES = ("instance.c", "values.c", "step.c", "exchange.c", "saved_state.c", "sensitivity.c", "equilibrium.c",
+                "rosenbrock.c")  # fmt: skip
+CORE_HEADERS = ("instance.h", "rosenbrock.h", "equilibrium.h", "variable.h")
+FMI_HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+TERMINALS = {
+    "lumen": ("Blood in the tube: pressure, and the flow conjugate to the wall's work",
+              {"pressure": "pressure", "flow": "tube_flow"}),
+    "electrodes": ("Electrodes of the active layers", {"voltage": "voltage", "current": "current"}),
+}  # fmt: skip
+
+Progress = Callable[[str], None]
+
+
+def sources(model: Model, version: int) -> dict[str, str]:
+    """All C files of the FMU: the emitted model, the integrator, the FMI interface and its headers."""
+    headers = Path(fmpy.__file__).parent / "c-code"
+    files = {"model.c": c.source(model), "model.h": c.header(model)}
+    files |= {name: native_source(name) for name in (*CORE_SOURCES, *CORE_HEADERS, f"fmi{version}.c")}
+    files |= {name: (headers / name).read_text(encoding="utf-8") for name in FMI_HEADERS[version]}
+    return files
+
+
+def native_fmu(
+    model: Model,
+    version: int,
+    path: Path,
+    platforms: Iterable[Platform] | None = None,
+    progress: Progress = lambda what: None,
+) -> Path:
+    """Write the native FMU of `model` for FMI `version` (2 or 3) with libraries for `platforms` (this machine).
+
+    `progress` is told each platform's name once its library is there. The same model and platforms give the
+    same bytes on every machine.
+    """
+    code = sources(model, version)
+    compiled = tuple(sorted(name for name in code if name.endswith(".c")))
+    files: dict[str, bytes] = {f"sources/{name}": text.encode() for name, text in code.items()}
+    files |= _descriptions(model, version, compiled) | _documentation(model, version)
+    libraries: dict[str, bytes] = {}
+    for target in [host()] if platforms is None else platforms:
+        libraries[target.name] = shared_library(code, target)
+        folder = target.fmi2 if version == 2 else target.fmi3
+        files[f"binaries/{folder}/{model.name}{target.suffix}"] = libraries[target.name]
+        progress(target.name)
+    if version == 2:
+        files |= _darwin64(model, libraries)
+    write_atomically(path, archive(files))
+    return path
+
+
+def archive(files: dict[str, bytes]) -> bytes:
+    """A zip of `files` in sorted order without clock or permissions of this machine: the same bytes anywhere."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as bundle:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = 0o644 << 16
+            bundle.writestr(entry, files[name])
+    return buffer.getvalue()
+
+
+def icon() -> bytes:
+    """The icon of the models (PNG)."""
+    return (resources.files("tubular_dea") / "export" / "icon.png").read_bytes()
+
+
+def licence() -> bytes:
+    """The licence of this package, and of the FMI headers among the sources."""
+    return (resources.files("tubular_dea") / "export" / "licence.txt").read_bytes()
+
+
+def _descriptions(model: Model, version: int, compiled: tuple[str, ...]) -> dict[str, bytes]:
+    if version == 2:
+        return {"modelDescription.xml": model_description.fmi2(model, "native", compiled).encode(), "model.png": icon()}
+    files = {
+        "modelDescription.xml": model_description.fmi3(model).encode(),
+        "sources/buildDescription.xml": model_description.build_description(model, compiled).encode(),
+        "terminalsAndIcons/icon.png": icon(),
+    }
+    names = model.quantities()
+    members = {n: t for n, t in TERMINALS.items() if all(v in names for v in t[1].values())}
+    files["terminalsAndIcons/terminalsAndIcons.xml"] = model_description.terminals(model, members).encode()
+    return files
+
+
+def _documentation(model: Model, version: int) -> dict[str, bytes]:
+    licences = "documentation/licenses/license.txt" if version == 3 else "documentation/license.txt"
+    return {"documentation/index.html": tables.page(model).encode(), licences: licence()}
+
+
+def _darwin64(model: Model, libraries: dict[str, bytes]) -> dict[str, bytes]:
+    """FMI 2 hosts look for macOS in `darwin64`: a library for both processors where both were built."""
+    both = [libraries.get("macos-x86_64"), libraries.get("macos-aarch64")]
+    found = [library for library in both if library]
+    if not found:
+        return {}
+    library = universal(*found) if len(found) == 2 else found[0]
+    return {f"binaries/darwin64/{model.name}.dylib": library}

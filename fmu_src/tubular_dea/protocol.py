@@ -1,0 +1,200 @@
+"""What is done to a tube over time: inputs that run straight between breakpoints, with jumps.
+
+A time listed twice is a jump: the first row holds until then, the second from then on. Protocols come from
+CSV files with units in their headers, or from short specifications: "95 mmHg", "step 0 6 kV at 1",
+"ramp 0 95 mmHg from 0 to 1".
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .errors import UserError
+from .model.units import NUMBER, UnitError, factor, quantity
+
+
+class ProtocolError(UserError, ValueError):
+    """An input specification or file that cannot be used; the text names the place and what was expected."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Breakpoints `time` [s], shape (n,), and `inputs` by name, each of shape (n,), in SI units."""
+
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+
+    @staticmethod
+    def of(time: Sequence[float], **inputs: Sequence[float]) -> Protocol:
+        """A checked protocol; `ProtocolError` for anything but finite, not descending times and finite values."""
+        grid = np.array(time, dtype=float)
+        columns = {name: np.array(values, dtype=float) for name, values in inputs.items()}
+        if grid.size < 2 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) < 0) or grid[-1] <= grid[0]:
+            raise ProtocolError("time: expected at least two finite times that do not descend, the last above the first")
+        for name, values in columns.items():
+            if values.shape != grid.shape:
+                raise ProtocolError(f"{name}: expected {grid.size} values but was given {values.size}")
+            if not np.all(np.isfinite(values)):
+                raise ProtocolError(f"{name}: expected finite values but was given {values[~np.isfinite(values)][0]}")
+        return Protocol(grid, columns)
+
+    def table(self, names: Sequence[str]) -> np.ndarray:
+        """The inputs `names` as an array of shape (n, len(names)); `ProtocolError` for one that is missing."""
+        missing = [name for name in names if name not in self.inputs]
+        if missing:
+            raise ProtocolError(f"the protocol lacks {', '.join(missing)}; it has {', '.join(self.inputs)}")
+        return np.column_stack([self.inputs[name] for name in names]).astype(float)
+
+    def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """The inputs at `times`; at a jump, the value after it."""
+        return {name: self._at(values, np.asarray(times, float)) for name, values in self.inputs.items()}
+
+    def _at(self, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+        right = np.clip(np.searchsorted(self.time, times, side="right"), 1, self.time.size - 1)
+        left = right - 1
+        span = self.time[right] - self.time[left]
+        part = np.clip(np.divide(times - self.time[left], span, out=np.ones_like(span), where=span > 0), 0, 1)
+        return values[left] + part * (values[right] - values[left])
+
+
+def from_specifications(specifications: Mapping[str, str], units: Mapping[str, str], stop: float) -> Protocol:
+    """A protocol over 0 to `stop` [s] from one short specification per input (see the module's text).
+
+    `units` gives the SI unit of each input. Raises `ProtocolError` that names the input and the accepted forms.
+    """
+    if not (math.isfinite(stop) and stop > 0):
+        raise ProtocolError(f"stop time: expected a positive number of seconds but was given {stop:g}")
+    pieces = {name: _pieces(name, text, units[name], stop) for name, text in specifications.items()}
+    marks = sorted({t for times, _ in pieces.values() for t in times})
+    jumps = {t for times, _ in pieces.values() for t in times if times.count(t) > 1}
+    grid = [t for mark in marks for t in ([mark, mark] if mark in jumps else [mark])]
+    inputs = {name: _on_grid(grid, times, values) for name, (times, values) in pieces.items()}
+    return Protocol.of(grid, **inputs)
+
+
+def _on_grid(grid: list[float], times: list[float], values: list[float]) -> list[float]:
+    """Values of one input on a grid that holds all breakpoints; the first of a doubled time is its left side."""
+    out = []
+    for i, t in enumerate(grid):
+        if t in times:
+            first = times.index(t)
+            second = len(times) - 1 - times[::-1].index(t)
+            out.append(values[second] if i > 0 and grid[i - 1] == t else values[first])
+        else:
+            out.append(float(np.interp(t, times, values)))
+    return out
+
+
+def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], list[float]]:
+    words = re.sub(rf"({NUMBER})(?=[A-Za-z])", r"\1 ", text).split()
+    try:
+        if words and words[0] == "step":
+            return _step(words, unit, stop)
+        if words and words[0] == "ramp":
+            return _ramp(words, unit, stop)
+        value = quantity(text, unit)
+        return [0.0, stop], [value, value]
+    except (ValueError, IndexError) as problem:
+        if isinstance(problem, UnitError):
+            raise ProtocolError(f"{name}: {problem}") from None
+        raise ProtocolError(
+            f'{name}: cannot read {text!r}; expected "95 mmHg", "step 0 6 kV at 1", "step 0 6 kV at 1 until 3" or '
+            f'"ramp 0 95 mmHg from 0 to 1" (times in s)'
+        ) from None
+
+
+def _finite(word: str) -> float:
+    value = float(word)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+def _step(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:
+    low, high = _finite(words[1]), _finite(words[2])
+    at = words.index("at")
+    scale = factor(words[3], unit) if at == 4 else 1.0
+    on = float(words[at + 1])
+    off = float(words[words.index("until") + 1]) if "until" in words else stop
+    if not 0 <= on < off <= stop:
+        raise ValueError
+    times, values = [0.0, on, on, off], [low, low, high, high]
+    if off < stop:
+        times, values = [*times, off, stop], [*values, low, low]
+    return times, [v * scale for v in values]
+
+
+def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:
+    low, high = _finite(words[1]), _finite(words[2])
+    begin = words.index("from")
+    scale = factor(words[3], unit) if begin == 4 else 1.0
+    start, end = float(words[begin + 1]), float(words[words.index("to") + 1])
+    if not 0 <= start < end <= stop:
+        raise ValueError
+    times = [0.0, *([start] if start > 0 else []), end, *([stop] if end < stop else [])]
+    values = [low, *([low] if start > 0 else []), high, *([high] if end < stop else [])]
+    return times, [v * scale for v in values]
+
+
+def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:
+    """A protocol from a CSV file whose header names quantity and unit: `time [s],pressure [mmHg],voltage [kV]`.
+
+    `units` gives the SI unit of each input that must be there; other columns are left alone. Raises
+    `ProtocolError` that names the file, the line and the column.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise ProtocolError(f"{path}: cannot be read as a text file: {problem}") from None
+    rows = [row for row in csv.reader(text.splitlines()) if row]
+    if len(rows) < 3:
+        raise ProtocolError(f"{path}: expected a header and at least two lines of numbers but found {len(rows)} lines")
+    columns = _columns(path, rows[0], {"time": "s", **units})
+    data = {name: _column(path, rows, place, name, scale) for name, (place, scale) in columns.items()}
+    time = data.pop("time")
+    for line, (before, after) in enumerate(zip(time, time[1:], strict=False), start=3):
+        if after < before:
+            raise ProtocolError(f"{path}, line {line}: time goes back from {before:g} to {after:g} s; sort the lines")
+    return Protocol.of(time, **data)
+
+
+def _columns(path: Path, header: list[str], units: Mapping[str, str]) -> dict[str, tuple[int, float]]:
+    """Place and factor to SI of each wanted column."""
+    found: dict[str, tuple[int, float]] = {}
+    for place, cell in enumerate(header):
+        name, _, rest = cell.strip().partition("[")
+        name = name.strip()
+        if name not in units:
+            continue
+        unit = rest.rstrip("] ").strip()
+        if not unit:
+            raise ProtocolError(f"{path}, line 1: column {name!r} names no unit; write it as '{name} [{units[name]}]'")
+        try:
+            found[name] = (place, factor(unit, units[name]))
+        except UnitError as problem:
+            raise ProtocolError(f"{path}, line 1: column {name!r}: {problem}") from None
+    missing = [f"'{name} [{unit}]'" for name, unit in units.items() if name not in found]
+    if missing:
+        raise ProtocolError(f"{path}, line 1: expected a column {', '.join(missing)} but found {', '.join(header)}")
+    return found
+
+
+def _column(path: Path, rows: list[list[str]], place: int, name: str, scale: float) -> list[float]:
+    values = []
+    for line, row in enumerate(rows[1:], start=2):
+        cell = row[place].strip() if place < len(row) else ""
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ProtocolError(f"{path}, line {line}, column {name!r}: expected a finite number but found {cell!r}")
+        values.append(value * scale)
+    return values

@@ -1,0 +1,52 @@
+"""What the tests share: the FMUs, built once a session for this machine, and the compiled model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tubular_dea.export.compile import PLATFORMS, host
+from tubular_dea.export.package import native_fmu
+from tubular_dea.kernel import Kernel
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.declare import Model
+
+
+@pytest.fixture(scope="session")
+def model() -> Model:
+    """The paper's model."""
+    return tubular_dea()
+
+
+@pytest.fixture(scope="session")
+def kernel(model: Model) -> Kernel:
+    """The paper's model, compiled and called from Python."""
+    return Kernel(model)
+
+
+@pytest.fixture(scope="session")
+def fmi2_fmu(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The native FMI 2.0 FMU for this machine."""
+    return native_fmu(model, 2, tmp_path_factory.mktemp("fmi2") / "TubularDEA.fmu")
+
+
+@pytest.fixture(scope="session")
+def fmi3_fmu(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The native FMI 3.0 FMU for this machine."""
+    return native_fmu(model, 3, tmp_path_factory.mktemp("fmi3") / "TubularDEA.fmu")
+
+
+@pytest.fixture(scope="session")
+def fmi2_fmu_windows(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The native FMI 2.0 FMU for this machine and 64-bit Windows."""
+    targets = [p for p in PLATFORMS if p == host() or p.name == "windows-x86_64"]
+    return native_fmu(model, 2, tmp_path_factory.mktemp("windows") / "TubularDEA.fmu", targets)
+
+
+@pytest.fixture(scope="session")
+def python_fmu(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pythonfmu FMU."""
+    from tubular_dea.export.python_fmu import python_fmu as package
+
+    return package(model, tmp_path_factory.mktemp("python") / "TubularDEA.fmu")

@@ -1,0 +1,59 @@
+"""Every way to run the model gives the independent reference traces, within 1e-6 in lambda_2, snap included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers import co_simulate, integrate
+from scenarios import CASES, Case, case
+from tubular_dea.kernel import Kernel
+from tubular_dea.protocol import Protocol
+
+
+def run_kernel(case: Case, kernel: Kernel) -> np.ndarray:
+    protocol = Protocol.of(**case.inputs)
+    return kernel.simulate(protocol, np.minimum(case.time, case.stop))["lambda_2"]
+
+
+PATHS: dict[str, Callable[[Case, pytest.FixtureRequest], np.ndarray]] = {
+    "kernel": lambda c, fixtures: run_kernel(c, fixtures.getfixturevalue("kernel")),
+    "fmi2-cs": lambda c, fixtures: co_simulate(fixtures.getfixturevalue("fmi2_fmu"), c, interpolated=True),
+    "fmi3-cs": lambda c, fixtures: co_simulate(fixtures.getfixturevalue("fmi3_fmu"), c, interpolated=False),
+    "fmi2-me": lambda c, fixtures: integrate(fixtures.getfixturevalue("fmi2_fmu"), c),
+    "fmi3-me": lambda c, fixtures: integrate(fixtures.getfixturevalue("fmi3_fmu"), c),
+    "pythonfmu": lambda c, fixtures: co_simulate(fixtures.getfixturevalue("python_fmu"), c, interpolated=False),
+}
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("name", CASES)
+def test_reference_trace(name: str, path: str, request: pytest.FixtureRequest) -> None:
+    reference = case(name)
+    computed = PATHS[path](reference, request)
+    assert computed.shape == reference.lambda_2.shape, "a sample is missing"
+    error = np.abs(computed - reference.lambda_2)
+    worst = int(np.argmax(error))
+    assert error[worst] <= reference.tolerance["lambda_2"], (
+        f"{path} is off by {error[worst]:.2e} at {reference.time[worst]} s in {name}; "
+        f"`python -m pytest tests/test_paths.py -k '{name} and {path}'` repeats this"
+    )
+
+
+def test_simulate_fmu_as_a_user_would(fmi2_fmu: Path, fmi3_fmu: Path) -> None:
+    """FMPy's own loop, co-simulation and model exchange, on held inputs: 4 kV at 95 mmHg from rest."""
+    from fmpy import simulate_fmu
+
+    inputs = np.array([(0.0, 12665.59, 0.0), (0.5, 12665.59, 0.0), (0.5, 12665.59, 4000.0), (2.0, 12665.59, 4000.0)],
+                      dtype=[("time", float), ("pressure", float), ("voltage", float)])  # fmt: skip
+    results = [
+        simulate_fmu(str(fmu), fmi_type=kind, stop_time=2.0, output_interval=0.01, input=inputs, relative_tolerance=1e-6,
+                     start_values={"start_at_equilibrium": True, "pressure": 12665.59}, output=["radius"])["radius"][-1]
+        for fmu in (fmi2_fmu, fmi3_fmu)
+        for kind in ("CoSimulation", "ModelExchange")
+    ]  # fmt: skip
+    assert np.ptp(results) < 1e-7
+    assert 17.9e-3 < results[0] < 18.40e-3  # creeping from 17.82 mm towards 18.40 mm
