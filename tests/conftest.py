@@ -13,6 +13,12 @@ from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import Model
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How long and how the fuzzers run."""
+    parser.addoption("--fuzz-calls", type=int, default=200_000, help="calls of each FMI fuzzer (200000)")
+    parser.addoption("--fuzz-seed", type=int, default=1, help="seed of the fuzzers (1)")
+
+
 @pytest.fixture(scope="session")
 def model() -> Model:
     """The paper's model."""
@@ -35,6 +41,12 @@ def fmi2_fmu(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fmi3_fmu(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The native FMI 3.0 FMU for this machine."""
     return native_fmu(model, 3, tmp_path_factory.mktemp("fmi3") / "TubularDEA.fmu")
+
+
+@pytest.fixture(params=[2, 3], ids=["fmi2", "fmi3"])
+def fmu(request: pytest.FixtureRequest) -> Path:
+    """The native FMU of each FMI version: for what both do alike."""
+    return request.getfixturevalue(f"fmi{request.param}_fmu")
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 
@@ -36,12 +36,13 @@ class Host:
         self.vr = {v.name: v.valueReference for v in self.description.modelVariables}
         self._folder = tempfile.mkdtemp()
         fmpy.extract(str(path), self._folder)
-        arguments = {
+        self._arguments = arguments = {
             "guid": self.description.guid if self.version == 2 else self.description.instantiationToken,
             "unzipDirectory": self._folder,
             "modelIdentifier": self.description.coSimulation.modelIdentifier,
             "instanceName": "tube",
         }
+        self._functions: dict[str, Callable[..., int]] = {}
         if self.version == 2:
             self.fmu = (FMU2Slave if kind == CS else FMU2Model)(**arguments)
             self._callbacks = self._callbacks2()
@@ -102,6 +103,45 @@ class Host:
         references = (ctypes.c_uint * n)(*(self.vr[name] for name in INPUTS))
         order = (ctypes.c_int * n)(*([1] * n))
         self.fmu.fmi2SetRealInputDerivatives(self.fmu.component, references, n, order, (ctypes.c_double * n)(*slopes))
+
+    def call(self, function: str, *arguments: object) -> int:
+        """The status of fmi2<function> or fmi3<function>, called as it is: nothing is checked, None is NULL."""
+        name = f"fmi{self.version}{function}"
+        if name not in self._functions:  # FMPy knows those of one interface only
+            other = {FMU2Slave: FMU2Model, FMU2Model: FMU2Slave, fmi3.FMU3Slave: fmi3.FMU3Model,
+                     fmi3.FMU3Model: fmi3.FMU3Slave}[type(self.fmu)]  # fmt: skip
+            self._functions = other(**self._arguments)._functions | self.fmu._functions
+        return self._functions[name](self.fmu.component, *arguments)
+
+    def derivative(self, unknown: Iterable[str], known: Iterable[str], seed: Iterable[float]) -> np.ndarray:
+        """The directional derivatives of `unknown` along `seed` in `known`."""
+        references = [self.vr[name] for name in unknown], [self.vr[name] for name in known]
+        return np.array(self.fmu.getDirectionalDerivative(*references, list(seed)))
+
+    def output_derivatives(self, *names: str) -> list[float]:
+        """First time derivatives of outputs."""
+        references, n = [self.vr[name] for name in names], len(names)
+        if self.version == 3:
+            return self.fmu.getOutputDerivatives(references, [1] * n)
+        values = (ctypes.c_double * n)()
+        orders = (ctypes.c_int * n)(*[1] * n)
+        self.fmu.fmi2GetRealOutputDerivatives(self.fmu.component, (ctypes.c_uint * n)(*references), n, orders, values)
+        return list(values)
+
+    # Saved states ---------------------------------------------------------------------------------
+
+    def saved(self) -> bytes:
+        """Everything that determines the future of the instance."""
+        state = self.fmu.getFMUState()
+        saved = self.fmu.serializeFMUState(state)
+        self.fmu.freeFMUState(state)
+        return bytes(saved)
+
+    def restore(self, saved: bytes) -> None:
+        """Continue from a saved state."""
+        state = self.fmu.deserializeFMUState(saved)
+        self.fmu.setFMUState(state)
+        self.fmu.freeFMUState(state)
 
     # Life -----------------------------------------------------------------------------------------
 

@@ -50,8 +50,9 @@ def test_simulate_fmu_as_a_user_would(fmi2_fmu: Path, fmi3_fmu: Path) -> None:
     inputs = np.array([(0.0, 12665.59, 0.0), (0.5, 12665.59, 0.0), (0.5, 12665.59, 4000.0), (2.0, 12665.59, 4000.0)],
                       dtype=[("time", float), ("pressure", float), ("voltage", float)])  # fmt: skip
     results = [
-        simulate_fmu(str(fmu), fmi_type=kind, stop_time=2.0, output_interval=0.01, input=inputs, relative_tolerance=1e-6,
-                     start_values={"start_at_equilibrium": True, "pressure": 12665.59}, output=["radius"])["radius"][-1]
+        simulate_fmu(str(fmu), fmi_type=kind, stop_time=2.0, output_interval=0.01, input=inputs,
+                     relative_tolerance=1e-6, start_values={"start_at_equilibrium": True, "pressure": 12665.59},
+                     output=["radius"])["radius"][-1]
         for fmu in (fmi2_fmu, fmi3_fmu)
         for kind in ("CoSimulation", "ModelExchange")
     ]  # fmt: skip

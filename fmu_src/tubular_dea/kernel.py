@@ -14,6 +14,7 @@ import numpy as np
 
 from .emit import c
 from .emit.functions import layout
+from .emit.variables import variables
 from .errors import UserError
 from .export.compile import cached_library, host, native_source
 from .export.package import CORE_HEADERS, CORE_SOURCES
@@ -56,6 +57,7 @@ class Kernel:
         self.outputs = [str(s) for s in arrays.y]
         self.defaults = model.parameter_values()
         self._library = ctypes.CDLL(str(_library(model)))
+        self._need_fold = [v.name for v in variables(model) if v.needs_fold]
 
     def parameters(self, values: Mapping[str, float] | None = None) -> np.ndarray:
         """The parameter array with some values changed by name (SI units); `KernelError` for unknown names."""
@@ -106,11 +108,8 @@ class Kernel:
         if curve and with_fold:
             values[curve.fold.name] = y[:, -1].copy()
         elif curve:
-            from .emit.variables import variables
-
-            for variable in variables(self.model):
-                if variable.needs_fold:
-                    values.pop(variable.name, None)
+            for name in self._need_fold:
+                values.pop(name, None)
         return values
 
     def derivatives(

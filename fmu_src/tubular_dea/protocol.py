@@ -7,7 +7,6 @@ CSV files with units in their headers, or from short specifications: "95 mmHg", 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ import numpy as np
 
 from .errors import UserError
 from .model.units import NUMBER, UnitError, factor, quantity
+from .tabular import TableError, headings, rows
 
 
 class ProtocolError(UserError, ValueError):
@@ -150,16 +150,17 @@ def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:
     `ProtocolError` that names the file, the line and the column.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise ProtocolError(f"{path}: cannot be read as a text file: {problem}") from None
-    rows = [row for row in csv.reader(text.splitlines()) if row]
-    if len(rows) < 3:
-        raise ProtocolError(f"{path}: expected a header and at least two lines of numbers but found {len(rows)} lines")
-    columns = _columns(path, rows[0], {"time": "s", **units})
-    data = {name: _column(path, rows, place, name, scale) for name, (place, scale) in columns.items()}
+        table = rows(path)
+        if len(table) < 3:
+            raise ProtocolError(
+                f"{path}: expected a header and at least two lines of numbers but found {len(table)} lines"
+            )
+        columns = _columns(path, table[0][1], {"time": "s", **units})
+    except TableError as problem:
+        raise ProtocolError(str(problem)) from None
+    data = {name: _column(path, table[1:], place, name, scale) for name, (place, scale) in columns.items()}
     time = data.pop("time")
-    for line, (before, after) in enumerate(zip(time, time[1:], strict=False), start=3):
+    for (line, _), before, after in zip(table[2:], time, time[1:], strict=False):
         if after < before:
             raise ProtocolError(f"{path}, line {line}: time goes back from {before:g} to {after:g} s; sort the lines")
     return Protocol.of(time, **data)
@@ -168,16 +169,9 @@ def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:
 def _columns(path: Path, header: list[str], units: Mapping[str, str]) -> dict[str, tuple[int, float]]:
     """Place and factor to SI of each wanted column."""
     found: dict[str, tuple[int, float]] = {}
-    for place, cell in enumerate(header):
-        name, _, rest = cell.strip().partition("[")
-        name = name.strip()
-        if name not in units:
-            continue
-        unit = rest.rstrip("] ").strip()
-        if not unit:
-            raise ProtocolError(f"{path}, line 1: column {name!r} names no unit; write it as '{name} [{units[name]}]'")
+    for name, cell in headings(path, header, units).items():
         try:
-            found[name] = (place, factor(unit, units[name]))
+            found[name] = (cell.place, factor(cell.unit, units[name]))
         except UnitError as problem:
             raise ProtocolError(f"{path}, line 1: column {name!r}: {problem}") from None
     missing = [f"'{name} [{unit}]'" for name, unit in units.items() if name not in found]
@@ -186,10 +180,10 @@ def _columns(path: Path, header: list[str], units: Mapping[str, str]) -> dict[st
     return found
 
 
-def _column(path: Path, rows: list[list[str]], place: int, name: str, scale: float) -> list[float]:
+def _column(path: Path, table: list[tuple[int, list[str]]], place: int, name: str, scale: float) -> list[float]:
     values = []
-    for line, row in enumerate(rows[1:], start=2):
-        cell = row[place].strip() if place < len(row) else ""
+    for line, row in table:
+        cell = row[place] if place < len(row) else ""
         try:
             value = float(cell)
         except ValueError:

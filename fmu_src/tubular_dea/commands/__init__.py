@@ -1,1 +1,1 @@
-
+"""One module for each subcommand of `tubular-dea`."""

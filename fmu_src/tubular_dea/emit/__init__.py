@@ -1,0 +1,1 @@
+"""From a model to text: C, Python, XML, tables. Nothing else."""

@@ -8,15 +8,15 @@ from sympy.printing.c import C99CodePrinter
 from ..model.declare import Model
 from .functions import Function, functions, layout
 from .solver import solver_functions
-from .variables import Variable, guid, variables
+from .variables import Variable, guid, moved_by, variables
 
 SCALARS = ("time", "unknown", "v_time", "v_unknown", "shift")
 
-POWERS = (
-    "static inline double square(double a) { return a * a; }",
-    "static inline double cube(double a) { return a * a * a; }",
-    "static inline double fourth(double a) { return (a * a) * (a * a); }",
-)
+POWERS = {
+    "square": "static inline double square(double a) { return a * a; }",
+    "cube": "static inline double cube(double a) { return a * a * a; }",
+    "fourth": "static inline double fourth(double a) { return (a * a) * (a * a); }",
+}
 
 
 class _Printer(C99CodePrinter):
@@ -35,6 +35,12 @@ class _Printer(C99CodePrinter):
 
     def _print_Pi(self, expr: sympy.Expr) -> str:
         return "3.141592653589793"
+
+    def _print_positive_part(self, expr: sympy.Expr) -> str:
+        return f"fmax({self._print(expr.args[0])}, 0.0)"
+
+    def _print_step(self, expr: sympy.Expr) -> str:
+        return f"(({self._print(expr.args[0])}) > 0.0 ? 1.0 : 0.0)"
 
 
 _PRINTER = _Printer({"precision": 17, "contract": False})
@@ -74,10 +80,12 @@ def header(model: Model) -> str:
             f"#define CURVE_UNKNOWN {[str(s) for s in arrays.x].index(curve.unknown)} /* state {curve.unknown} */",
             f"#define CURVE_LOAD {[str(s) for s in arrays.u].index(curve.load)} /* input {curve.load} */",
             f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
+            f"#define CURVE_MOVED_BY {{{', '.join(str(int(u in moved_by(model))) for u in arrays.u)}}} /* inputs */",
         ]
     lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model))]
-    lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */", "#include <math.h>"]
-    lines += ["", *POWERS, "", *(definition(f, "static inline ") for f in solver.functions), "#endif", "", "#endif", ""]
+    lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */"]
+    lines += ["#include <math.h>", "", *with_powers([definition(f, "static inline ") for f in solver.functions])]
+    lines += ["#endif", "", "#endif", ""]
     return "\n".join(lines)
 
 
@@ -88,19 +96,23 @@ def source(model: Model) -> str:
         '#include "model.h"',
         "#include <math.h>",
         "",
-        *POWERS,
-        "",
         "const Variable model_variables[MODEL_VARIABLES] = {",
         *(f"    {_row(v)}," for v in variables(model)),
         "};",
         "",
-        "const double model_nominal[MODEL_NX] = {"
-        + ", ".join(repr(float(s.quantity.nominal)) for s in model.states)
+        "const double model_nominal[] = {"
+        + (", ".join(repr(float(s.quantity.nominal)) for s in model.states) or "0 /* C has no empty arrays */")
         + "};",
         "",
-        *(definition(f) for f in functions(model)),
+        *with_powers([definition(f) for f in functions(model)]),
     ]
     return "\n".join(lines)
+
+
+def with_powers(definitions: list[str]) -> list[str]:
+    """The definitions, and before them the powers they use."""
+    used = [text for name, text in POWERS.items() if any(f"{name}(" in d for d in definitions)]
+    return [*used, "", *definitions] if used else definitions
 
 
 def prototype(function: Function) -> str:
@@ -122,6 +134,7 @@ def definition(function: Function, storage: str = "") -> str:
     lines += [f"    const double {name} = {expression(e)};" for name, e in function.live()]
     for array, expressions in function.results.items():
         lines += [f"    {_out(array)}[{i}] = {expression(e)};" for i, e in enumerate(expressions)]
+        lines += [] if expressions else [f"    (void)({_out(array)});"]
     return "\n".join([*lines, "}", ""])
 
 

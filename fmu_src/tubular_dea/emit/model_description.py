@@ -25,8 +25,8 @@ DEFAULT_EXPERIMENT = {"startTime": "0", "stopTime": "15", "tolerance": "1e-06", 
 def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ()) -> str:
     """FMI 2.0 model description. `kind` is "native" (model exchange and co-simulation, all capabilities) or
     "python" (co-simulation by pythonfmu, without derivatives of inputs and outputs)."""
-    root = ET.Element("fmiModelDescription", fmiVersion="2.0", **_identity(model), guid=guid(model, kind),
-                      numberOfEventIndicators="0")  # fmt: skip
+    identity = {"fmiVersion": "2.0"} | _identity(model) | {"guid": guid(model, kind), "numberOfEventIndicators": "0"}
+    root = ET.Element("fmiModelDescription", identity)
     common = {
         "modelIdentifier": model.name, "needsExecutionTool": "false", "canBeInstantiatedOnlyOncePerProcess": "false",
         "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
@@ -57,7 +57,8 @@ def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ())
 
 def fmi3(model: Model) -> str:
     """FMI 3.0 model description: model exchange and co-simulation."""
-    root = ET.Element("fmiModelDescription", fmiVersion="3.0", **_identity(model), instantiationToken=guid(model))
+    identity = {"fmiVersion": "3.0"} | _identity(model) | {"instantiationToken": guid(model)}
+    root = ET.Element("fmiModelDescription", identity)
     common = {
         "modelIdentifier": model.name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true",
@@ -70,7 +71,8 @@ def fmi3(model: Model) -> str:
     })  # fmt: skip
     table = variables(model)
     _units(root, table)
-    _types(root, table, lambda parent, name, attributes: ET.SubElement(parent, "Float64Type", {"name": name} | attributes))
+    _types(root, table, lambda parent, name, attributes: ET.SubElement(
+        parent, "Float64Type", {"name": name} | attributes))  # fmt: skip
     _log_categories(root)
     ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
     _variables3(root, table)
@@ -255,7 +257,7 @@ def _structure2(root: ET.Element, table: list[Variable]) -> None:
             continue
         group = ET.SubElement(structure, section)
         for variable, dependencies in unknowns:
-            ET.SubElement(group, "Unknown", index=place[variable.name], **_dependencies(dependencies, place))
+            ET.SubElement(group, "Unknown", {"index": place[variable.name]} | _dependencies(dependencies, place))
 
 
 def _dependencies(names: tuple[str, ...], place: dict[str, str]) -> dict[str, str]:
@@ -301,5 +303,5 @@ def _structure3(root: ET.Element, table: list[Variable]) -> None:
     structure = ET.SubElement(root, "ModelStructure")
     for section, unknowns in _unknowns(table).items():
         for variable, dependencies in unknowns:
-            ET.SubElement(structure, element[section], valueReference=place[variable.name],
-                          **_dependencies(dependencies, place))  # fmt: skip
+            attributes = {"valueReference": place[variable.name]} | _dependencies(dependencies, place)
+            ET.SubElement(structure, element[section], attributes)

@@ -13,12 +13,13 @@ Usage::
     p = tuple(tube.PARAMETERS.values())
     tube.derivatives(0.0, x, u, du, p, fold)    # dx/dt, equation (18)
     tube.jacobian(0.0, x, u, du, p, fold)       # rows of d(dx)/dx, and d(dx)/dt
-    tube.tangent(0.0, x, u, du, p, fold, 0.0, v_x, v_u, v_du, v_p, v_fold)    # exact change of (dx, y) along v
+    tube.tangent(0.0, x, u, du, p, fold, 0.0, v_x, v_u, v_du, v_p, v_fold)    # change of (dx, y) along v
 """
 
 from __future__ import annotations
 
 import keyword
+from collections.abc import Mapping
 from types import SimpleNamespace
 
 import sympy
@@ -26,10 +27,11 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from ..model.declare import Model
 from .functions import Function, functions, layout
+from .solver import linear_algebra
 
 WIDTH = 110
 POWERS = {2: "square", 3: "cube", 4: "fourth"}
-SCALARS = ("time", "unknown", "v_time", "v_unknown", "load", "slope", "v_load")
+SCALARS = ("time", "unknown", "v_time", "v_unknown", "shift", "load", "slope", "v_load")
 HELPERS = """\
 def square(a):
     return a * a
@@ -45,7 +47,7 @@ def fourth(a):
 
 
 class _Printer(PythonCodePrinter):
-    """Integer powers as products: written out for names, by a helper for whole expressions."""
+    """Integer powers as products: written out for names and short sums, by a helper for all else."""
 
     def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
         base, exponent = expr.as_base_exp()
@@ -53,11 +55,26 @@ class _Printer(PythonCodePrinter):
             return str(super()._print_Pow(expr, rational=rational))
         power = abs(int(exponent))
         text = self._print(base)
-        text = f"({'*'.join([text] * power)})" if base.is_Symbol and power < 4 else f"{POWERS[power]}({text})"
+        if power < 4 and (base.is_Symbol or _is_short_sum(base)):
+            factor = text if base.is_Symbol else f"({text})"
+            text = f"({'*'.join([factor] * power)})"
+        else:
+            text = f"{POWERS[power]}({text})"
         return text if exponent > 0 else f"(1.0/{text})"
 
     def _print_Float(self, expr: sympy.Float) -> str:
         return repr(float(expr))
+
+    def _print_positive_part(self, expr: sympy.Expr) -> str:
+        return f"max({self._print(expr.args[0])}, 0.0)"
+
+    def _print_step(self, expr: sympy.Expr) -> str:
+        return f"(1.0 if {self._print(expr.args[0])} > 0.0 else 0.0)"
+
+
+def _is_short_sum(base: sympy.Expr) -> bool:
+    """Cheaper to calculate twice than to call a function: `lambda_2 - 1`."""
+    return bool(base.is_Add) and len(base.args) == 2 and all(a.is_Symbol or a.is_Number for a in base.args)
 
 
 _PRINTER = _Printer({"fully_qualified_modules": True})
@@ -81,7 +98,7 @@ def names(model: Model) -> str:
     arrays = layout(model)
     lines: list[str] = []
     for title, symbols in (("STATES", arrays.x), ("INPUTS", arrays.u), ("OUTPUTS", arrays.y)):
-        lines += _tuple(f"{title} = ", [f'"{s}"' for s in symbols])
+        lines += tuple_lines(f"{title} = ", [f'"{s}"' for s in symbols])
     rows = [f'    "{q.name}": {float(q.value or 0.0)!r},  # {q.unit}: {q.description}'
             for q in (p.quantity for p in model.parameters)]  # fmt: skip
     return "\n".join([*lines, "PARAMETERS = {", *rows, "}"]) + "\n"
@@ -89,18 +106,24 @@ def names(model: Model) -> str:
 
 def equations(model: Model) -> str:
     """All functions of the model, and the helpers for powers."""
-    return "\n\n".join([HELPERS, *(definition(f) for f in functions(model))])
+    return "\n\n".join([HELPERS, *(definition(f, sources(model)) for f in functions(model))])
 
 
-def definition(function: Function) -> str:
-    """The whole Python function; only what is used is unpacked."""
+def sources(model: Model) -> dict[str, str]:
+    """Where each definition comes from: "Eq. (8)"."""
+    return {d.quantity.name: d.quantity.source for d in model.definitions if d.quantity.source}
+
+
+def definition(function: Function, remarks: Mapping[str, str] | None = None) -> str:
+    """The whole Python function; only what is used is unpacked. `remarks` go behind the names they are about."""
     _check_names(function)
     used = function.used()
     lines = [f"def {function.name}({', '.join(function.arguments)}):", f'    """{function.description}"""']
     for array, symbols in function.arguments.items():
         lines += _unpack(array, symbols, used)
     for name, value in function.live():
-        lines += _wrapped(f"    {name} = ", expression(value))
+        remark = (remarks or {}).get(name, "")
+        lines += wrapped(f"    {name} = ", expression(value), f"  # {remark}" if remark else "")
     return "\n".join([*lines, *_returned(function), ""])
 
 
@@ -111,6 +134,27 @@ def compile_python(model: Model) -> SimpleNamespace:
     return SimpleNamespace(**{name: value for name, value in namespace.items() if not name.startswith("__")})
 
 
+def integrator_functions(model: Model) -> str:
+    """What a Rosenbrock method calls besides `derivatives`, for J reduced to its entries that are not zero:
+
+    `linearise(...)` gives the state derivatives, these entries and d(dx)/dt; `multiply(J, v)`,
+    `factorise(shift, J)` and `solve(L, b)`, which is k with (shift I - J) k = b, work on them. `PLACES` says
+    where in the matrix they are.
+    """
+    by_name = {f.name: f for f in functions(model)}
+    plain, full = by_name["derivatives"], by_name["jacobian"]
+    n = len(layout(model).x)
+    entries = [sympy.sympify(e) for e in full.results["J"]]
+    places = [(i, j) for i in range(n) for j in range(n) if entries[i * n + j] != 0]
+    kept = [entries[i * n + j] for i, j in places]
+    reduced = {"dx": plain.results["dx"], "J": kept, "dx_dt": full.results["dx_dt"]}
+    text = "State derivatives, d(dx)/dx at `PLACES`, and d(dx)/dt at fixed states."
+    linearise = Function("linearise", text, full.arguments, full.body, reduced)
+    listed = "\n".join(tuple_lines("PLACES = ", [str(place) for place in places])) + "\n"
+    written = [definition(f, sources(model)) for f in (linearise, *linear_algebra(n, places)[0])]
+    return "\n\n".join([listed, *written])
+
+
 def _check_names(function: Function) -> None:
     """No name may be Python's own or that of an argument it does not mean."""
     taken = {"math", *POWERS.values()}
@@ -119,7 +163,7 @@ def _check_names(function: Function) -> None:
     for name in sorted(given | {name for name, _ in function.body}):
         if keyword.iskeyword(name) or name in taken:
             raise ValueError(
-                f"{function.name}: expected names of quantities that Python leaves free but was given {name!r}; "
+                f"{function.name}: expected names that Python leaves free but was given {name!r}; "
                 "rename that quantity"
             )
 
@@ -150,26 +194,26 @@ def _result(
     """A number, a tuple, or, for a matrix, the tuple of its rows."""
     texts = [expression(e) if e.free_symbols else repr(float(e)) for e in map(sympy.sympify, expressions)]
     if array in SCALARS:
-        return _wrapped(before, texts[0], after)
-    if array != "J":
-        return _tuple(before, texts, after)
+        return wrapped(before, texts[0], after)
+    if function.name != "jacobian" or array != "J":
+        return tuple_lines(before, texts, after)
     n = len(function.arguments["x"])
     indent = " " * (len(before) - len(before.lstrip()))
-    rows = [_tuple(f"{indent}    ", texts[i * n : (i + 1) * n], ",") for i in range(n)]
+    rows = [tuple_lines(f"{indent}    ", texts[i * n : (i + 1) * n], ",") for i in range(n)]
     return [f"{before}(", *(line for row in rows for line in row), f"{indent}){after}"]
 
 
-def _tuple(before: str, texts: list[str], after: str = "") -> list[str]:
+def tuple_lines(before: str, texts: list[str], after: str = "") -> list[str]:
     """A tuple on one line, or one element a line."""
     line = f"{before}({', '.join(texts)}{',' if len(texts) == 1 else ''}){after}"
     if len(line) <= WIDTH:
         return [line]
     indent = " " * (len(before) - len(before.lstrip()))
-    elements = [line for text in texts for line in _wrapped(f"{indent}    ", text, ",")]
+    elements = [line for text in texts for line in wrapped(f"{indent}    ", text, ",")]
     return [f"{before}(", *elements, f"{indent}){after}"]
 
 
-def _wrapped(before: str, text: str, after: str = "") -> list[str]:
+def wrapped(before: str, text: str, after: str = "") -> list[str]:
     """One line, or the text in brackets over several lines, broken in front of its outermost sums."""
     if len(before + text + after) <= WIDTH:
         return [before + text + after]

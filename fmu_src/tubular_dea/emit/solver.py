@@ -5,7 +5,7 @@
 * a product of powers goes into the products that use it, so that powers cancel (`A_2` becomes `h_o*l_o/lambda_2`);
 * a root also has its square by name, so that even powers do not wait for the root (`lambda_1_squared`);
 * what is divided by more than a parameter is multiplied by a named inverse (`inverse_lambda_2`);
-* what depends on parameters alone is computed once, ahead of all steps (the array `q`, filled by `model_prepare`).
+* what depends on parameters alone is computed once, ahead of all steps (`model_prepare` fills `prepared`).
 
 The linear systems (shift I - J) k = b of a Rosenbrock method are solved by elimination along the diagonal, in an
 order that is chosen here from the places where J is not zero; zeros cost nothing.
@@ -28,7 +28,7 @@ Rule = Callable[[sympy.Expr], sympy.Expr]
 
 @dataclass(frozen=True)
 class SolverFunctions:
-    """The functions in the order they are printed, and the sizes of the arrays `q`, `J` and `L`."""
+    """The functions in the order they are printed, and the sizes of the arrays `prepared`, `J` and `L`."""
 
     functions: list[Function]
     sizes: dict[str, int]
@@ -46,7 +46,7 @@ def solver_functions(model: Model) -> SolverFunctions:
     hoisted = _Hoisted({p.quantity.symbol for p in model.parameters}, set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
     plain = Function("slopes", "State derivatives.", arguments, body, {"dx": rates})
-    full = Function("linearise", "State derivatives, the entries of d(dx)/dx that are not zero, and d(dx)/dt at fixed states.",
+    full = Function("linearise", "State derivatives, the non-zero entries of d(dx)/dx, and d(dx)/dt at fixed states.",
                     arguments, [*body, *added], {"dx": rates, "J": entries, "dx_dt": along_time.values})  # fmt: skip
     x = [s.name for s in layout(model).x]
     names = {
@@ -56,7 +56,7 @@ def solver_functions(model: Model) -> SolverFunctions:
     }
     frequent = [_cheap(f, names, hoisted) for f in (plain, full)]
     q = hoisted.symbols()
-    frequent = [Function(f.name, f.description, f.arguments | {"q": q}, f.body, f.results) for f in frequent]
+    frequent = [Function(f.name, f.description, f.arguments | {"prepared": q}, f.body, f.results) for f in frequent]
     linear, size = linear_algebra(n, places)
     return SolverFunctions(
         [hoisted.prepare(layout(model).p), *frequent, *linear],
@@ -212,7 +212,7 @@ def _with_inverses(
 
 @dataclass
 class _Hoisted:
-    """What depends on parameters alone, by name: the array `q`."""
+    """What depends on parameters alone, by name: the array `prepared`."""
 
     parameters: set[sympy.Symbol]
     names: set[str]
@@ -258,9 +258,9 @@ class _Hoisted:
         return list(self.taken.values())
 
     def prepare(self, p: list[sympy.Symbol]) -> Function:
-        """The function that fills `q`."""
+        """The function that fills `prepared`."""
         body = [(symbol.name, e) for e, symbol in self.taken.items() if not e.is_Symbol]
-        return Function("prepare", "What depends on parameters alone.", {"p": p}, body, {"q": list(self.symbols())})
+        return Function("prepare", "What depends on parameters alone.", {"p": p}, body, {"prepared": self.symbols()})
 
 
 def _free(name: str, names: Iterable[str]) -> str:
@@ -287,19 +287,25 @@ def linear_algebra(n: int, places: Sequence[Place]) -> tuple[list[Function], int
 
 
 def elimination_order(n: int, places: Iterable[Place]) -> list[int]:
-    """Pivots along the diagonal, the one that can make the fewest new entries first (Markowitz)."""
-    filled = set(places) | {(i, i) for i in range(n)}
+    """Pivots along the diagonal: the one that can make the fewest new entries first (Markowitz).
+
+    Among equals, those go last that are nothing but the shift: where steps are long the shift is small.
+    """
+    filled = set(places)
     left, order = list(range(n)), []
     while left:
-        def cost(k: int) -> tuple[int, int]:
-            row, column = (sum((k, j) in filled for j in left) - 1, sum((i, k) in filled for i in left) - 1)
-            return row * column, column
-
-        k = min(left, key=cost)
+        k = min((_elimination_cost(k, left, filled), k) for k in left)[1]
         left.remove(k)
         order.append(k)
         filled |= {(i, j) for i in left for j in left if (i, k) in filled and (k, j) in filled}
     return order
+
+
+def _elimination_cost(k: int, left: Sequence[int], filled: set[Place]) -> tuple[int, bool]:
+    """How many entries the pivot k can change, and whether it is nothing but the shift."""
+    right = sum((k, j) in filled for j in left if j != k)
+    below = sum((i, k) in filled for i in left if i != k)
+    return right * below, (k, k) not in filled
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from typing import Any
 
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
@@ -53,8 +54,8 @@ def parameter_markdown(model: Model) -> str:
     """The parameters as a Markdown table, for the README."""
     lines = ["| name | value | | meaning | source |", "|---|---|---|---|---|"]
     for p in model.parameters:
-        kind = "tunable" if p.tunable else "fixed"
-        lines.append(f"| `{p.quantity.name}` | {shown(p.quantity)} | {kind} | {p.quantity.description} | {p.quantity.source} |")
+        q, kind = p.quantity, "tunable" if p.tunable else "fixed"
+        lines.append(f"| `{q.name}` | {shown(q)} | {kind} | {q.description} | {q.source} |")
     return "\n".join(lines)
 
 
@@ -100,7 +101,8 @@ def _derivatives(model: Model) -> str:
 
 def _interface(model: Model) -> str:
     rows = "".join(_interface_row(v) for v in variables(model) if v.causality in ("input", "output"))
-    return f"<table><tr><th>Name</th><th></th><th>Unit</th><th>Meaning</th><th>Depends directly on</th></tr>{rows}</table>"
+    head = "<tr><th>Name</th><th></th><th>Unit</th><th>Meaning</th><th>Depends directly on</th></tr>"
+    return f"<table>{head}{rows}</table>"
 
 
 def _interface_row(variable: Variable) -> str:
@@ -116,7 +118,7 @@ def _interface_row(variable: Variable) -> str:
 class _MathML(MathMLPresentationPrinter):
     """Names stay as they are written in the code and the XML, so that a reader can search for them."""
 
-    def _print_Symbol(self, sym: sympy.Symbol, style: str = "plain"):  # type: ignore[no-untyped-def]
+    def _print_Symbol(self, sym: sympy.Symbol, style: str = "plain") -> Any:
         node = self.dom.createElement("mi")
         node.appendChild(self.dom.createTextNode(sym.name))
         return node

@@ -75,13 +75,14 @@ def _reached(model: Model, expression: sympy.Expr) -> set[sympy.Symbol]:
     used = [expression, *(d.expression for d in needed(model, [expression]))]
     reached: set[sympy.Symbol] = set().union(*(e.free_symbols for e in used))
     if model.curve and model.curve.fold.symbol in reached:
-        reached |= _on_curve(model)
+        reached |= moved_by(model)
     return reached
 
 
-def _on_curve(model: Model) -> set[sympy.Symbol]:
-    """The inputs and parameters that move the equilibrium curve."""
-    assert model.curve is not None
+def moved_by(model: Model) -> set[sympy.Symbol]:
+    """The inputs and parameters that move the equilibrium curve; none where there is no curve."""
+    if model.curve is None:
+        return set()
     used = [expression for _, expression in at_rest(model, [real(model.curve.balance)])]
     reached: set[sympy.Symbol] = set().union(*(e.free_symbols for e in used))
     return reached - {s.quantity.symbol for s in model.states}
@@ -106,7 +107,7 @@ def _initial_of_state(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) 
         settled = sympy.sympify(equilibrium).free_symbols
         reached |= settled
         if real(model.curve.unknown) in settled:
-            reached |= _on_curve(model) | {real(model.curve.load)}
+            reached |= moved_by(model) | {real(model.curve.load)}
         if settled or sympy.sympify(start) != sympy.sympify(equilibrium):
             reached.add(real(model.curve.start_switch))
     return reached

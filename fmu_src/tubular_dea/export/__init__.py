@@ -1,0 +1,1 @@
+"""From text to artefacts: libraries for every platform, FMUs, archives."""

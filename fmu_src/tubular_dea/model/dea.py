@@ -192,11 +192,11 @@ def _definitions() -> list[Definition]:
                           radius - r_o, 1e-3, "mm")
     define("tube_flow", "m3/s", "A_3 dR/dt", "Flow into the tube, conjugate to the wall's work",
            a_3 * r_o * s["lambda_2_rate"], 1e-4, "mL/s")
-    define("tube_volume", "m3", "Integral of A_3 dR", "Volume conjugate to the wall's work; the cylinder at lambda_2 = 1",
-           _tube_volume(r_o, l_o, displacement, length), 1e-5, "mL")
+    define("tube_volume", "m3", "Integral of A_3 dR",
+           "Volume conjugate to the wall's work; the cylinder at lambda_2 = 1", _tube_volume(r_o, l_o, displacement, length), 1e-5, "mL")
+    area = 2 * pi * r_o * 2 * l_o
     capacitance = define("capacitance", "F", "n_layers plates", "Capacitance of the active layers in parallel",
-                         s["n_layers"] * eps_o * s["eps_r"] * 2 * pi * r_o * 2 * l_o * (lambda_1 * lambda_2) ** 2 / h_ao,
-                         1e-8, "nF")
+                         s["n_layers"] * eps_o * s["eps_r"] * area * (lambda_1 * lambda_2) ** 2 / h_ao, 1e-8, "nF")
     define("charge", "C", "C V", "Charge on the electrodes", capacitance * s["voltage"], 1e-5, "uC")
     define("current", "A", "d(C V)/dt",
            "Charging current; a jump of the voltage moves its charge at once and is seen in `charge` alone",

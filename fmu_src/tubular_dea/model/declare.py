@@ -80,6 +80,20 @@ class Definition:
 
 
 @dataclass(frozen=True)
+class Delay:
+    """`quantity` is what `of` was `by` seconds ago: a pure transport delay, which no state can stand for.
+
+    `of` names an input (its past may drive the states) or a definition (its past may be put out, but drives no
+    state). `by` names the parameter that holds the delay in s; its `maximum` bounds the memory. Before the start
+    everything is taken to have been as it is at the start.
+    """
+
+    quantity: Quantity
+    of: str
+    by: str
+
+
+@dataclass(frozen=True)
 class EquilibriumCurve:
     """The balance `load = f(unknown)` at rest, and the end of its first rising branch (the fold).
 
@@ -117,6 +131,7 @@ class Model:
     outputs: tuple[str, ...]
     curve: EquilibriumCurve | None = None
     effects: tuple[str, ...] = field(default=())
+    delays: tuple[Delay, ...] = ()
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -132,6 +147,7 @@ class Model:
             *(parameter.quantity for parameter in self.parameters),
             *(state.quantity for state in self.states),
             *fold,
+            *(delay.quantity for delay in self.delays),
             *(definition.quantity for definition in self.definitions),
         ]
         return {quantity.name: quantity for quantity in listed}
@@ -167,9 +183,10 @@ class Model:
         parameters: Iterable[Parameter] = (),
         definitions: Iterable[Definition] = (),
         states: Iterable[State] = (),
+        delays: Iterable[Delay] = (),
         before: str | None = None,
     ) -> Model:
-        """The model with more parameters, states and definitions; the latter placed in front of `before`."""
+        """The model with more parameters, states, delays and definitions; the latter placed in front of `before`."""
         at = len(self.definitions)
         if before is not None:
             self.expression(before)
@@ -179,6 +196,7 @@ class Model:
             self,
             parameters=(*self.parameters, *parameters),
             states=(*self.states, *states),
+            delays=(*self.delays, *delays),
             definitions=placed,
         )
 
@@ -206,6 +224,10 @@ class Model:
         """The model with one more output, computed last."""
         extended = self.extend(definitions=[Definition(quantity, expression)])
         return dataclasses.replace(extended, outputs=(*self.outputs, quantity.name))
+
+    def marked(self, effect: str) -> Model:
+        """The model with one more id in the list of its effects."""
+        return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The model with other default parameter values (SI units)."""
@@ -245,6 +267,7 @@ def _check_names(model: Model) -> None:
         *(p.quantity.name for p in model.parameters),
         *(s.quantity.name for s in model.states),
         *fold,
+        *(d.quantity.name for d in model.delays),
         *(d.quantity.name for d in model.definitions),
     ]:
         if name in seen:
@@ -265,12 +288,40 @@ def _check_order(model: Model) -> None:
         *(p.quantity.symbol for p in model.parameters),
         *(s.quantity.symbol for s in model.states),
         *fold,
+        *(d.quantity.symbol for d in model.delays),
     }
     for definition in model.definitions:
         _check_known(model, definition.quantity.name, definition.expression, known)
         known.add(definition.quantity.symbol)
     for state in model.states:
         _check_known(model, f"der({state.quantity.name})", state.derivative, known)
+    for delay in model.delays:
+        _check_delay(model, delay)
+
+
+def _check_delay(model: Model, delay: Delay) -> None:
+    """The delayed quantity is there, its delay is a bounded parameter, and a delayed definition drives no state."""
+    inputs = [q.name for q in model.inputs]
+    places = {d.quantity.name: i for i, d in enumerate(model.definitions)}
+    if delay.of not in inputs and delay.of not in places:
+        raise DeclarationError(
+            f"{model.name}: {delay.quantity.name} delays {delay.of!r}; expected an input or a definition"
+            f"{nearest(delay.of, [*inputs, *places])}"
+        )
+    by = model.quantity(delay.by)
+    if by.minimum != 0 or by.maximum is None:
+        raise DeclarationError(f"{model.name}: expected bounds of the delay {by.name} from 0 to some time in s")
+    if delay.of in inputs:
+        return
+    reached: set[sympy.Symbol] = set().union(*(s.derivative.free_symbols for s in model.states))
+    for definition in reversed(model.definitions):
+        if definition.quantity.symbol in reached:
+            reached |= definition.expression.free_symbols
+    if delay.quantity.symbol in reached:
+        raise DeclarationError(
+            f"{model.name}: {delay.quantity.name} drives a state; expected so of delayed inputs only, and "
+            f"{delay.of} is not an input"
+        )
 
 
 def _check_known(model: Model, name: str, expression: sympy.Expr, known: set[sympy.Symbol]) -> None:

@@ -32,8 +32,8 @@ Status instance_set_states(Instance *instance, const double *x, size_t n)
     if (status != STATUS_OK) return status;
     for (size_t i = 0; i < n; i++)
         if (!isfinite(x[i]))
-            return instance_report(instance, STATUS_ERROR, "continuous state %zu: expected a finite number but was given %g",
-                                   i, x[i]);
+            return instance_report(instance, STATUS_ERROR, "continuous state %s: expected a finite number but was given %g",
+                                   instance_name_of(STATE, (int)i), x[i]);
     if (n > 0) memcpy(instance->now.x, x, n * sizeof *x);
     instance->outputs_are_stale = 1;
     return STATUS_OK;
@@ -57,9 +57,8 @@ Status instance_get_derivatives(Instance *instance, double *dx, size_t n)
     for (size_t i = 0; i < n; i++)
         if (!isfinite(value[i]))
             return instance_report(instance, STATUS_ERROR,
-                                   "the derivative of state %zu is not a finite number at time %.9g; check the states "
-                                   "that were set",
-                                   i, instance->now.time);
+                                   "%s is not a finite number at time %.9g; check the states and inputs that were set",
+                                   instance_name_of(DERIVATIVE, (int)i), instance->now.time);
     if (n > 0) memcpy(dx, value, n * sizeof *dx);
     return STATUS_OK;
 }

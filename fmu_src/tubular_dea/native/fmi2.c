@@ -12,12 +12,30 @@
     Instance *const instance = c;                                 \
     if (!instance || instance_allow(instance, __func__, (modes))) \
     return fmi2Error
+#define ALLOW_ONLY(interface, modes)                                            \
+    Instance *const instance = c;                                               \
+    if (!instance || instance_allow_only(instance, __func__, (interface), (modes))) \
+    return fmi2Error
+
+/* The text is its own format: hosts written in Python see nothing of the arguments of a variadic logger. */
+static void send(fmi2CallbackLogger log, void *environment, fmi2String name, Status status, const char *category,
+                 const char *message)
+{
+    char format[2048]; /* twice the longest message */
+    size_t n = 0;
+    for (; *message && n < sizeof format - 2; message++) {
+        if (*message == '%') format[n++] = '%';
+        format[n++] = *message;
+    }
+    format[n] = '\0';
+    if (log) log(environment, name, STATUS(status), category, format);
+}
 
 static void log_message(Instance *instance, Status status, const char *category, const char *message)
 {
-    const fmi2CallbackFunctions *callbacks = instance->host;
-    if (callbacks && callbacks->logger)
-        callbacks->logger(callbacks->componentEnvironment, instance->name, STATUS(status), category, "%s", message);
+    fmi2CallbackLogger log;
+    memcpy(&log, &instance->host, sizeof log); /* C has no cast from a data to a function pointer */
+    send(log, instance->environment, instance->name, status, category, message);
 }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
@@ -27,8 +45,8 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 
 static void refuse(const fmi2CallbackFunctions *callbacks, fmi2String name, const char *message)
 {
-    if (callbacks && callbacks->logger)
-        callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", "%s", message);
+    if (callbacks)
+        send(callbacks->logger, callbacks->componentEnvironment, name ? name : "", STATUS_ERROR, "logStatusError", message);
 }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
@@ -37,26 +55,22 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 {
     (void)fmuResourceLocation;
     (void)visible;
-    if (!instanceName || !*instanceName) {
-        refuse(functions, instanceName, "fmi2Instantiate: expected an instance name but was given none");
-        return NULL;
-    }
-    if (!fmuGUID || strcmp(fmuGUID, MODEL_GUID)) {
-        refuse(functions, instanceName, "fmi2Instantiate: expected the GUID " MODEL_GUID
-                                        ", as in modelDescription.xml, but was given another");
-        return NULL;
-    }
+    char problem[PROBLEM_SIZE];
     if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
         refuse(functions, instanceName, "fmi2Instantiate: expected fmi2ModelExchange or fmi2CoSimulation");
         return NULL;
     }
-    Instance *instance = instance_create(instanceName, fmuType == fmi2CoSimulation);
+    Instance *instance =
+        instance_create(instanceName, fmuGUID, fmuType == fmi2CoSimulation ? CO_SIMULATION : MODEL_EXCHANGE, problem);
     if (!instance) {
-        refuse(functions, instanceName, "fmi2Instantiate: out of memory");
+        refuse(functions, instanceName, problem);
         return NULL;
     }
     instance->log = log_message;
-    instance->host = (void *)(uintptr_t)functions;
+    if (functions) { /* copied, as some hosts free them after this call */
+        memcpy(&instance->host, &functions->logger, sizeof functions->logger);
+        instance->environment = functions->componentEnvironment;
+    }
     instance->logged = loggingOn ? LOG_EVENTS | LOG_SOLVER : 0;
     return instance;
 }
@@ -79,6 +93,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
     ALLOW(INSTANTIATED);
+    if (!(instance->now.marks & SET_UP))
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected fmi2SetupExperiment before it, for the start time",
+                                      __func__));
     return STATUS(instance_enter_initialization(instance));
 }
 
@@ -121,7 +138,9 @@ static fmi2Status get_ints(fmi2Component c, const char *function, Type type, con
     Instance *const instance = c;
     if (!instance) return fmi2Error;
     if (nvr && !value)
-        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected an array but was given NULL", function));
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected arrays of %zu values but was given NULL", function,
+                                      nvr));
+    if (nvr == 0) return STATUS(instance_get(instance, function, type, NULL, 0, NULL));
     for (size_t i = 0; i < nvr; i++) {
         double real = 0;
         const Status status = instance_get(instance, function, type, vr ? vr + i : NULL, 1, &real);
@@ -137,9 +156,12 @@ static fmi2Status set_ints(fmi2Component c, const char *function, Type type, con
     Instance *const instance = c;
     double real[MODEL_VARIABLES];
     if (!instance) return fmi2Error;
-    if (nvr > MODEL_VARIABLES || (nvr && !value))
-        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected at most %d values in an array, given %zu",
-                                      function, MODEL_VARIABLES, value ? nvr : (size_t)0));
+    if (nvr && !value)
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected arrays of %zu values but was given NULL", function,
+                                      nvr));
+    if (nvr > MODEL_VARIABLES)
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected at most %d values but was given %zu", function,
+                                      MODEL_VARIABLES, nvr));
     for (size_t i = 0; i < nvr; i++) real[i] = type == TYPE_BOOLEAN ? value[i] != 0 : value[i];
     return STATUS(instance_set(instance, function, type, vr, nvr, real));
 }
@@ -233,14 +255,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                        const fmi2Integer order[], const fmi2Real value[])
 {
-    ALLOW(INSTANTIATED | INITIALIZATION | STEPPING);
+    ALLOW_ONLY(CO_SIMULATION, INSTANTIATED | INITIALIZATION | STEPPING);
     return STATUS(instance_set_input_derivatives(instance, vr, nvr, order, value));
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                         const fmi2Integer order[], fmi2Real value[])
 {
-    ALLOW(STEPPING | TERMINATED);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING | TERMINATED);
     return STATUS(instance_get_output_derivatives(instance, vr, nvr, order, value));
 }
 
@@ -250,67 +272,73 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2R
                       fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW(STEPPING);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING);
     return STATUS(instance_do_step(instance, currentCommunicationPoint, communicationStepSize, NULL));
 }
 
 fmi2Status fmi2CancelStep(fmi2Component c)
 {
-    Instance *const instance = c;
-    if (!instance) return fmi2Error;
+    ALLOW_ONLY(CO_SIMULATION, STEPPING);
     return STATUS(instance_report(instance, STATUS_ERROR, "fmi2CancelStep: steps are never pending"));
+}
+
+/* Steps are never pending: of all that can be asked for, there are the time and the wish to terminate. */
+static fmi2Status no_status(fmi2Component c, const char *function, const void *value)
+{
+    Instance *const instance = c;
+    if (!instance || instance_allow_only(instance, function, CO_SIMULATION, STEPPING | TERMINATED)) return fmi2Error;
+    if (!value)
+        return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected a pointer but was given NULL", function));
+    return STATUS(instance_report(instance, STATUS_DISCARD, "%s: there is no status of this kind; steps are never pending",
+                                  function));
 }
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 {
-    ALLOW(STEPPING | TERMINATED);
-    if (kind != fmi2LastSuccessfulTime || !value) return fmi2Discard;
+    if (kind != fmi2LastSuccessfulTime || !value) return no_status(c, __func__, value);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING | TERMINATED);
     *value = instance->now.time;
     return fmi2OK;
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    ALLOW(STEPPING | TERMINATED);
-    if (kind != fmi2Terminated || !value) return fmi2Discard;
+    if (kind != fmi2Terminated || !value) return no_status(c, __func__, value);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING | TERMINATED);
     *value = fmi2False;
     return fmi2OK;
 }
 
-/* Steps are never pending, so there is no status to ask for. */
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 {
     (void)kind;
-    (void)value;
-    return c ? fmi2Discard : fmi2Error;
+    return no_status(c, __func__, value);
 }
 
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
 {
     (void)kind;
-    (void)value;
-    return c ? fmi2Discard : fmi2Error;
+    return no_status(c, __func__, value);
 }
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
 {
     (void)kind;
-    (void)value;
-    return c ? fmi2Discard : fmi2Error;
+    return no_status(c, __func__, value);
 }
 
 /* Model exchange ------------------------------------------------------------------------------------------------ */
 
 fmi2Status fmi2EnterEventMode(fmi2Component c)
 {
-    ALLOW(CONTINUOUS_TIME | EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME | EVENT);
     instance->now.mode = EVENT;
     return fmi2OK;
 }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 {
-    ALLOW(EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
     if (!info) return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected an event info but was given NULL", __func__));
     memset(info, 0, sizeof *info); /* no discrete states, no time events */
     return fmi2OK;
@@ -318,7 +346,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
 {
-    ALLOW(EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
     instance->now.mode = CONTINUOUS_TIME;
     return fmi2OK;
 }
@@ -327,7 +355,7 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW(CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
     if (enterEventMode) *enterEventMode = fmi2False;
     if (terminateSimulation) *terminateSimulation = fmi2False;
     return fmi2OK;
@@ -335,38 +363,38 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
 {
-    ALLOW(EVENT | CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT | CONTINUOUS_TIME);
     return STATUS(instance_set_time(instance, time));
 }
 
 fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
 {
-    ALLOW(EVENT | CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
     return STATUS(instance_set_states(instance, x, nx));
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
 {
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_derivatives(instance, derivatives, nx));
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni)
 {
     (void)indicators;
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     if (ni == 0) return fmi2OK;
     return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected 0 values but was given %zu", __func__, ni));
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
 {
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_states(instance, x, nx));
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t nx)
 {
-    ALLOW(INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_nominals(instance, nominal, nx));
 }

@@ -11,6 +11,10 @@
     Instance *const me = instance;                                     \
     if (!me || instance_allow(me, __func__, (modes)) != STATUS_OK)     \
     return fmi3Error
+#define ALLOW_ONLY(interface, modes)                                                       \
+    Instance *const me = instance;                                                         \
+    if (!me || instance_allow_only(me, __func__, (interface), (modes)) != STATUS_OK) \
+    return fmi3Error
 #define ANY_MODE (INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED)
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
@@ -24,19 +28,11 @@ static void log_message(Instance *instance, Status status, const char *category,
     if (log) log(instance->environment, STATUS(status), category, message);
 }
 
-static fmi3Instance instantiate(fmi3String name, fmi3String token, fmi3Boolean loggingOn, int cosimulation,
+static fmi3Instance instantiate(fmi3String name, fmi3String token, fmi3Boolean loggingOn, Interface interface,
                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    const char *problem = NULL;
-    Instance *me = NULL;
-    if (!name || !*name) problem = "instantiate: expected an instance name but was given none";
-    else if (!token || strcmp(token, MODEL_GUID))
-        problem = "instantiate: expected the instantiation token " MODEL_GUID
-                  ", as in modelDescription.xml, but was given another";
-    else {
-        me = instance_create(name, cosimulation);
-        if (!me) problem = "instantiate: out of memory";
-    }
+    char problem[PROBLEM_SIZE];
+    Instance *me = instance_create(name, token, interface, problem);
     if (!me) {
         if (log) log(environment, fmi3Error, "logStatusError", problem);
         return NULL;
@@ -54,7 +50,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
 {
     (void)resourcePath;
     (void)visible;
-    return instantiate(instanceName, instantiationToken, loggingOn, 0, instanceEnvironment, logMessage);
+    return instantiate(instanceName, instantiationToken, loggingOn, MODEL_EXCHANGE, instanceEnvironment, logMessage);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
@@ -75,7 +71,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                        "instantiate: expected eventModeUsed = false (hasEventMode is false) but was given true");
         return NULL;
     }
-    Instance *me = instantiate(instanceName, instantiationToken, loggingOn, 1, instanceEnvironment, logMessage);
+    Instance *me =
+        instantiate(instanceName, instantiationToken, loggingOn, CO_SIMULATION, instanceEnvironment, logMessage);
     if (!me) return NULL;
     memcpy(&me->intermediate_update, &intermediateUpdate, sizeof intermediateUpdate);
     me->may_return_early = earlyReturnAllowed;
@@ -97,7 +94,11 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     return NULL;
 }
 
-void fmi3FreeInstance(fmi3Instance instance) { instance_free(instance); }
+void fmi3FreeInstance(fmi3Instance instance)
+{
+    Instance *const me = instance;
+    if (me && instance_allow(me, __func__, ANY_MODE & ~INTERMEDIATE) == STATUS_OK) instance_free(me);
+}
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[])
@@ -124,7 +125,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
-    ALLOW(CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
     me->now.mode = EVENT;
     return fmi3OK;
 }
@@ -175,7 +176,8 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
     {                                                                                                                 \
         Instance *const me = instance;                                                                                \
         if (!me || check_sizes(me, __func__, nValueReferences, nValues) != STATUS_OK) return fmi3Error;               \
-        if (nValues > 0 && !values)                                                                                   \
+        if (nValues == 0) return STATUS(instance_get(me, __func__, TYPE, NULL, 0, NULL));                             \
+        if (!values)                                                                                                  \
             return STATUS(instance_report(me, STATUS_ERROR, "%s: expected an array but was given NULL", __func__));   \
         for (size_t i = 0; i < nValues; i++) {                                                                        \
             double real = 0;                                                                                          \
@@ -321,7 +323,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                     size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[], size_t nValues)
 {
-    ALLOW(STEPPING | INTERMEDIATE | TERMINATED);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING | INTERMEDIATE | TERMINATED);
     if (check_sizes(me, __func__, nValueReferences, nValues)) return fmi3Error;
     return STATUS(instance_get_output_derivatives(me, valueReferences, nValueReferences, orders, values));
 }
@@ -348,20 +350,20 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
 
 /* Co-simulation --------------------------------------------------------------------------------------------------- */
 
-static int intermediate_update(Instance *me, double step_end)
+static double intermediate_update(Instance *me, double end)
 {
     fmi3IntermediateUpdateCallback update;
     fmi3Boolean stop = fmi3False;
     fmi3Float64 stop_time = me->now.time;
     memcpy(&update, &me->intermediate_update, sizeof update);
-    update(me->environment, me->now.time, fmi3True, fmi3True, fmi3True, me->may_return_early && me->now.time < step_end,
+    update(me->environment, me->now.time, fmi3True, fmi3True, fmi3True, me->may_return_early && me->now.time < end,
            &stop, &stop_time);
-    return me->may_return_early && stop && stop_time <= me->now.time;
+    return me->may_return_early && stop ? stop_time : end;
 }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-    ALLOW(0); /* only reached from event mode, which this FMU's co-simulation does not have */
+    ALLOW_ONLY(CO_SIMULATION, 0); /* only reached from event mode, which this FMU's co-simulation does not have */
     return fmi3Error;
 }
 
@@ -370,7 +372,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW(STEPPING);
+    ALLOW_ONLY(CO_SIMULATION, STEPPING);
     const double end = currentCommunicationPoint + communicationStepSize;
     const Status status = instance_do_step(me, currentCommunicationPoint, communicationStepSize,
                                            me->intermediate_update ? intermediate_update : NULL);
@@ -388,7 +390,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
                                     fmi3Float64 *nextEventTime)
 {
-    ALLOW(EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
     fmi3Boolean *const flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
                                   valuesOfContinuousStatesChanged, nextEventTimeDefined};
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
@@ -399,13 +401,13 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
 {
-    ALLOW(INITIALIZATION | EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT);
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
 {
-    ALLOW(EVENT);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
     me->now.mode = CONTINUOUS_TIME;
     return fmi3OK;
 }
@@ -414,7 +416,7 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
                                        fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW(CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
     if (enterEventMode) *enterEventMode = fmi3False;
     if (terminateSimulation) *terminateSimulation = fmi3False;
     return fmi3OK;
@@ -422,44 +424,44 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
 {
-    ALLOW(EVENT | CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, EVENT | CONTINUOUS_TIME);
     return STATUS(instance_set_time(me, time));
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[], size_t nContinuousStates)
 {
-    ALLOW(EVENT | CONTINUOUS_TIME);
+    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
     return STATUS(instance_set_states(me, continuousStates, nContinuousStates));
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates)
 {
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_derivatives(me, derivatives, nContinuousStates));
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
 {
     (void)eventIndicators;
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(check_sizes(me, __func__, 0, nEventIndicators));
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
 {
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_states(me, continuousStates, nContinuousStates));
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
 {
-    ALLOW(INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
+    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(instance_get_nominals(me, nominals, nContinuousStates));
 }
 
 static fmi3Status count(Instance *me, const char *function, size_t *n, size_t value)
 {
-    if (!me) return fmi3Error;
+    if (!me || instance_allow_only(me, function, MODEL_EXCHANGE, ANY_MODE) != STATUS_OK) return fmi3Error;
     if (!n) return STATUS(instance_report(me, STATUS_ERROR, "%s: expected a pointer but was given NULL", function));
     *n = value;
     return fmi3OK;

@@ -15,17 +15,29 @@
 
 /* Life ------------------------------------------------------------------------------------------------------ */
 
-Instance *instance_create(const char *name, int cosimulation)
+static int is_blank(const char *text) { return !text || !text[strspn(text, " \t\r\n")]; }
+
+Instance *instance_create(const char *name, const char *guid, Interface interface, char problem[PROBLEM_SIZE])
 {
+    if (is_blank(name)) {
+        snprintf(problem, PROBLEM_SIZE, "instantiate: expected an instance name but was given none");
+        return NULL;
+    }
+    if (!guid || strcmp(guid, MODEL_GUID)) {
+        snprintf(problem, PROBLEM_SIZE,
+                 "instantiate: expected the GUID (instantiation token) %s of modelDescription.xml but was given %.80s",
+                 MODEL_GUID, guid ? guid : "NULL");
+        return NULL;
+    }
     Instance *instance = calloc(1, sizeof *instance);
-    if (!instance) return NULL;
-    instance->name = calloc(strlen(name) + 1, 1);
-    if (!instance->name) {
+    if (instance) instance->name = calloc(strlen(name) + 1, 1);
+    if (!instance || !instance->name) {
+        snprintf(problem, PROBLEM_SIZE, "instantiate: out of memory");
         free(instance);
         return NULL;
     }
     strcpy(instance->name, name);
-    instance->cosimulation = cosimulation;
+    instance->interface = interface;
     instance_reset(instance);
     return instance;
 }
@@ -98,6 +110,7 @@ static const char *mode_name(int mode)
     case EVENT: return "in event mode";
     case CONTINUOUS_TIME: return "in continuous-time mode";
     case STEPPING: return "in step mode";
+    case INTERMEDIATE: return "during an intermediate update";
     default: return "after terminate";
     }
 }
@@ -109,6 +122,30 @@ Status instance_allow(Instance *instance, const char *function, int modes)
                            mode_name(instance->now.mode));
 }
 
+Status instance_allow_only(Instance *instance, const char *function, Interface interface, int modes)
+{
+    static const char *const names[] = {"model exchange", "co-simulation"};
+    if (instance->interface == interface) return instance_allow(instance, function, modes);
+    return instance_report(instance, STATUS_ERROR,
+                           "%s belongs to %s, but this instance was made for %s; the call was ignored", function,
+                           names[interface], names[instance->interface]);
+}
+
+const char *instance_name_of(Kind kind, int index)
+{
+    for (int i = 0; i < MODEL_VARIABLES; i++)
+        if (model_variables[i].kind == kind && model_variables[i].index == index) return model_variables[i].name;
+    return "?";
+}
+
+static int is_status_category(const char *name)
+{
+    static const char *const known[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (!strcmp(name, known[i])) return 1;
+    return 0;
+}
+
 Status instance_set_logging(Instance *instance, int on, size_t n, const char *const *categories)
 {
     unsigned wanted = n ? 0 : LOG_EVENTS | LOG_SOLVER;
@@ -117,13 +154,19 @@ Status instance_set_logging(Instance *instance, int on, size_t n, const char *co
         if (!strcmp(name, "logEvents")) wanted |= LOG_EVENTS;
         else if (!strcmp(name, "logSolver")) wanted |= LOG_SOLVER;
         else if (!strcmp(name, "logAll")) wanted |= LOG_EVENTS | LOG_SOLVER;
-        else if (strncmp(name, "logStatus", 9)) /* errors and warnings are always reported */
+        else if (!is_status_category(name)) /* errors and warnings are always reported */
             return instance_report(instance, STATUS_ERROR,
                                    "debug logging: expected a log category of modelDescription.xml but was given '%s'",
                                    name);
     }
     instance->logged = on ? wanted : 0;
     return STATUS_OK;
+}
+
+void instance_drop_spent(Instance *instance, int i)
+{
+    if (instance->now.marks & SPENT)
+        for (int k = 1; k <= INPUT_ORDER; k++) instance->now.u[i][k] = 0;
 }
 
 /* What is recomputed from the snapshot ------------------------------------------------------------------------ */
@@ -136,15 +179,31 @@ void instance_inputs(const Instance *instance, double *u, double *du)
     }
 }
 
+#if MODEL_HAS_CURVE
+/* The fold costs as much as a whole step: it is sought again only when something that moves the curve has changed. */
+static int curve_moved(Instance *instance, const double *u)
+{
+    static const int moves[] = CURVE_MOVED_BY;
+    int moved = memcmp(instance->fold_p, instance->now.p, sizeof instance->fold_p) != 0;
+    for (int i = 0; i < MODEL_NU; i++) moved |= moves[i] && instance->fold_u[i] != u[i];
+    memcpy(instance->fold_p, instance->now.p, sizeof instance->fold_p);
+    memcpy(instance->fold_u, u, sizeof instance->fold_u);
+    return moved;
+}
+#endif
+
 void instance_update_fold(Instance *instance)
 {
 #if MODEL_HAS_CURVE
     if (instance->fold_is_stale) {
         double u[NU], du[NU];
         instance_inputs(instance, u, du);
-        const CurvePoint fold = curve_fold(u, instance->now.p);
-        instance->fold = fold.load;
-        instance->fold_unknown = fold.unknown;
+        if (curve_moved(instance, u)) {
+            const CurvePoint fold = curve_fold(u, instance->now.p);
+            instance->fold = fold.load;
+            instance->fold_unknown = fold.unknown;
+        }
+        instance->outputs_are_stale = 1;
     }
 #endif
     instance->fold_is_stale = 0;
@@ -209,7 +268,7 @@ Status instance_setup(Instance *instance, int has_tolerance, double tolerance, d
     now->start = now->time = start;
     now->stop = has_stop ? stop : INFINITY;
     now->tolerance = DEFAULT_TOLERANCE;
-    now->setup = 1;
+    now->marks |= SET_UP;
     if (!has_tolerance) return STATUS_OK;
     now->tolerance = fmin(LARGEST_TOLERANCE, fmax(SMALLEST_TOLERANCE, tolerance));
     if (now->tolerance == tolerance) return STATUS_OK;
@@ -228,7 +287,7 @@ Status instance_exit_initialization(Instance *instance)
 {
     const Status status = instance_update_start(instance);
     if (status != STATUS_OK) return status;
-    instance->now.mode = instance->cosimulation ? STEPPING : EVENT;
+    instance->now.mode = instance->interface == CO_SIMULATION ? STEPPING : EVENT;
     instance->now.h = 0;
     instance_note(instance, LOG_EVENTS, "initialized at time %g with tolerance %g", instance->now.time,
                   instance->now.tolerance);

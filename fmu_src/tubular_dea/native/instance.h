@@ -28,7 +28,15 @@ typedef enum {
 
 #define RUNNING (EVENT | CONTINUOUS_TIME | STEPPING | INTERMEDIATE)
 
+typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
+
 typedef enum { LOG_EVENTS = 1, LOG_SOLVER = 2 } LogCategory;
+
+/* What has happened, as bits of `marks`. */
+typedef enum {
+    SET_UP = 1, /* the start time has been given */
+    SPENT = 2   /* the inputs' derivatives are those of the last step: outputs see them, the next step does not */
+} Mark;
 
 /* Doubles first, then an even number of 32-bit integers: the same layout on every platform, no padding. */
 typedef struct {
@@ -39,7 +47,7 @@ typedef struct {
     double u[AT_LEAST_ONE(MODEL_NU)][INPUT_ORDER + 1]; /* inputs and their derivatives at `time` */
     double p[AT_LEAST_ONE(MODEL_NP)];
     int32_t mode;
-    int32_t setup; /* the start time has been given */
+    int32_t marks;
 } Snapshot;
 
 typedef struct Instance {
@@ -48,17 +56,20 @@ typedef struct Instance {
     int start_is_stale, outputs_are_stale, fold_is_stale;
     double y[AT_LEAST_ONE(MODEL_NY)];
     double fold, fold_unknown;
+    double fold_u[AT_LEAST_ONE(MODEL_NU)], fold_p[AT_LEAST_ONE(MODEL_NP)]; /* for which the fold was sought; p = 0: none */
     /* fixed at instantiation */
-    int cosimulation;
+    Interface interface;
     char *name;
     unsigned logged; /* LogCategory bits */
     void (*log)(struct Instance *, Status, const char *category, const char *message);
-    void *host, *environment; /* the host's logger and its argument, as the adapter stored them */
+    void *host, *environment; /* the host's logger (a function, copied bytewise) and its argument */
     void *intermediate_update; /* FMI 3 callback, or NULL */
     int may_return_early;
 } Instance;
 
-Instance *instance_create(const char *name, int cosimulation);
+/* NULL, and the reason in `problem`, where the name is empty or the GUID is not the model's. */
+#define PROBLEM_SIZE 256
+Instance *instance_create(const char *name, const char *guid, Interface interface, char problem[PROBLEM_SIZE]);
 void instance_free(Instance *instance);
 void instance_reset(Instance *instance);
 
@@ -71,6 +82,9 @@ Status instance_set_logging(Instance *instance, int on, size_t n, const char *co
 
 /* OK where `function` may be called in the present mode; an error that names both where not. */
 Status instance_allow(Instance *instance, const char *function, int modes);
+
+/* The same for functions that belong to one interface alone. */
+Status instance_allow_only(Instance *instance, const char *function, Interface interface, int modes);
 
 /* Values by reference, in the modes that allow it. `type` is what the caller's function transports. */
 Status instance_get(Instance *instance, const char *function, Type type, const unsigned *vr, size_t n, double *value);
@@ -85,10 +99,10 @@ Status instance_setup(Instance *instance, int has_tolerance, double tolerance, d
 Status instance_enter_initialization(Instance *instance);
 Status instance_exit_initialization(Instance *instance);
 
-/* Called between internal steps at the time `now.time`; non-zero ends the communication step there. */
-typedef int (*Between)(Instance *instance, double step_end);
+/* Called after internal steps, at `now.time`, with the end of the communication step; returns where it is to end. */
+typedef double (*Between)(Instance *instance, double end);
 
-/* From `time` over `step`; on success now.time is the end (or the time at which `between` stopped it). */
+/* From `time` over `step`; on success now.time is the end (or where `between` let it end). */
 Status instance_do_step(Instance *instance, double time, double step, Between between);
 
 Status instance_set_time(Instance *instance, double time);
@@ -96,6 +110,12 @@ Status instance_set_states(Instance *instance, const double *x, size_t n);
 Status instance_get_states(Instance *instance, double *x, size_t n);
 Status instance_get_derivatives(Instance *instance, double *dx, size_t n);
 Status instance_get_nominals(Instance *instance, double *nominal, size_t n);
+
+/* The name of a variable for messages. */
+const char *instance_name_of(Kind kind, int index);
+
+/* Derivatives of inputs hold for one step: drops those of input `i` where the step was made. */
+void instance_drop_spent(Instance *instance, int i);
 
 /* What follows from the snapshot; each is recomputed only when it is stale. */
 void instance_inputs(const Instance *instance, double *u, double *du);

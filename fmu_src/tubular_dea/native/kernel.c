@@ -22,15 +22,17 @@ typedef struct {
 
 static void record(Recorder *recorder, double time, const double *x)
 {
-    double u[NU], du[NU], fold = 0, *row = recorder->y + recorder->next * (MODEL_NY + 1);
+    double u[NU], du[NU], fold = 0;
+    memcpy(recorder->x + recorder->next * MODEL_NX, x, MODEL_NX * sizeof *x);
+    double *row = recorder->y ? recorder->y + recorder->next * (MODEL_NY + 1) : NULL;
+    recorder->next++;
+    if (!row) return;
     inputs_at(&recorder->solver->inputs, time, u, du);
 #if MODEL_HAS_CURVE
     if (recorder->with_fold) fold = curve_fold(u, recorder->solver->p).load;
 #endif
-    memcpy(recorder->x + recorder->next * MODEL_NX, x, MODEL_NX * sizeof *x);
     model_outputs(time, x, u, du, recorder->solver->p, &fold, row);
     row[MODEL_NY] = fold;
-    recorder->next++;
 }
 
 /* Samples inside the step; one at the end of the piece belongs to the next piece, whose inputs hold there. */
@@ -63,7 +65,8 @@ static void set_piece(Solver *solver, const double *points, const double *u, lon
 /* The initial states for parameters and first inputs, by way of an instance; 0 where there are none. */
 static int start_states(const double *p, const double *u, double time, double *x)
 {
-    Instance *instance = instance_create("kernel", 1);
+    char problem[PROBLEM_SIZE];
+    Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
     if (!instance) return 0;
     memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
     for (int i = 0; i < MODEL_NU; i++) instance->now.u[i][0] = u[i];

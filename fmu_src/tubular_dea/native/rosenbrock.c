@@ -1,55 +1,83 @@
+#define MODEL_SOLVER
 #include "rosenbrock.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #define NX AT_LEAST_ONE(MODEL_NX)
-#define STAGES 6
+#define NU AT_LEAST_ONE(MODEL_NU)
+#define NQ AT_LEAST_ONE(MODEL_NQ)
+#define NJ AT_LEAST_ONE(MODEL_NJ)
+#define NL AT_LEAST_ONE(MODEL_NL)
+#define STAGES 8
 
-static const double GAMMA = 0.25;
+/* The method ------------------------------------------------------------------------------------------------- */
+
+#define GAMMA 0.21193756319429014
 
 /* Stage positions, and gamma_i for the derivative along time. */
-static const double ALPHA[STAGES] = {0, 0.386, 0.21, 0.63, 1, 1};
-static const double DELTA[STAGES] = {0.25, -0.1043, 0.1035, -0.03620000000000023, 0, 0};
+static const double ALPHA[STAGES] = {0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664,
+                                     1, 1, 1};
+static const double DELTA[STAGES] = {0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734,
+                                     2.325825639765069, 0, 0, 0};
 
+/* Stages 6 to 8 each stand at the stage before plus its slope. */
 static const double A[STAGES][STAGES - 1] = {
     {0},
-    {1.544},
-    {0.9466785280815826, 0.2557011698983284},
-    {3.314825187068521, 2.896124015972201, 0.9986419139977817},
-    {1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895},
-    {1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1},
+    {3.0},
+    {2.849394379747939, 0.45842242204463923},
+    {-6.954028509809101, 2.489845061869568, -10.358996098473584},
+    {2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641},
+    {-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946},
+    {-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1},
+    {-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1, 1},
 };
 
 static const double C[STAGES][STAGES - 1] = {
     {0},
-    {-5.6688},
-    {-2.430093356833875, -0.2063599157091915},
-    {-0.1073529058151375, -9.594562251023355, -20.47028614809616},
-    {7.496443313967647, -10.24680431464352, -33.99990352819905, 11.7089089320616},
-    {8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054},
+    {-14.155112264123755},
+    {-17.97296035885952, -2.859693295451294},
+    {147.12150275711716, -1.41221402718213, 71.68940251302358},
+    {165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306},
+    {24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125, -0.6610691825249471},
+    {30.91273214028599, -3.1208243349937974, 77.79954646070892, 34.28646028294783, -19.097331116725623,
+     -28.087943162872662},
+    {37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047, -40.06618937091002,
+     -54.66780262877968, -9.48861652309627},
 };
 
-static const double DENSE3[STAGES - 1] = {10.12623508344586, -7.487995877610167, -34.80091861555747,
-                                          -7.992771707568823, 1.025137723295662};
-static const double DENSE4[STAGES - 1] = {-0.6762803392801253, 6.087714651680015, 16.43084320892478,
-                                          24.76722511418386, -6.594389125716872};
+static const double DENSE[3][STAGES] = {
+    {25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204, 0.524948541321073,
+     1.1241088310450404, 0.4272876194431874, -0.17202221070155493},
+    {-9.91568850695171, -0.9689944594115154, 3.0438037242978453, -24.495224566215796, 20.176138334709044,
+     15.98066361424651, -6.789040303419874, -6.710236069923372},
+    {11.419903575922262, 2.8879645146136994, 72.92137995996029, 80.12511834622643, -52.072871366152654,
+     -59.78993625266729, -0.15582684282751913, 4.883087185713722},
+};
 
-void inputs_at(const Inputs *inputs, double time, double *u, double *du)
+/* Inputs ----------------------------------------------------------------------------------------------------- */
+
+static inline void input_values(const Inputs *inputs, double time, double *u, double *du)
 {
     const double s = time - inputs->time;
     for (int i = 0; i < MODEL_NU; i++) {
         const double *c = inputs->u[i];
-        u[i] = c[0] + s * (c[1] + s * (c[2] / 2 + s * (c[3] / 6)));
-        du[i] = c[1] + s * (c[2] + s * (c[3] / 2));
+        u[i] = c[0] + s * (c[1] + s * (c[2] * (1.0 / 2) + s * (c[3] * (1.0 / 6))));
+        du[i] = c[1] + s * (c[2] + s * (c[3] * (1.0 / 2)));
     }
+}
+
+void inputs_at(const Inputs *inputs, double time, double *u, double *du)
+{
+    input_values(inputs, time, u, du);
 }
 
 void inputs_move(Inputs *inputs, double time)
 {
-    double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)];
+    double u[NU], du[NU];
     const double s = time - inputs->time;
-    inputs_at(inputs, time, u, du);
+    input_values(inputs, time, u, du);
     for (int i = 0; i < MODEL_NU; i++) {
         inputs->u[i][0] = u[i];
         inputs->u[i][1] = du[i];
@@ -58,134 +86,156 @@ void inputs_move(Inputs *inputs, double time)
     inputs->time = time;
 }
 
-static void rates(const Solver *solver, double time, const double *x, double *dx)
+/* One step --------------------------------------------------------------------------------------------------- */
+
+/* The equations at the start of a step: slopes, their Jacobian and their derivative along time. */
+typedef struct {
+    double dx[NX], J[NJ], dx_dt[NX];
+    double scale[NX]; /* one over the tolerance of each state */
+} Start;
+
+static void linearise(const Solver *solver, const double *q, double time, const double *x, Start *start)
 {
-    double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)];
-    const double fold = 0; /* no state derivative may use the fold: it is an output only */
-    inputs_at(&solver->inputs, time, u, du);
-    model_derivatives(time, x, u, du, solver->p, &fold, dx);
+    double u[NU], du[NU];
+    input_values(&solver->inputs, time, u, du);
+    model_linearise(time, x, u, du, q, start->dx, start->J, start->dx_dt);
+    for (int i = 0; i < MODEL_NX; i++) start->scale[i] = 1 / (solver->tolerance * (model_nominal[i] + fabs(x[i])));
 }
 
-static void linearise(const Solver *solver, double time, const double *x, double *J, double *dx_dt)
-{
-    double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)];
-    const double fold = 0;
-    inputs_at(&solver->inputs, time, u, du);
-    model_jacobian(time, x, u, du, solver->p, &fold, J, dx_dt);
-}
-
-/* LU with partial pivoting, in place; 0 where the matrix is singular or not finite. */
-static int factorise(double M[NX][NX], int pivot[NX])
-{
-    for (int k = 0; k < MODEL_NX; k++) {
-        int best = k;
-        for (int i = k + 1; i < MODEL_NX; i++)
-            if (fabs(M[i][k]) > fabs(M[best][k])) best = i;
-        pivot[k] = best;
-        if (!(fabs(M[best][k]) > 0) || !isfinite(M[best][k])) return 0;
-        if (best != k)
-            for (int j = 0; j < MODEL_NX; j++) {
-                const double swap = M[k][j];
-                M[k][j] = M[best][j];
-                M[best][j] = swap;
-            }
-        for (int i = k + 1; i < MODEL_NX; i++) {
-            M[i][k] /= M[k][k];
-            for (int j = k + 1; j < MODEL_NX; j++) M[i][j] -= M[i][k] * M[k][j];
-        }
-    }
-    return 1;
-}
-
-static void solve(double M[NX][NX], const int pivot[NX], double *b)
-{
-    for (int k = 0; k < MODEL_NX; k++) {
-        const double swap = b[k];
-        b[k] = b[pivot[k]];
-        b[pivot[k]] = swap;
-    }
-    for (int i = 1; i < MODEL_NX; i++)
-        for (int j = 0; j < i; j++) b[i] -= M[i][j] * b[j];
-    for (int i = MODEL_NX - 1; i >= 0; i--) {
-        for (int j = i + 1; j < MODEL_NX; j++) b[i] -= M[i][j] * b[j];
-        b[i] /= M[i][i];
-    }
-}
-
-/* Root mean square of the values over their tolerances. */
-static double norm(const Solver *solver, const double *value, const double *x, const double *x_new)
+/* Mean square of the values over their tolerances. */
+static inline double mean_square(const Start *start, const double *value)
 {
     double sum = 0;
     for (int i = 0; i < MODEL_NX; i++) {
-        const double size = fmax(fabs(x[i]), fabs(x_new[i]));
-        const double scaled = value[i] / (solver->tolerance * (model_nominal[i] + size));
+        const double scaled = value[i] * start->scale[i];
         sum += scaled * scaled;
     }
-    return sqrt(sum / NX);
+    return sum / NX;
 }
 
-/* One step of size step->h from step->x; returns the error over its tolerance, infinite where it broke down. */
-static double attempt(const Solver *solver, const double J[NX * NX], const double *dx_dt, Step *step)
+/* A pivot this small beside the shift has lost its digits (or is no number). */
+static inline int regular(const double *pivot, double shift)
 {
-    double k[STAGES][NX], M[NX][NX], x[NX];
-    int pivot[NX];
-    const double h = step->h;
-    for (int i = 0; i < MODEL_NX; i++)
-        for (int j = 0; j < MODEL_NX; j++) M[i][j] = (i == j ? 1 / (h * GAMMA) : 0) - J[i * MODEL_NX + j];
-    if (!factorise(M, pivot)) return INFINITY;
-
-    for (int s = 0; s < STAGES; s++) {
-        for (int i = 0; i < MODEL_NX; i++) {
-            x[i] = step->x[i];
-            for (int j = 0; j < s; j++) x[i] += A[s][j] * k[j][i];
-        }
-        rates(solver, step->time + ALPHA[s] * h, x, k[s]);
-        for (int i = 0; i < MODEL_NX; i++) {
-            double sum = 0;
-            for (int j = 0; j < s; j++) sum += C[s][j] * k[j][i];
-            k[s][i] += sum / h + DELTA[s] * h * dx_dt[i];
-        }
-        solve(M, pivot, k[s]);
-    }
-    for (int i = 0; i < MODEL_NX; i++) {
-        step->x_new[i] = x[i] + k[STAGES - 1][i];
-        step->c3[i] = step->c4[i] = 0;
-        for (int j = 0; j < STAGES - 1; j++) {
-            step->c3[i] += DENSE3[j] * k[j][i];
-            step->c4[i] += DENSE4[j] * k[j][i];
-        }
-    }
-    const double error = norm(solver, k[STAGES - 1], step->x, step->x_new);
-    return isfinite(error) ? error : INFINITY;
+    int good = 1;
+    for (int i = 0; i < MODEL_NX; i++) good &= fabs(pivot[i]) > 1e-9 * shift;
+    return good;
 }
 
-/* By how much the step may grow (or must shrink) for an error of the third-order method. */
+/* One step of size step->h from step->x; returns the square of the error over its tolerance, infinite where the step
+ * broke down. */
+static double attempt(const Solver *solver, const double *q, const Start *start, Step *step)
+{
+    double k[STAGES][NX], x[NX], b[NX], L[NL], pivot[NX], u[NU], du[NU];
+    const double h = step->h, inverse_h = 1 / h, shift = inverse_h * (1 / GAMMA);
+    model_factorise(shift, start->J, L, pivot);
+    if (!regular(pivot, shift)) return INFINITY;
+
+#define STAGE(s)                                                                                      \
+    do {                                                                                              \
+        for (int i = 0; i < MODEL_NX; i++) {                                                          \
+            double sum = s < 6 ? step->x[i] : x[i] + k[s - 1][i];                                     \
+            if (s < 6)                                                                                \
+                for (int j = 0; j < s; j++) sum += A[s][j] * k[j][i];                                 \
+            x[i] = sum;                                                                               \
+        }                                                                                             \
+        if (s < 6) input_values(&solver->inputs, step->time + ALPHA[s] * h, u, du);                   \
+        model_slopes(step->time + ALPHA[s] * h, x, u, du, q, b);                                      \
+        for (int i = 0; i < MODEL_NX; i++) {                                                          \
+            double sum = 0;                                                                           \
+            for (int j = 0; j < s; j++) sum += C[s][j] * k[j][i];                                     \
+            b[i] += sum * inverse_h;                                                                  \
+            if (s < 5) b[i] += DELTA[s] * h * start->dx_dt[i];                                        \
+        }                                                                                             \
+        model_solve(L, b, k[s]);                                                                      \
+    } while (0)
+
+    for (int i = 0; i < MODEL_NX; i++) b[i] = start->dx[i] + DELTA[0] * h * start->dx_dt[i];
+    model_solve(L, b, k[0]);
+    STAGE(1);
+    STAGE(2);
+    STAGE(3);
+    STAGE(4);
+    STAGE(5);
+    STAGE(6);
+    STAGE(7);
+#undef STAGE
+    for (int i = 0; i < MODEL_NX; i++) step->x_new[i] = x[i] + k[STAGES - 1][i];
+    if (solver->observer)
+        for (int d = 0; d < 3; d++)
+            for (int i = 0; i < MODEL_NX; i++) {
+                double sum = 0;
+                for (int j = 0; j < STAGES; j++) sum += DENSE[d][j] * k[j][i];
+                step->bend[d][i] = sum;
+            }
+    const double error = mean_square(start, k[STAGES - 1]);
+    return error < INFINITY ? error : INFINITY;
+}
+
+/* Step size -------------------------------------------------------------------------------------------------- */
+
+/* value^(-1/n), up to 7 % too large, for positive values: the bits of a double are nearly its logarithm. Unlike pow()
+ * it is the same on every machine with IEEE doubles. */
+static inline double inverse_root(double value, int n)
+{
+    const int64_t one = INT64_C(0x3ff) << 52;
+    int64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    bits = one - (bits - one) / n;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Not fmin and fmax: those are calls into the library with some compilers. */
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double larger(double a, double b) { return a > b ? a : b; }
+
+/* By how much the step may grow (or must shrink) for the square of an error. The sixth root of the error, not the fifth
+ * that its order gives: steps swing less, and fewer are rejected. To remember the error before would gain nothing. */
 static double growth(double error)
 {
     if (!(error < INFINITY)) return 0.1;
-    const double factor = 0.9 / sqrt(sqrt(fmax(error, 1e-12)));
-    return fmin(6, fmax(0.2, factor));
+    return smaller(10, larger(0.1, 0.8 * inverse_root(larger(error, 1e-12), 12)));
+}
+
+/* As solver_first_step. Along the solution, x'' = J x' + d(x')/dt and x''' is near J x''. Their ratio is the speed of
+ * the fastest motion, and x'' over the square of that speed how far it goes; if that is beyond the tolerance, the step
+ * has to resolve it, to an error of about reach (speed h)^5 / 1000. */
+static double resolving_step(const Start *start, double limit)
+{
+    double second[NX], third[NX];
+    model_multiply(start->J, start->dx, second);
+    for (int i = 0; i < MODEL_NX; i++) second[i] += start->dx_dt[i];
+    model_multiply(start->J, second, third);
+    const double a = mean_square(start, second), b = mean_square(start, third);
+    const double speed = b / a, reach = a / (speed * speed); /* squares of both */
+    if (!(reach > 1 && reach < INFINITY)) return limit;
+    return smaller(limit, inverse_root(1e-6 * reach, 10) / sqrt(speed));
 }
 
 double solver_first_step(const Solver *solver, double time, const double *x, double limit)
 {
-    double dx[NX];
-    rates(solver, time, x, dx);
-    const double size = norm(solver, x, x, x), speed = norm(solver, dx, x, x);
-    const double h = speed > 0 ? 0.01 * size / speed : limit;
-    return isfinite(h) && h > 0 ? fmin(h, limit) : limit;
+    double q[NQ];
+    Start start;
+    model_prepare(solver->p, q);
+    linearise(solver, q, time, x, &start);
+    return resolving_step(&start, limit);
 }
 
 SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h)
 {
-    double J[NX * NX], dx_dt[NX];
+    double q[NQ];
+    Start start;
     Step step;
     long tries = 0;
+    int first = 1;
+    model_prepare(solver->p, q);
     while (*time < end) {
         const double left = end - *time;
         double wanted = *h;
         int rejected = 0;
-        linearise(solver, *time, x, J, dx_dt);
+        linearise(solver, q, *time, x, &start);
+        if (first) wanted = resolving_step(&start, wanted);
+        first = 0;
         step.time = *time;
         memcpy(step.x, x, sizeof step.x);
         for (;;) {
@@ -193,10 +243,10 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
             const int last = wanted >= left * (1 - 1e-9);
             step.h = last ? left : wanted;
             if (!(step.h > 4e-16 * fabs(*time) && step.h > 1e-300)) return SOLVER_STEP_TOO_SMALL;
-            const double error = attempt(solver, J, dx_dt, &step);
+            const double error = attempt(solver, q, &start, &step);
             const double next = step.h * growth(error);
             if (error <= 1) {
-                *h = rejected ? fmin(next, step.h) : last ? fmax(next, wanted) : next;
+                *h = rejected ? smaller(next, step.h) : last ? larger(next, wanted) : next;
                 *time = last ? end : *time + step.h;
                 break;
             }
@@ -214,6 +264,8 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
 void step_interpolate(const Step *step, double time, double *x)
 {
     const double s = (time - step->time) / step->h, r = 1 - s;
-    for (int i = 0; i < MODEL_NX; i++)
-        x[i] = step->x[i] * r + s * (step->x_new[i] + r * (step->c3[i] + s * step->c4[i]));
+    for (int i = 0; i < MODEL_NX; i++) {
+        const double bend = step->bend[0][i] + s * (step->bend[1][i] + s * step->bend[2][i]);
+        x[i] = step->x[i] * r + s * (step->x_new[i] + r * bend);
+    }
 }

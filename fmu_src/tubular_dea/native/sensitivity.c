@@ -78,52 +78,77 @@ static void seed(Tangent *v, const Variable *variable, double value)
     else v->time += value;
 }
 
-static Status check(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known,
-                    const void *seeds, const void *sensitivity)
+static const char *name_of(unsigned vr) { return vr < MODEL_VARIABLES ? model_variables[vr].name : "no variable"; }
+
+static int is_unknown(unsigned vr)
 {
-    const int starting = instance->now.mode == INITIALIZATION;
-    if ((n_unknown && !unknown) || (n_known && !known) || !seeds || !sensitivity)
-        return instance_report(instance, STATUS_ERROR, "directional derivative: expected arrays but was given NULL");
-    for (size_t i = 0; i < n_unknown; i++) {
-        const Kind kind = unknown[i] < MODEL_VARIABLES ? model_variables[unknown[i]].kind : TIME;
-        if (kind == TIME || kind == INPUT || kind == PARAMETER)
+    const Kind kind = vr < MODEL_VARIABLES ? model_variables[vr].kind : TIME;
+    return kind != TIME && kind != INPUT && kind != PARAMETER;
+}
+
+/* At initialization, states follow from inputs and parameters, and time stands still. */
+static int is_known(const Instance *instance, unsigned vr)
+{
+    if (vr >= MODEL_VARIABLES || model_variables[vr].type != TYPE_REAL) return 0;
+    const Kind kind = model_variables[vr].kind;
+    return kind == INPUT || kind == PARAMETER ||
+           (instance->now.mode != INITIALIZATION && (kind == STATE || kind == TIME));
+}
+
+static Status check(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known)
+{
+    for (size_t i = 0; i < n_unknown; i++)
+        if (!is_unknown(unknown[i]))
             return instance_report(instance, STATUS_ERROR,
-                                   "directional derivative: value reference %u is not an unknown; expected an output or a "
-                                   "state derivative",
-                                   unknown[i]);
-    }
-    for (size_t i = 0; i < n_known; i++) {
-        const Variable *v = known[i] < MODEL_VARIABLES ? &model_variables[known[i]] : NULL;
-        const int allowed = v && v->type == TYPE_REAL &&
-                            (v->kind == INPUT || v->kind == PARAMETER || (!starting && (v->kind == STATE || v->kind == TIME)));
-        if (!allowed)
+                                   "partial derivatives: expected an output or a state derivative as unknown %zu but was "
+                                   "given value reference %u (%s)",
+                                   i, unknown[i], name_of(unknown[i]));
+    for (size_t i = 0; i < n_known; i++)
+        if (!is_known(instance, known[i]))
             return instance_report(instance, STATUS_ERROR,
-                                   "directional derivative: value reference %u is not a known %s; expected an input, a "
-                                   "parameter%s",
-                                   known[i], starting ? "at initialization" : "now",
-                                   starting ? "" : ", a state or the time");
-    }
+                                   "partial derivatives: expected a real input or parameter%s as known %zu but was given "
+                                   "value reference %u (%s)",
+                                   instance->now.mode == INITIALIZATION ? "" : ", a state or the time", i, known[i],
+                                   name_of(known[i]));
     return instance_update_start(instance);
+}
+
+static Status null_arrays(Instance *instance)
+{
+    return instance_report(instance, STATUS_ERROR, "partial derivatives: expected arrays but was given NULL");
+}
+
+static Status check_finite(Instance *instance, const unsigned *vr, size_t n, const double *value)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(value[i]))
+            return instance_report(instance, STATUS_ERROR,
+                                   "the derivative by or of %s is not a finite number at time %.9g; check the seeds, and that "
+                                   "the start is not exactly at the fold",
+                                   name_of(vr[i]), instance->now.time);
+    return STATUS_OK;
 }
 
 Status instance_directional(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known,
                             size_t n_known, const double *seeds, double *sensitivity)
 {
-    const Status status = check(instance, unknown, n_unknown, known, n_known, seeds, sensitivity);
+    if ((n_unknown && (!unknown || !sensitivity)) || (n_known && (!known || !seeds))) return null_arrays(instance);
+    const Status status = check(instance, unknown, n_unknown, known, n_known);
     if (status != STATUS_OK) return status;
     Tangent v;
     memset(&v, 0, sizeof v);
     for (size_t k = 0; k < n_known; k++) seed(&v, &model_variables[known[k]], seeds[k]);
     push_forward(instance, &v);
     for (size_t i = 0; i < n_unknown; i++) sensitivity[i] = tangent_of(&v, &model_variables[unknown[i]]);
-    return STATUS_OK;
+    return check_finite(instance, unknown, n_unknown, sensitivity);
 }
 
 /* By one forward pass for each known: with so few knowns a reverse pass would gain nothing. */
 Status instance_adjoint(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known,
                         size_t n_known, const double *seeds, double *sensitivity)
 {
-    const Status status = check(instance, unknown, n_unknown, known, n_known, seeds, sensitivity);
+    if ((n_unknown && (!unknown || !seeds)) || (n_known && (!known || !sensitivity))) return null_arrays(instance);
+    const Status status = check(instance, unknown, n_unknown, known, n_known);
     if (status != STATUS_OK) return status;
     for (size_t k = 0; k < n_known; k++) {
         Tangent v;
@@ -133,7 +158,7 @@ Status instance_adjoint(Instance *instance, const unsigned *unknown, size_t n_un
         sensitivity[k] = 0;
         for (size_t i = 0; i < n_unknown; i++) sensitivity[k] += seeds[i] * tangent_of(&v, &model_variables[unknown[i]]);
     }
-    return STATUS_OK;
+    return check_finite(instance, known, n_known, sensitivity);
 }
 
 Status instance_get_output_derivatives(Instance *instance, const unsigned *vr, size_t n, const int32_t *order,
@@ -146,7 +171,9 @@ Status instance_get_output_derivatives(Instance *instance, const unsigned *vr, s
     for (size_t i = 0; i < n; i++) {
         const Variable *v = vr[i] < MODEL_VARIABLES ? &model_variables[vr[i]] : NULL;
         if (!v || (v->kind != OUTPUT && v->kind != STATE && v->kind != FOLD))
-            return instance_report(instance, STATUS_ERROR, "output derivatives: value reference %u is not an output", vr[i]);
+            return instance_report(instance, STATUS_ERROR,
+                                   "output derivatives: expected an output but was given value reference %u (%s)", vr[i],
+                                   name_of(vr[i]));
         if (order[i] != 1)
             return instance_report(instance, STATUS_ERROR,
                                    "output derivatives: %s: expected order 1 but was given %d", v->name, (int)order[i]);
@@ -163,5 +190,5 @@ Status instance_get_output_derivatives(Instance *instance, const unsigned *vr, s
     }
     push_forward(instance, &v);
     for (size_t i = 0; i < n; i++) value[i] = tangent_of(&v, &model_variables[vr[i]]);
-    return STATUS_OK;
+    return check_finite(instance, vr, n, value);
 }

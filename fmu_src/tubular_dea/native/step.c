@@ -5,16 +5,19 @@
 
 #include "instance.h"
 
+#ifndef MAX_STEPS
 #define MAX_STEPS 1000000 /* internal steps in one communication step: bounded, so that no call hangs */
+#endif
 
 static Status check_step(Instance *instance, double time, double step)
 {
     const Snapshot *now = &instance->now;
-    const double slack = 1e-9 * fmax(fabs(now->time), isfinite(step) ? fabs(step) : 0) + 1e-15;
     if (!isfinite(step) || !(step > 0))
         return instance_report(instance, STATUS_ERROR,
                                "communication step size: expected a positive finite number in s but was given %g",
                                step);
+    /* Hosts count time in their own ways: allow for rounding, and for a part of the step that changes nothing. */
+    const double slack = fmax(1e-15 * fabs(now->time), fmin(1e-9 * fmax(fabs(now->time), step), 1e-3 * step));
     if (!isfinite(time) || fabs(time - now->time) > slack)
         return instance_report(instance, STATUS_ERROR,
                                "communication point: expected the present time %.12g s but was given %.12g; the "
@@ -36,28 +39,24 @@ typedef struct {
     Instance *instance;
     Solver *solver;
     Between between;
-    double end;
-    int stop;
+    double end; /* of the communication step */
 } Watch;
 
-static void take_inputs(Instance *instance, Solver *solver)
-{
-    inputs_move(&solver->inputs, instance->now.time);
-    memcpy(instance->now.u, solver->inputs.u, sizeof instance->now.u);
-}
-
-/* After an internal step: let the host look at the instance, and change its inputs. */
+/* After an internal step: let the host look at the instance. Stops the solver if inputs or the end have changed. */
 static int look(void *context, const Step *step)
 {
     Watch *watch = context;
     Instance *instance = watch->instance;
+    const double end = watch->end;
+    Inputs inputs = watch->solver->inputs;
     (void)step;
-    take_inputs(instance, watch->solver);
+    inputs_move(&inputs, instance->now.time);
+    memcpy(instance->now.u, inputs.u, sizeof inputs.u);
     instance_forget(instance);
     instance->now.mode = INTERMEDIATE;
-    watch->stop = watch->between(instance, watch->end);
+    watch->end = fmax(instance->now.time, fmin(end, watch->between(instance, end)));
     instance->now.mode = STEPPING;
-    return 1;
+    return watch->end < end || memcmp(instance->now.u, inputs.u, sizeof inputs.u);
 }
 
 static Status solver_failed(Instance *instance, SolverStatus failure, const Snapshot *reached)
@@ -81,12 +80,13 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
                            reached->time, states);
 }
 
-/* Integrate towards `end` with the instance's present inputs; the observer, if any, stops after each step. */
+/* Integrate towards `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
 static SolverStatus run(Instance *instance, Solver *solver, double end)
 {
     Snapshot *now = &instance->now;
     solver->inputs.time = now->time;
     memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
+    solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
     if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, end - now->time);
     return solver_advance(solver, &now->time, end, now->x, &now->h);
 }
@@ -97,27 +97,29 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     if (status != STATUS_OK) return status;
     const Snapshot before = instance->now;
     Snapshot *now = &instance->now;
-    const double end = time + step;
     Solver solver = {0};
-    Watch watch = {instance, &solver, between, end, 0};
+    Watch watch = {instance, &solver, between, time + step};
     SolverStatus outcome;
     solver.p = now->p;
     solver.tolerance = now->tolerance;
-    solver.max_steps = MAX_STEPS;
     solver.observer = between ? look : NULL;
     solver.context = &watch;
+    for (int i = 0; i < MODEL_NU; i++) instance_drop_spent(instance, i);
+    now->marks &= ~SPENT;
     now->time = time;
-    do outcome = run(instance, &solver, end);
-    while (outcome == SOLVER_STOPPED && !watch.stop && now->time < end);
+    do outcome = run(instance, &solver, watch.end);
+    while (outcome == SOLVER_STOPPED && now->time < watch.end);
     instance_forget(instance);
     if (outcome == SOLVER_TOO_MANY_STEPS || outcome == SOLVER_STEP_TOO_SMALL) {
         const Snapshot reached = instance->now;
         instance->now = before;
         return solver_failed(instance, outcome, &reached);
     }
-    take_inputs(instance, &solver);
-    for (int i = 0; i < MODEL_NU; i++)
-        for (int k = 1; k <= INPUT_ORDER; k++) now->u[i][k] = 0; /* derivatives hold for one step */
+    if (outcome == SOLVER_OK) {
+        inputs_move(&solver.inputs, now->time);
+        memcpy(now->u, solver.inputs.u, sizeof now->u);
+    }
+    now->marks |= SPENT;
     instance_note(instance, LOG_SOLVER, "stepped to time %.9g: %ld internal steps, %ld rejected", now->time,
                   solver.steps, solver.rejected);
     return STATUS_OK;

@@ -33,10 +33,7 @@ static Status value_of(Instance *instance, const Variable *v, double *value)
     }
     const Status status = instance_update_start(instance);
     if (status != STATUS_OK) return status;
-    if (v->needs_fold && instance->fold_is_stale) {
-        instance_update_fold(instance);
-        instance->outputs_are_stale = 1;
-    }
+    if (v->needs_fold) instance_update_fold(instance);
     switch (v->kind) {
     case FOLD: *value = instance->fold; break;
     case STATE: *value = now->x[v->index]; break;
@@ -49,7 +46,7 @@ static Status value_of(Instance *instance, const Variable *v, double *value)
         *value = instance->y[v->index];
     }
     if (isfinite(*value)) return STATUS_OK;
-    return instance_report(instance, STATUS_ERROR, "%s is not a finite number at time %.9g; check the parameters",
+    return instance_report(instance, STATUS_ERROR, "%s is not a finite number at time %.9g; check inputs and parameters",
                            v->name, now->time);
 }
 
@@ -82,21 +79,26 @@ static Status settable(Instance *instance, const char *function, const Variable 
         return instance_report(instance, STATUS_ERROR,
                                "%s: the parameter %s cannot change in continuous-time mode; enter event mode first",
                                function, v->name);
+    if (instance->now.mode == INTERMEDIATE)
+        return instance_report(instance, STATUS_ERROR,
+                               "%s: the parameter %s cannot change during an intermediate update; set it between steps",
+                               function, v->name);
     return STATUS_OK;
 }
 
 static Status in_range(Instance *instance, const char *function, const Variable *v, double value)
 {
-    const char *unit = strcmp(v->unit, "1") ? v->unit : "";
+    const int plain = !strcmp(v->unit, "1");
+    const char *space = plain ? "" : " ", *unit = plain ? "" : v->unit;
     if (!isfinite(value))
         return instance_report(instance, STATUS_ERROR, "%s: %s: expected a finite number%s%s but was given %g",
-                               function, v->name, *unit ? " in " : "", unit, value);
+                               function, v->name, plain ? "" : " in ", unit, value);
     if (value < v->minimum)
-        return instance_report(instance, STATUS_ERROR, "%s: %s: expected at least %g %s but was given %g", function,
-                               v->name, v->minimum, unit, value);
+        return instance_report(instance, STATUS_ERROR, "%s: %s: expected at least %g%s%s but was given %.10g", function,
+                               v->name, v->minimum, space, unit, value);
     if (value > v->maximum)
-        return instance_report(instance, STATUS_ERROR, "%s: %s: expected at most %g %s but was given %g", function,
-                               v->name, v->maximum, unit, value);
+        return instance_report(instance, STATUS_ERROR, "%s: %s: expected at most %g%s%s but was given %.10g", function,
+                               v->name, v->maximum, space, unit, value);
     return STATUS_OK;
 }
 
@@ -118,8 +120,12 @@ Status instance_set(Instance *instance, const char *function, Type type, const u
     if (status != STATUS_OK) return status;
     for (size_t i = 0; i < n; i++) {
         const Variable *v = &model_variables[vr[i]];
-        if (v->kind == INPUT) instance->now.u[v->index][0] = value[i];
-        else instance->now.p[v->index] = value[i];
+        if (v->kind == INPUT) {
+            instance_drop_spent(instance, v->index);
+            instance->now.u[v->index][0] = value[i];
+        } else {
+            instance->now.p[v->index] = value[i];
+        }
     }
     if (n > 0) instance_forget(instance);
     return STATUS_OK;
@@ -129,8 +135,8 @@ Status instance_set_input_derivatives(Instance *instance, const unsigned *vr, si
                                       const double *value)
 {
     static const char function[] = "input derivatives";
-    Status status = instance_allow(instance, function, INSTANTIATED | INITIALIZATION | STEPPING);
-    if (status == STATUS_OK && n > 0 && (!vr || !order || !value))
+    Status status = STATUS_OK;
+    if (n > 0 && (!vr || !order || !value))
         status = instance_report(instance, STATUS_ERROR, "%s: expected arrays of %zu values but was given NULL",
                                  function, n);
     for (size_t i = 0; i < n && status == STATUS_OK; i++) {
@@ -148,7 +154,10 @@ Status instance_set_input_derivatives(Instance *instance, const unsigned *vr, si
                                      v->name, value[i]);
     }
     if (status != STATUS_OK) return status;
+    if (n == 0) return STATUS_OK;
+    for (int i = 0; i < MODEL_NU; i++) instance_drop_spent(instance, i);
+    instance->now.marks &= ~SPENT;
     for (size_t i = 0; i < n; i++) instance->now.u[model_variables[vr[i]].index][order[i]] = value[i];
-    if (n > 0) instance->outputs_are_stale = 1;
+    instance->outputs_are_stale = 1;
     return STATUS_OK;
 }

@@ -1,0 +1,1 @@
+"""Slaves, couplings as data, and the master that steps them."""

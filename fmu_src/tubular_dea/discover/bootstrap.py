@@ -1,0 +1,52 @@
+"""False alarms: how large the largest score becomes when nothing is missing, by a parametric bootstrap.
+
+Whitened noise is white, so the scores of a null are projections of normal numbers on the candidates' columns; only
+their Gram matrix is needed, and thousands of nulls cost a moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bank import Candidate
+
+
+@dataclass(frozen=True)
+class NullScores:
+    """The largest score of `draws` records in which nothing is missing, ascending, shape (draws,)."""
+
+    largest: np.ndarray
+
+    def threshold(self, false_alarms: float) -> float:
+        """The score that this share of nulls exceeds."""
+        return float(np.quantile(self.largest, 1 - false_alarms))
+
+    def probability(self, score: float) -> float:
+        """The share of nulls with a larger score; never below one in the number of draws."""
+        above = int(np.sum(self.largest >= score))
+        return max(above, 1) / self.largest.size
+
+
+def null_scores(listed: Sequence[Candidate], jacobian: np.ndarray, draws: int = 4000, seed: int = 0) -> NullScores:
+    """Largest scores of nulls, given the candidates and the jacobian (N, k) of the present model."""
+    basis, _ = np.linalg.qr(jacobian)
+    blocks, bases = [], []
+    for candidate in listed:
+        columns = candidate.columns - basis @ (basis.T @ candidate.columns)
+        norms = np.linalg.norm(columns, axis=0)
+        if np.any(norms < 1e-3 * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
+            continue
+        q, _ = np.linalg.qr(columns / norms)
+        blocks.append(q.shape[1])
+        bases.append(q)
+    together = np.column_stack(bases)
+    gram = together.T @ together
+    value, vector = np.linalg.eigh(gram)
+    root = vector * np.sqrt(np.maximum(value, 0))
+    normal = np.random.default_rng(seed).standard_normal((draws, gram.shape[0])) @ root.T
+    edges = np.cumsum([0, *blocks])
+    each = [np.sum(normal[:, a:b] ** 2, axis=1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return NullScores(np.sort(np.max(each, axis=0)))

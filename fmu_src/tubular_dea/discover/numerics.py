@@ -1,0 +1,24 @@
+"""The numerics gate: what a tighter tolerance changes in the answers may not be explained by any effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..identify.response import TOLERANCE
+from .study import Study
+
+MARGIN = 4.0
+
+
+def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
+    """The gain (sum of squares in units of the noise) that the change under a halved tolerance could feign.
+
+    An effect with less than that is not named.
+    """
+    problem = study.problem((), [], values)
+    coarse = problem.response.outputs(values, TOLERANCE)
+    fine = problem.response.outputs(values, TOLERANCE / 2)
+    changed = problem.whiten([a - b for a, b in zip(coarse, fine, strict=True)])
+    return MARGIN * float(changed @ changed)

@@ -1,0 +1,58 @@
+"""Which parameters are searched for, from where, and in what scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..identify.problem import Free
+from ..model.declare import Model, Quantity
+from ..model.effects import Effect
+
+
+def base_parameters(model: Model) -> list[Free]:
+    """The parameters that may be identified: all tunable ones of the base model."""
+    return [_free(p.quantity, abs(p.quantity.value or 1.0)) for p in model.parameters if p.tunable]
+
+
+def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
+    """What of an effect is identified; with what may be refined later if `refined`."""
+    names = [*effect.fit, *(effect.refine if refined else ())]
+    return [_free(q, size(effect, q.name), effect) for q in effect.parameters if q.name in names]
+
+
+def size(effect: Effect, name: str) -> float:
+    """How far a parameter typically is from where it is off."""
+    typical, off = effect.typical[name], effect.off.get(name, 0.0)
+    quantity = next(q for q in effect.parameters if q.name == name)
+    return abs(typical - off) or abs(quantity.nominal) or 1.0
+
+
+def switched_on(effect: Effect) -> dict[str, float]:
+    """Values of the parameters that are not searched for: held ones on, refinements off."""
+    held = {q.name: float(q.value or 0.0) for q in effect.parameters if q.name in effect.refine}
+    return held | {n: v for n, v in effect.off.items() if n in effect.refine} | dict(effect.on)
+
+
+def switched_off(effect: Effect) -> dict[str, float]:
+    """Values at which the effect is off, refinements included."""
+    return switched_on(effect) | dict(effect.off)
+
+
+def clipped(free: Free, value: float) -> float:
+    """A value moved inside the bounds of its parameter."""
+    low = -float("inf") if free.lower is None else free.lower
+    high = float("inf") if free.upper is None else free.upper
+    return min(max(value, low), high)
+
+
+def sizes(effects: Mapping[str, Effect]) -> dict[str, float]:
+    """Typical sizes of all parameters of some effects, by name."""
+    return {q.name: size(e, q.name) for e in effects.values() for q in e.parameters}
+
+
+def _free(quantity: Quantity, scale: float, effect: Effect | None = None) -> Free:
+    """Logarithmic where it must stay positive and is not an amplitude (which may pass through zero)."""
+    low, high = quantity.minimum, quantity.maximum
+    amplitude = effect is not None and quantity.name in effect.off
+    positive = low is not None and low > 0 and not amplitude
+    return Free(quantity.name, scale, low, high, positive)

@@ -1,0 +1,187 @@
+"""Bench recordings: a folder of CSV files, one experiment each, with quantity and unit in the header.
+
+A recording that cannot mean what its header says is refused with file, line and column: time that goes back,
+mmHg labelled Pa, kV labelled V, a sensor that stands still or has run into its stop, a radius below the tube's own.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import UserError
+from ..model.units import UnitError, factor
+from ..tabular import TableError, headings, rows
+from . import checks
+from .bench import TUBE, Bench, Signal
+
+
+class DataError(UserError, ValueError):
+    """Recordings that cannot be used; the text names file, line and column and says what was expected."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording in SI units: `time` (n,), `inputs` by name, each (n,), and `output` (n,), NaN where missing.
+
+    `lines` are the numbers of the samples' lines in the file.
+    """
+
+    name: str
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    output: np.ndarray
+    lines: np.ndarray
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Where the output was recorded, shape (n,)."""
+        return np.isfinite(self.output)
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """All experiments of a folder and what its bench.toml says: `geometry` by parameter name, noise by signal name."""
+
+    bench: Bench
+    experiments: list[Experiment]
+    geometry: dict[str, float] = field(default_factory=dict)
+    noise: dict[str, float] = field(default_factory=dict)
+    source: str = ""
+
+
+def read_folder(folder: Path, bench: Bench = TUBE) -> Recordings:
+    """Every `*.csv` of a folder, in the order of their names, and its optional bench.toml."""
+    if not folder.is_dir():
+        raise DataError(f"{folder}: expected a folder of CSV files but there is {'a file' if folder.exists() else 'nothing'}")
+    files = sorted(folder.glob("*.csv"))
+    if not files:
+        raise DataError(f"{folder}: no experiment usable: expected CSV files headed {bench.example()!r} but found none")
+    geometry, noise = _bench_file(folder / "bench.toml", bench)
+    rest = geometry.get("r_o", bench.rest)
+    experiments = [read_experiment(path, bench, rest) for path in files]
+    return Recordings(bench, experiments, geometry, noise, folder.name)
+
+
+def read_experiment(path: Path, bench: Bench = TUBE, rest: float = TUBE.rest) -> Experiment:
+    """One CSV file, checked. `rest` is subtracted from a radius to make it the model's displacement [m]."""
+    try:
+        table = rows(path)
+    except TableError as problem:
+        raise DataError(str(problem)) from None
+    if not table:
+        raise DataError(f"{path}: expected the header {bench.example()!r} but the file is empty")
+    columns = _columns(path, table[0][1], bench)
+    if len(table) - 1 < bench.least_samples:
+        raise DataError(
+            f"{path}: too few samples: {len(table) - 1} lines below the header; expected at least {bench.least_samples}"
+        )
+    lines = np.array([line for line, _ in table[1:]])
+    values = {name: _values(path, table[1:], name, place, scale) for name, (place, scale) in columns.items()}
+    time = values.pop("time")
+    _check_time(path, lines, time)
+    output = _output(values, bench, rest)
+    inputs = {s.name: _filled(path, time, values[s.name], s) for s in bench.inputs}
+    experiment = Experiment(path.stem, time, inputs, output, lines)
+    for finding in checks.findings(experiment.time, inputs, output, bench, lines):
+        raise DataError(f"{path}, {finding}")
+    return experiment
+
+
+def _columns(path: Path, header: list[str], bench: Bench) -> dict[str, tuple[int, float]]:
+    """Place and factor to SI of time, inputs and the output, whichever of its names is there."""
+    units = {"time": "s"} | {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
+    try:
+        cells = headings(path, header, units)
+    except TableError as problem:
+        raise DataError(str(problem)) from None
+    for name in ["time", *(s.name for s in bench.inputs)]:
+        if name not in cells:
+            raise DataError(f"{path}, line 1: column '{name} [{units[name]}]' is missing; found {', '.join(header)}")
+    outputs = [name for name in bench.output_names if name in cells]
+    if len(outputs) != 1:
+        wanted = " or ".join(f"'{name} [{bench.output.unit}]'" for name in bench.output_names)
+        raise DataError(f"{path}, line 1: expected one column {wanted} but found {', '.join(header)}")
+    found = {}
+    for name in ["time", *(s.name for s in bench.inputs), *outputs]:
+        try:
+            found[name] = (cells[name].place, factor(cells[name].unit, units[name]))
+        except UnitError as problem:
+            raise DataError(f"{path}, line 1, column {name!r}: {problem}") from None
+    return found
+
+
+def _values(path: Path, table: list[tuple[int, list[str]]], name: str, place: int, scale: float) -> np.ndarray:
+    """A column in SI units; NaN for an empty cell or one that says nan."""
+    values = np.empty(len(table))
+    for i, (line, row) in enumerate(table):
+        cell = row[place] if place < len(row) else ""
+        try:
+            values[i] = float(cell) * scale if cell else math.nan
+        except ValueError:
+            raise DataError(f"{path}, line {line}, column {name!r}: expected a number but found {cell!r}") from None
+        if math.isinf(values[i]):
+            raise DataError(f"{path}, line {line}, column {name!r}: expected a finite number but found {cell!r}")
+    return values
+
+
+def _output(values: Mapping[str, np.ndarray], bench: Bench, rest: float) -> np.ndarray:
+    name = next(n for n in bench.output_names if n in values)
+    return values[name] - (rest if name in bench.absolute_names else 0.0)
+
+
+def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Signal) -> np.ndarray:
+    """An input with its gaps closed: the last value where the signal is held, a straight line where it is not."""
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < max(2, values.size // 2):
+        raise DataError(f"{path}, column {signal.name!r}: expected numbers but more than half of the lines have none")
+    if signal.held:
+        last = np.clip(np.searchsorted(there, np.arange(values.size), side="right") - 1, 0, None)
+        return values[there[last]]
+    return np.interp(time, time[there], values[there])
+
+
+def _check_time(path: Path, lines: np.ndarray, time: np.ndarray) -> None:
+    missing = np.flatnonzero(~np.isfinite(time))
+    if missing.size:
+        raise DataError(f"{path}, line {lines[missing[0]]}, column 'time': expected a number but found none")
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if back.size:
+        i = int(back[0])
+        raise DataError(
+            f"{path}, line {lines[i + 1]}, column 'time': expected ascending times but {time[i + 1]:g} s follows "
+            f"{time[i]:g} s; sort the lines and remove doubles"
+        )
+
+
+def _bench_file(path: Path, bench: Bench) -> tuple[dict[str, float], dict[str, float]]:
+    """Geometry (SI, by parameter name) and noise levels (SI, by signal name) from bench.toml, if it is there."""
+    if not path.exists():
+        return {}, {}
+    try:
+        text = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise DataError(f"{path}: cannot be read as TOML: {problem}") from None
+    unknown = sorted(set(text) - {"geometry", "noise", "sampling"})
+    if unknown:
+        raise DataError(f"{path}: expected the tables geometry, noise and sampling but found {unknown[0]!r}")
+    signals = {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
+    geometry = {k: _amount(path, k, v, bench.geometry) for k, v in text.get("geometry", {}).items()}
+    noise = {k: _amount(path, k, v, signals) for k, v in text.get("noise", {}).items()}
+    return geometry, noise
+
+
+def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> float:
+    """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`."""
+    if name not in units:
+        raise DataError(f"{path}: {name!r} is not known; expected some of {', '.join(units)}")
+    number, _, unit = str(value).partition(" ")
+    try:
+        return float(number) * (factor(unit, units[name]) if unit else 1.0)
+    except (ValueError, UnitError) as problem:
+        raise DataError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found {value!r}: {problem}") from None

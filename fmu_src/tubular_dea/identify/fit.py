@@ -1,0 +1,148 @@
+"""Bounded least squares from several starts, and what the record says about each parameter.
+
+Intervals are from the covariance at the optimum and, where asked for, from the profile of the likelihood: the
+parameter is held, the others refitted, until twice the log likelihood has fallen by 3.84.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, least_squares
+
+from ..errors import UserError
+from .problem import Problem
+
+CHI2_95 = 3.841  # of one degree of freedom
+UNDETERMINED = 0.5  # relative standard error above which a parameter is not determined by the data
+
+
+class FitError(UserError, RuntimeError):
+    """No start led to parameters at which the model answers; the text says what to change."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """An optimum: parameters in SI units, minus twice the log likelihood `cost` (but for constants), covariance.
+
+    `jacobian` (N, k) and `residual` (N,) are whitened and at the optimum; `covariance` (k, k) is in scaled numbers.
+    """
+
+    values: dict[str, float]
+    scaled: np.ndarray
+    cost: float
+    residual: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    names: list[str]
+    stderr: dict[str, float]
+    converged: bool
+    spread: float = 0.0
+
+    def undetermined(self) -> list[str]:
+        """The parameters that this record does not determine."""
+        return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
+
+
+def fit(
+    problem: Problem,
+    start: Mapping[str, float],
+    starts: int = 1,
+    spread: float = 0.15,
+    seed: int = 0,
+    evaluations: int = 60,
+) -> Fit:
+    """The best of `starts` searches: from `start` and from points around it (relative distance about `spread`).
+
+    `Fit.spread` is by how much the costs of the searches that ended within 10 of the best differ.
+    """
+    random = np.random.default_rng(seed)
+    first = problem.scaled(start)
+    found = []
+    for number in range(starts):
+        moved = first + (spread * random.standard_normal(first.size) if number else 0.0)
+        low, high = problem.bounds()
+        inside = 1e-9 * (1 + np.abs(moved))
+        solution = _search(problem, np.clip(moved, low + inside, high - inside), evaluations)
+        if solution is not None:
+            found.append(solution)
+    if not found:
+        raise FitError(
+            "the model has no answer at the starting values: expected parameters under which the tube carries the "
+            "recorded pressures; choose others"
+        )
+    costs = np.array([2 * s.cost for s in found])
+    best = found[int(np.argmin(costs))]
+    near = costs[costs < costs.min() + 10]
+    return _described(problem, best.x, bool(best.status > 0), float(np.ptp(near)))
+
+
+def _search(problem: Problem, start: np.ndarray, evaluations: int):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    """scipy's bounded least squares; each point is evaluated once for residual and Jacobian."""
+    if not np.all(np.isfinite(problem.residuals(start))):
+        return None
+    return least_squares(
+        problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
+        x_scale="jac", ftol=1e-7, xtol=1e-6, gtol=1e-8, max_nfev=evaluations,
+    )  # fmt: skip
+
+
+def _described(problem: Problem, scaled: np.ndarray, converged: bool, spread: float) -> Fit:
+    residual, jacobian = problem.linearised(scaled)
+    covariance = inverse(jacobian.T @ jacobian)
+    values = problem.values(scaled)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
+    stderr = {f.name: float(f.slope(values[f.name]) * d) for f, d in zip(problem.free, deviation, strict=True)}
+    return Fit(values, scaled, float(residual @ residual), residual, jacobian, covariance, problem.names, stderr,
+               converged, spread)  # fmt: skip
+
+
+def inverse(information: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    value, vector = np.linalg.eigh(information / np.outer(scale, scale))
+    inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
+    return inverted / np.outer(scale, scale)
+
+
+def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of one parameter (SI units) from the profile of the likelihood; infinite where it is open."""
+    i = best.names.index(name)
+    others = [f for f in problem.free if f.name != name]
+    one = problem.free[i]
+    deviation = float(np.sqrt(best.covariance[i, i]))
+
+    def excess(scaled: float) -> float:
+        held = Problem(problem.response, problem.records, problem.noise, others,
+                       dict(problem.fixed) | {name: one.to_si(scaled)}, problem.weights)  # fmt: skip
+        guess = best.scaled[np.arange(len(best.names)) != i] + (scaled - best.scaled[i]) * (
+            np.delete(best.covariance[:, i], i) / best.covariance[i, i]
+        )
+        low, high = held.bounds()
+        solution = _search(held, np.clip(guess, low + 1e-9, high - 1e-9), 6)
+        return np.inf if solution is None else 2 * solution.cost - best.cost - CHI2_95
+
+    ends = []
+    for side in (-1, 1):
+        limit = problem.bounds()[(side + 1) // 2][i]
+        far = best.scaled[i] + side * 3 * deviation
+        far = max(far, limit) if side < 0 else min(far, limit)
+        try:
+            end = brentq(excess, best.scaled[i], far, xtol=0.02 * deviation, maxiter=8, disp=False)
+            ends.append(one.to_si(float(end)))
+        except ValueError:
+            ends.append(side * np.inf if abs(far - limit) > 0 else one.to_si(far))
+    return ends[0], ends[1]
+
+
+def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
+    """The paper's goodness of fit [%], over all samples: 100 (1 - |y - yhat| / |y - mean(y)|)."""
+    y, yhat = np.concatenate(list(record)), np.concatenate(list(output))
+    return float(100 * (1 - np.linalg.norm(y - yhat) / np.linalg.norm(y - y.mean())))
+
+
+def rmse(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
+    """Root mean square error over all samples, in the output's unit."""
+    return float(np.sqrt(np.mean((np.concatenate(list(record)) - np.concatenate(list(output))) ** 2)))

@@ -1,0 +1,103 @@
+"""The sensor's noise, from the record alone: what a low polynomial leaves over in stretches without any event.
+
+The misfit of a model has no part in it, so an effect that the model lacks cannot hide in the noise. The noise is
+taken as an autoregression of first order (white where `correlation` is 0), by restricted maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+WINDOW, LEAST, DEGREE = 60, 30, 3  # samples a stretch has, at most and at least, and the polynomial's degree
+SETTLED = 0.1  # s after an event until the radius moves slowly
+
+
+@dataclass(frozen=True)
+class Noise:
+    """First-order autoregressive noise: `rms` in the output's unit, `correlation` between neighbouring samples."""
+
+    rms: float
+    correlation: float
+
+    @property
+    def innovation(self) -> float:
+        """Standard deviation of what is new in each sample."""
+        return self.rms * float(np.sqrt(1 - self.correlation**2))
+
+    def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
+        scale = np.full(time.size, 1 / self.innovation)
+        follows = np.append(False, _steady(time))
+        before = np.roll(values, 1, axis=0)
+        part = (self.correlation * follows).reshape(-1, *[1] * (values.ndim - 1))
+        scale[~follows] = 1 / self.rms
+        return (values - part * before) * scale.reshape(part.shape)
+
+    def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Noise of this kind at `time`, for a bootstrap."""
+        from scipy.signal import lfilter
+
+        new = random.standard_normal(time.size) * self.innovation
+        new[0] *= self.rms / self.innovation
+        return lfilter([1.0], [1.0, -self.correlation], new)
+
+
+def _steady(time: np.ndarray) -> np.ndarray:
+    step = np.diff(time)
+    return step < 1.5 * np.median(step)
+
+
+def quiet_stretches(time: np.ndarray, events: np.ndarray) -> list[slice]:
+    """Stretches of up to WINDOW samples with no event inside or shortly before."""
+    found = []
+    for begin, end in zip(events[:-1], events[1:], strict=True):
+        first, last = np.searchsorted(time, [begin + SETTLED, end])
+        pieces = max(1, round((last - first) / WINDOW))
+        bounds = np.linspace(first, last, pieces + 1).astype(int)
+        found += [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b - a >= LEAST]
+    return found
+
+
+def estimate(records: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Noise:
+    """The noise common to records of (time, output, times of events); outputs without gaps.
+
+    Where no record has a quiet stretch, all of it is used, cut into windows.
+    """
+    stretches = []
+    for time, output, events in records:
+        slices = quiet_stretches(time, events)
+        if not slices:
+            slices = [slice(a, a + LEAST) for a in range(0, time.size - LEAST, LEAST)]
+        stretches += [output[s] for s in slices]
+    by_size: dict[int, np.ndarray] = {}
+    for size in {s.size for s in stretches}:
+        by_size[size] = np.stack([s for s in stretches if s.size == size])
+    best = minimize_scalar(lambda c: _restricted(by_size, c)[0], bounds=(-0.5, 0.97), method="bounded",
+                           options={"xatol": 1e-3})  # fmt: skip
+    correlation = float(best.x) if abs(best.x) > 0.03 else 0.0
+    innovation = _restricted(by_size, correlation)[1]
+    return Noise(innovation / float(np.sqrt(1 - correlation**2)), correlation)
+
+
+def _restricted(by_size: dict[int, np.ndarray], correlation: float) -> tuple[float, float]:
+    """Minus the restricted log likelihood (but for constants), and the innovation's standard deviation."""
+    squares, freedom, terms = 0.0, 0, 0.0
+    for size, stretches in by_size.items():
+        basis = np.polynomial.legendre.legvander(np.linspace(-1, 1, size), DEGREE)
+        white = _whitened(basis, correlation)
+        q, r = np.linalg.qr(white)
+        data = _whitened(stretches.T, correlation)
+        left = data - q @ (q.T @ data)
+        squares += float(np.sum(left**2))
+        freedom += stretches.shape[0] * (size - basis.shape[1])
+        terms += stretches.shape[0] * (2 * np.sum(np.log(np.abs(np.diag(r)))) - np.log(1 - correlation**2))
+    variance = max(squares / max(freedom, 1), 1e-300)
+    return 0.5 * (freedom * np.log(variance) + terms), float(np.sqrt(variance))
+
+
+def _whitened(columns: np.ndarray, correlation: float) -> np.ndarray:
+    first = columns[:1] * np.sqrt(1 - correlation**2)
+    return np.concatenate([first, columns[1:] - correlation * columns[:-1]])

@@ -1,0 +1,108 @@
+"""The least squares problem behind an identification: whitened residuals of all experiments and their Jacobian.
+
+Parameters enter scaled: as the logarithm of what must stay positive, as multiples of their size otherwise. Both
+residuals and columns are in units of the sensor's noise, so that half the sum of squares is minus the log likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .noise import Noise
+from .response import KernelError, Response
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter that is identified: its typical `size`, and bounds in SI units (None where there is none).
+
+    `logarithmic` ones stay positive and are searched over orders of magnitude.
+    """
+
+    name: str
+    size: float
+    lower: float | None = None
+    upper: float | None = None
+    logarithmic: bool = False
+
+    def to_scaled(self, value: float) -> float:
+        """The number the solver works with."""
+        return float(np.log(value / self.size)) if self.logarithmic else value / self.size
+
+    def to_si(self, scaled: float) -> float:
+        """Back to SI units."""
+        return self.size * float(np.exp(scaled)) if self.logarithmic else scaled * self.size
+
+    def slope(self, value: float) -> float:
+        """d(SI value)/d(scaled)."""
+        return value if self.logarithmic else self.size
+
+    def bounds(self) -> tuple[float, float]:
+        """Bounds of the scaled number."""
+        low = -np.inf if self.lower is None else self.to_scaled(self.lower)
+        high = np.inf if self.upper is None else self.to_scaled(self.upper)
+        return low, high
+
+
+@dataclass
+class Problem:
+    """Residuals of `response` against `records` (each (n,), in SI units) at `free` parameters, the others `fixed`.
+
+    `weights`, one array (n,) a case, lower the say of samples whose inputs are uncertain.
+    """
+
+    response: Response
+    records: Sequence[np.ndarray]
+    noise: Noise
+    free: Sequence[Free]
+    fixed: Mapping[str, float]
+    weights: Sequence[np.ndarray] | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """The free parameters in the order of the Jacobian's columns."""
+        return [f.name for f in self.free]
+
+    def values(self, scaled: np.ndarray) -> dict[str, float]:
+        """Parameters in SI units for the solver's numbers (k,)."""
+        return dict(self.fixed) | {f.name: f.to_si(s) for f, s in zip(self.free, scaled, strict=True)}
+
+    def scaled(self, values: Mapping[str, float]) -> np.ndarray:
+        """The solver's numbers (k,) for parameters in SI units, moved inside their bounds."""
+        start = np.array([f.to_scaled(values[f.name]) for f in self.free])
+        low, high = self.bounds()
+        inside = 1e-9 * (1 + np.abs(start))
+        return np.clip(start, low + inside, high - inside)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the solver's numbers, each (k,)."""
+        pairs = np.array([f.bounds() for f in self.free]).reshape(-1, 2)
+        return pairs[:, 0], pairs[:, 1]
+
+    def whiten(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """Values or columns of all cases, whitened, weighted and stacked."""
+        parts = []
+        for i, (case, part) in enumerate(zip(self.response.cases, columns, strict=True)):
+            white = self.noise.whiten(case.times, part)
+            weight = 1.0 if self.weights is None else self.weights[i].reshape(-1, *[1] * (part.ndim - 1))
+            parts.append(white * weight)
+        return np.concatenate(parts)
+
+    def residuals(self, scaled: np.ndarray) -> np.ndarray:
+        """Model minus record, whitened, shape (N,); infinite where the model has no answer."""
+        try:
+            outputs = self.response.outputs(self.values(scaled))
+        except KernelError:
+            return np.full(sum(r.size for r in self.records), np.inf)
+        return self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
+
+    def linearised(self, scaled: np.ndarray, more: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (N,) and Jacobian (N, k + len(more)); `more` are fixed parameters, their columns in SI units."""
+        values = self.values(scaled)
+        outputs, columns = self.response.sensitivities(values, [*self.names, *more])
+        slopes = np.array([*(f.slope(values[f.name]) for f in self.free), *(1.0 for _ in more)])
+        residual = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
+        return residual, self.whiten(columns) * slopes

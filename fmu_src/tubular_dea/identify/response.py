@@ -1,0 +1,86 @@
+"""What a model answers to every experiment, and how that moves with its parameters; one thread an experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ..kernel import Kernel, KernelError
+from ..protocol import Protocol
+
+T = TypeVar("T")
+
+TOLERANCE = 1e-7  # of the kernel; the numerics gate compares with a halved one
+FINE = 1e-8  # where differences are taken
+WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Case:
+    """What one experiment asks of the model: inputs, and the times (n,) at which the sensor was read."""
+
+    protocol: Protocol
+    times: np.ndarray
+
+
+class Response:
+    """A compiled model on a set of cases; `measured` names the output that the sensor reports."""
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        cases: Sequence[Case],
+        measured: str,
+        values: Mapping[str, float] | None = None,
+        sizes: Mapping[str, float] | None = None,
+    ) -> None:
+        self.kernel = kernel
+        self.cases = list(cases)
+        self.measured = measured
+        self.fixed = dict(values or {})
+        self.sizes = dict(sizes or {})
+
+    def outputs(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
+        """The measured output of every case, each (n,); `KernelError` where one cannot be computed."""
+        parameters = self.fixed | dict(values)
+        return self._all(lambda c: self.kernel.simulate(c.protocol, c.times, parameters, tolerance)[self.measured])
+
+    def outputs_alone(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
+        """As `outputs`, in the calling thread: for callers that are many threads themselves."""
+        parameters = self.fixed | dict(values)
+        return [self.kernel.simulate(c.protocol, c.times, parameters, tolerance)[self.measured] for c in self.cases]
+
+    def sensitivities(
+        self, values: Mapping[str, float], names: Sequence[str]
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """The outputs, each (n,), and their derivatives with respect to `names`, each (n, len(names))."""
+        if not names:
+            outputs = self.outputs(values)
+            return outputs, [np.empty((y.size, 0)) for y in outputs]
+        parameters = self.fixed | dict(values)
+        pairs = self._all(lambda case: self._differences(case, parameters, names))
+        return [a for a, _ in pairs], [b for _, b in pairs]
+
+    def _differences(
+        self, case: Case, parameters: Mapping[str, float], names: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Output and one-sided differences at a tolerance so tight that the mesh does not show."""
+        base = self.kernel.simulate(case.protocol, case.times, parameters, FINE)[self.measured]
+        columns = np.empty((base.size, len(names)))
+        for i, name in enumerate(names):
+            value = parameters.get(name, self.kernel.defaults[name])
+            step = 1e-4 * max(abs(value), self.sizes.get(name, 0.0)) or 1e-7
+            moved = dict(parameters) | {name: value + step}
+            columns[:, i] = (self.kernel.simulate(case.protocol, case.times, moved, FINE)[self.measured] - base) / step
+        return base, columns
+
+    def _all(self, work: Callable[[Case], T]) -> list[T]:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(work, self.cases))
+
+
+__all__ = ["Case", "KernelError", "Response"]

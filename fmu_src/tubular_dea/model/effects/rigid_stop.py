@@ -1,0 +1,41 @@
+"""A housing around the tube stops it.
+
+::
+
+    p |              |
+      |            .-|   wall of the housing at r_o lambda_2_stop
+      |        .-'   |
+      +--------------|-- R
+
+Equation: F_cir += stop_stiffness ramp(lambda_2 - lambda_2_stop) A_3.
+
+Source: a penalty spring; Wriggers, "Computational contact mechanics", 2nd ed.
+
+Typical: 0.1 to 10 MPa per unit of stretch (10 MPa: 95 mmHg deflect it by 0.02 mm).
+"""
+
+from ..declare import Model, Quantity
+from ..smooth import ramp
+from . import Effect
+from ._signals import added
+
+CORNER = 2e-4  # stretch over which contact begins
+PARAMETERS = (
+    Quantity("stop_stiffness", "Pa", "Pressure of the stop for a stretch of 1 beyond it", 0.0, "Wriggers 2006", 0.0, 1e9,
+             1e6, "MPa"),
+    Quantity("lambda_2_stop", "1", "Hoop stretch at which the stop begins", 1.25, "Wriggers 2006", 0.7, 3.0),
+)
+
+
+def _apply(model: Model) -> Model:
+    names = [d.quantity.name for d in model.definitions]
+    pressure = model["stop_stiffness"] * ramp(model["lambda_2"] - model["lambda_2_stop"], CORNER)
+    surface = model["A_3"] if names.index("A_3") < names.index("F_cir") else model.expression("A_3")
+    return added(model, "F_cir", pressure * surface)
+
+
+EFFECT = Effect(
+    "rigid_stop", "mechanical", "A housing stops the tube", _apply, PARAMETERS,
+    off={"stop_stiffness": 0.0}, typical={"stop_stiffness": 1e6, "lambda_2_stop": 1.25},
+    shapes={"lambda_2_stop": (1.1, 1.15, 1.2, 1.25, 1.3, 1.4)},
+)  # fmt: skip

@@ -1,0 +1,457 @@
+/* A step of Rodas5P (rosenbrock.c) differentiated, its size held:
+ *
+ *     (shift I - J) k_s = f(t_s, x_s) + sum C_sj k_j / h + DELTA_s h df/dt
+ *     (shift I - J) k_s' = f' + sum C_sj k_j' / h + DELTA_s h (df/dt)' + J' k_s,     f' = J(x_s) x_s' + df/dp
+ *
+ * with ' the derivative to a parameter. The first derivatives are the emitted ones; J' and (df/dt)' are central
+ * differences of them along (x', p'), good to nine digits. The factors of shift I - J serve all columns.
+ */
+#define MODEL_SOLVER
+#include "tangent.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "gradients.h"
+#include "instance.h"
+#include "rodas5p.h"
+
+#define NX AT_LEAST_ONE(MODEL_NX)
+#define NU AT_LEAST_ONE(MODEL_NU)
+#define NQ AT_LEAST_ONE(MODEL_NQ)
+#define NJ AT_LEAST_ONE(MODEL_NJ)
+#define NL AT_LEAST_ONE(MODEL_NL)
+#define NP AT_LEAST_ONE(GRADIENTS_NP)
+#define MAX_STEPS 10000000
+#define DIFFERENCE 1e-6 /* of the columns' sizes, for J' */
+#define WIDTH 8         /* columns that are worked on at once */
+
+typedef double Wide[WIDTH]; /* one value of each of these columns */
+
+#if defined(__clang__)
+#define EVERY_COLUMN(l) \
+    _Pragma("clang loop vectorize(enable) vectorize_width(8) interleave(disable) unroll(disable)") \
+    for (int l = 0; l < WIDTH; l++)
+#else
+#define EVERY_COLUMN(l) for (int l = 0; l < WIDTH; l++)
+#endif
+
+/* Columns side by side; those of a last incomplete block are idle (their parameter and input are -1). */
+typedef struct {
+    int parameter[WIDTH], input[WIDTH], column[WIDTH];
+    int n_forced, forced_entry[NP], forced_column[NP]; /* entries of P, and the column here that they force */
+    Wide size, up[NQ], down[NQ]; /* prepared parameters, a difference up and down */
+    Wide x[NX], k[STAGES][NX], bend[3][NX], x_new[NX];
+} Block;
+
+/* The step that is differentiated. */
+typedef struct {
+    double time, h, u[NU], du[NU];
+    double x[STAGES][NX], k[STAGES][NX], J[STAGES][NJ], P[STAGES][NP], L[NL];
+    double x_new[NX], bend[3][NX];
+} Taken;
+
+typedef struct {
+    const double *p, *samples;
+    long n_samples, next, n_columns, n_blocks;
+    Block *blocks;
+    Inputs inputs;
+    double prepared[NQ], gradients[AT_LEAST_ONE(GRADIENTS_NQ)];
+    double *x, *y, *x_tangent, *observed_tangent;
+} Run;
+
+/* Pieces and starts ------------------------------------------------------------------------------------------- */
+
+static void set_piece(Inputs *inputs, const double *points, const double *u, long k)
+{
+    const double length = points[k + 1] - points[k];
+    memset(inputs->u, 0, sizeof inputs->u);
+    inputs->time = points[k];
+    for (int i = 0; i < MODEL_NU; i++) {
+        inputs->u[i][0] = u[k * MODEL_NU + i];
+        inputs->u[i][1] = (u[(k + 1) * MODEL_NU + i] - u[k * MODEL_NU + i]) / length;
+    }
+}
+
+static unsigned reference_of(Kind kind, int index)
+{
+    unsigned vr = 0;
+    while (model_variables[vr].kind != kind || model_variables[vr].index != index) vr++;
+    return vr;
+}
+
+/* The start states, and how they move with the columns of the blocks; 0 where there are none. */
+static int start(const double *p, const double *u, double time, double *x, Block *blocks, long n_blocks)
+{
+    char problem[PROBLEM_SIZE];
+    Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
+    if (!instance) return 0;
+    memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
+    for (int i = 0; i < MODEL_NU; i++) instance->now.u[i][0] = u[i];
+    instance->now.time = time;
+    instance_enter_initialization(instance);
+    int found = instance_get_states(instance, x, MODEL_NX) == STATUS_OK;
+    for (long b = 0; found && b < n_blocks; b++)
+        for (int l = 0; l < WIDTH; l++)
+            for (int i = 0; i < MODEL_NX && blocks[b].parameter[l] >= 0; i++) {
+                const unsigned known = reference_of(PARAMETER, blocks[b].parameter[l]), unknown = reference_of(STATE, i);
+                const double one = 1;
+                double moved = 0;
+                found &= instance_directional(instance, &unknown, 1, &known, 1, &one, &moved) == STATUS_OK;
+                blocks[b].x[i][l] = moved;
+            }
+    instance_free(instance);
+    return found;
+}
+
+/* The parameters of one column moved by `by`, as the solver wants them. */
+static void prepare_moved(const Run *run, int parameter, double by, int l, Wide q[NQ])
+{
+    double p[AT_LEAST_ONE(MODEL_NP)], prepared[NQ];
+    memcpy(p, run->p, MODEL_NP * sizeof *p);
+    if (parameter >= 0) p[parameter] += by;
+    model_prepare(p, prepared);
+    for (int i = 0; i < MODEL_NQ; i++) q[i][l] = prepared[i];
+}
+
+static void prepare(Run *run, const int *columns, const double *sizes)
+{
+    model_prepare(run->p, run->prepared);
+    model_prepare_gradients(run->p, run->gradients);
+    for (long c = 0; c < run->n_blocks * WIDTH; c++) {
+        Block *block = &run->blocks[c / WIDTH];
+        const int l = (int)(c % WIDTH), column = c < run->n_columns ? columns[c] : -1;
+        const int parameter = column < 0 ? -1 : COLUMN_PARAMETER[column];
+        block->column[l] = column;
+        block->parameter[l] = parameter;
+        block->input[l] = column < 0 ? -1 : COLUMN_INPUT[column];
+        block->size[l] = column < 0 ? 1 : DIFFERENCE * sizes[c];
+        prepare_moved(run, parameter, block->size[l], l, block->up);
+        prepare_moved(run, parameter, -block->size[l], l, block->down);
+        for (int e = 0; e < GRADIENTS_NP; e++)
+            if (P_COLUMN[e] == column) {
+                block->forced_entry[block->n_forced] = e;
+                block->forced_column[block->n_forced++] = l;
+            }
+    }
+}
+
+/* One step ----------------------------------------------------------------------------------------------------- */
+
+/* Takes the step from `x`; 0 where it breaks down. */
+static int take(const Run *run, double time, double h, const double *x, Taken *s)
+{
+    double b[NX], pivot[NX], unused[NJ], dx_dt[NX], u[NU], du[NU];
+    const double shift = 1 / (h * GAMMA);
+    s->time = time;
+    s->h = h;
+    inputs_at(&run->inputs, time, s->u, s->du);
+    model_linearise(time, x, s->u, s->du, run->prepared, b, unused, dx_dt);
+    for (int stage = 0; stage < STAGES; stage++) {
+        double *at = s->x[stage];
+        for (int i = 0; i < MODEL_NX; i++) {
+            at[i] = x[i];
+            for (int j = 0; j < stage; j++) at[i] += A[stage][j] * s->k[j][i];
+        }
+        inputs_at(&run->inputs, time + ALPHA[stage] * h, u, du);
+        model_gradients(time + ALPHA[stage] * h, at, u, du, run->gradients, b, s->J[stage], s->P[stage]);
+        if (stage == 0) {
+            model_factorise(shift, s->J[0], s->L, pivot);
+            for (int i = 0; i < MODEL_NX; i++)
+                if (!(fabs(pivot[i]) > 1e-9 * shift)) return 0;
+        }
+        for (int i = 0; i < MODEL_NX; i++) {
+            for (int j = 0; j < stage; j++) b[i] += C[stage][j] / h * s->k[j][i];
+            b[i] += DELTA[stage] * h * dx_dt[i];
+        }
+        model_solve(s->L, b, s->k[stage]);
+    }
+    for (int i = 0; i < MODEL_NX; i++) {
+        s->x_new[i] = s->x[STAGES - 1][i] + s->k[STAGES - 1][i];
+        if (!isfinite(s->x_new[i])) return 0;
+    }
+    return 1;
+}
+
+/* J and df/dt at a place `sign` sizes along the columns. */
+static inline void linearise_moved(const Taken *s, const Block *block, const Wide prepared[NQ], double sign, Wide J[NJ],
+                                   Wide dx_dt[NX])
+{
+    Wide x[NX], u[NU], q[NQ], entries[NJ], along[NX]; /* local: the compiler knows that they do not overlap */
+    double du[NU];
+    const double time = s->time;
+    memcpy(du, s->du, sizeof du);
+    memcpy(q, prepared, sizeof q);
+    for (int i = 0; i < MODEL_NX; i++)
+        EVERY_COLUMN(l) x[i][l] = s->x[0][i] + sign * block->size[l] * block->x[i][l];
+    for (int i = 0; i < MODEL_NU; i++)
+        EVERY_COLUMN(l) u[i][l] = s->u[i] - (i == block->input[l] ? sign * block->size[l] * s->du[i] : 0);
+    EVERY_COLUMN(l) {
+        double at[NX], inputs[NU], own[NQ], dx[NX], j[NJ], dt[NX];
+        for (int i = 0; i < MODEL_NX; i++) at[i] = x[i][l];
+        for (int i = 0; i < MODEL_NU; i++) inputs[i] = u[i][l];
+        for (int i = 0; i < MODEL_NQ; i++) own[i] = q[i][l];
+        model_linearise(time, at, inputs, du, own, dx, j, dt);
+        for (int e = 0; e < MODEL_NJ; e++) entries[e][l] = j[e];
+        for (int i = 0; i < MODEL_NX; i++) along[i][l] = dt[i];
+    }
+    memcpy(J, entries, sizeof entries);
+    memcpy(dx_dt, along, sizeof along);
+}
+
+/* J' and (df/dt)' of the columns of a block at the start of the step. */
+static void second(const Taken *s, const Block *block, Wide J[NJ], Wide dx_dt[NX])
+{
+    Wide J_down[NJ], along_down[NX], inverse;
+    linearise_moved(s, block, block->up, 1, J, dx_dt);
+    linearise_moved(s, block, block->down, -1, J_down, along_down);
+    EVERY_COLUMN(l) inverse[l] = 0.5 / block->size[l];
+    for (int e = 0; e < MODEL_NJ; e++)
+        EVERY_COLUMN(l) J[e][l] = (J[e][l] - J_down[e][l]) * inverse[l];
+    for (int i = 0; i < MODEL_NX; i++)
+        EVERY_COLUMN(l) dx_dt[i][l] = (dx_dt[i][l] - along_down[i][l]) * inverse[l];
+}
+
+/* df/dp of each stage and column: entries of P, or, for a delay, minus the rate of the delayed signal times theirs. */
+static void forcing(const Taken *s, const Block *block, int stage, Wide b[NX])
+{
+    for (int i = 0; i < MODEL_NX; i++)
+        EVERY_COLUMN(l) b[i][l] = 0;
+    for (int f = 0; f < block->n_forced; f++) {
+        const int e = block->forced_entry[f], l = block->forced_column[f], input = block->input[l];
+        b[P_ROW[e]][l] += s->P[stage][e] * (input < 0 ? 1 : -s->du[input]);
+    }
+}
+
+static void differentiate(const Taken *s, Block *block)
+{
+    Wide x0[NX], x[NX], k[STAGES][NX], J[NJ], dx_dt[NX], force[NX];
+    double J_here[NJ], k_here[NX], L[NL];
+    const double h = s->h, inverse_h = 1 / h;
+    second(s, block, J, dx_dt);
+    memcpy(x0, block->x, sizeof x0);
+    memcpy(L, s->L, sizeof L);
+
+    /* Written out stage by stage, so that a column's work stays in registers. */
+#define STAGE(stage)                                                            \
+    do {                                                                        \
+        forcing(s, block, stage, force);                                        \
+        memcpy(J_here, s->J[stage], sizeof J_here);                             \
+        memcpy(k_here, s->k[stage], sizeof k_here);                             \
+        EVERY_COLUMN(l) {                                                       \
+            double at[NX], entries[NJ], b[NX], first[NX], other[NX], slope[NX]; \
+            for (int i = 0; i < MODEL_NX; i++) {                                \
+                at[i] = x0[i][l];                                               \
+                b[i] = 0;                                                       \
+                for (int j = 0; j < stage; j++) {                               \
+                    at[i] += A[stage][j] * k[j][i][l];                          \
+                    b[i] += C[stage][j] * k[j][i][l];                           \
+                }                                                               \
+                x[i][l] = at[i];                                                \
+            }                                                                   \
+            for (int e = 0; e < MODEL_NJ; e++) entries[e] = J[e][l];            \
+            model_multiply(J_here, at, first);                                  \
+            model_multiply(entries, k_here, other);                             \
+            for (int i = 0; i < MODEL_NX; i++)                                  \
+                b[i] = b[i] * inverse_h + force[i][l] + DELTA[stage] * h * dx_dt[i][l] + first[i] + other[i]; \
+            model_solve(L, b, slope);                                           \
+            for (int i = 0; i < MODEL_NX; i++) k[stage][i][l] = slope[i];       \
+        }                                                                       \
+    } while (0)
+
+    STAGE(0);
+    STAGE(1);
+    STAGE(2);
+    STAGE(3);
+    STAGE(4);
+    STAGE(5);
+    STAGE(6);
+    STAGE(7);
+#undef STAGE
+    for (int i = 0; i < MODEL_NX; i++)
+        EVERY_COLUMN(l) block->x_new[i][l] = x[i][l] + k[STAGES - 1][i][l];
+    memcpy(block->k, k, sizeof k);
+}
+
+/* Samples ------------------------------------------------------------------------------------------------------ */
+
+/* Value at the fraction `f` of a step from its ends and bends, as step_interpolate has it. */
+static double within(double f, double left, double right, double b0, double b1, double b2)
+{
+    return left * (1 - f) + f * (right + (1 - f) * (b0 + f * (b1 + f * b2)));
+}
+
+static void bend(Taken *s, Block *blocks, long n_blocks)
+{
+    for (int d = 0; d < 3; d++)
+        for (int i = 0; i < MODEL_NX; i++) {
+            s->bend[d][i] = 0;
+            for (int j = 0; j < STAGES; j++) s->bend[d][i] += DENSE[d][j] * s->k[j][i];
+            for (long b = 0; b < n_blocks; b++)
+                for (int l = 0; l < WIDTH; l++) {
+                    double sum = 0;
+                    for (int j = 0; j < STAGES; j++) sum += DENSE[d][j] * blocks[b].k[j][i][l];
+                    blocks[b].bend[d][i][l] = sum;
+                }
+        }
+}
+
+/* Writes the next sample from states `x` and the tangents v[column * MODEL_NX + state]. */
+static void record(Run *run, double time, const double *x, const double *v)
+{
+    double u[NU], du[NU], observed[AT_LEAST_ONE(OBSERVED)], Y[AT_LEAST_ONE(OBSERVED_N)];
+    const double fold = 0;
+    const long row = run->next++;
+    double *y = run->y + row * (MODEL_NY + 1);
+    inputs_at(&run->inputs, time, u, du);
+    memcpy(run->x + row * MODEL_NX, x, MODEL_NX * sizeof *x);
+    model_outputs(time, x, u, du, run->p, &fold, y);
+    y[MODEL_NY] = 0;
+    if (run->x_tangent)
+        memcpy(run->x_tangent + row * run->n_columns * MODEL_NX, v, run->n_columns * MODEL_NX * sizeof *v);
+    if (!run->observed_tangent) return;
+    double *out = run->observed_tangent + row * run->n_columns * OBSERVED;
+    model_observed(time, x, u, du, run->p, &fold, observed, Y);
+    memset(out, 0, run->n_columns * OBSERVED * sizeof *out);
+    for (long c = 0; c < run->n_columns; c++) {
+        const Block *block = &run->blocks[c / WIDTH];
+        const int l = (int)(c % WIDTH);
+        for (int e = 0; e < OBSERVED_N; e++) {
+            const int of = OBSERVED_COLUMN[e];
+            if (of < MODEL_NX) out[c * OBSERVED + OBSERVED_ROW[e]] += Y[e] * v[c * MODEL_NX + of];
+            else if (of - MODEL_NX == block->column[l])
+                out[c * OBSERVED + OBSERVED_ROW[e]] += Y[e] * (block->input[l] < 0 ? 1 : -du[block->input[l]]);
+        }
+    }
+}
+
+/* At the present states, before or after a step. */
+static void record_here(Run *run, double time, const double *x, double *v)
+{
+    for (long c = 0; c < run->n_columns; c++)
+        for (int i = 0; i < MODEL_NX; i++) v[c * MODEL_NX + i] = run->blocks[c / WIDTH].x[i][c % WIDTH];
+    record(run, time, x, v);
+}
+
+static void record_within(Run *run, const Taken *s, double time, double *v)
+{
+    double x[NX];
+    const double f = (time - s->time) / s->h;
+    for (int i = 0; i < MODEL_NX; i++)
+        x[i] = within(f, s->x[0][i], s->x_new[i], s->bend[0][i], s->bend[1][i], s->bend[2][i]);
+    for (long c = 0; c < run->n_columns; c++) {
+        const Block *b = &run->blocks[c / WIDTH];
+        const int l = (int)(c % WIDTH);
+        for (int i = 0; i < MODEL_NX; i++)
+            v[c * MODEL_NX + i] =
+                within(f, b->x[i][l], b->x_new[i][l], b->bend[0][i][l], b->bend[1][i][l], b->bend[2][i][l]);
+    }
+    record(run, time, x, v);
+}
+
+/* The run ------------------------------------------------------------------------------------------------------ */
+
+static int step_to(Run *run, double time, double end, double *x, double *v)
+{
+    Taken s;
+    if (!take(run, time, end - time, x, &s)) return SOLVER_STEP_TOO_SMALL;
+    for (long b = 0; b < run->n_blocks; b++) differentiate(&s, &run->blocks[b]);
+    if (run->next < run->n_samples && run->samples[run->next] < end) {
+        bend(&s, run->blocks, run->n_blocks);
+        while (run->next < run->n_samples && run->samples[run->next] < end)
+            record_within(run, &s, run->samples[run->next], v);
+    }
+    memcpy(x, s.x_new, sizeof s.x_new);
+    for (long b = 0; b < run->n_blocks; b++) memcpy(run->blocks[b].x, run->blocks[b].x_new, sizeof run->blocks[b].x);
+    return SOLVER_OK;
+}
+
+/* Through all pieces; samples at the end of a piece belong to the next one. */
+static int walk(Run *run, long n_points, const double *points, const double *u, long n_mesh, const double *mesh,
+                double *x, double *v, double *reached)
+{
+    long m = 0;
+    for (long k = 0; k < n_points - 1; k++) {
+        const double end = points[k + 1];
+        double time = points[k];
+        if (!(end > time)) continue;
+        set_piece(&run->inputs, points, u, k);
+        while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v);
+        while (time < end) {
+            const double closest = 1e-9 * (end - points[k]);
+            while (m < n_mesh && mesh[m] <= time + closest) m++;
+            const double to = m < n_mesh && mesh[m] < end - closest ? mesh[m] : end;
+            const int status = step_to(run, time, to, x, v);
+            if (status != SOLVER_OK) return status;
+            *reached = time = to;
+        }
+    }
+    while (run->next < run->n_samples) record_here(run, points[n_points - 1], x, v);
+    return SOLVER_OK;
+}
+
+int kernel_tangents(const double *p, long n_points, const double *points, const double *u, long n_mesh,
+                    const double *mesh, long n_columns, const int *columns, const double *sizes, long n_samples,
+                    const double *samples, double *x, double *y, double *x_tangent, double *observed_tangent,
+                    double *reached)
+{
+    double state[NX];
+    Run run = {0};
+    int status = -2;
+    long first = 0;
+    while (first < n_points - 2 && points[first + 1] <= points[first]) first++;
+    run.p = p, run.samples = samples, run.n_samples = n_samples, run.n_columns = n_columns;
+    run.n_blocks = (n_columns + WIDTH - 1) / WIDTH;
+    run.x = x, run.y = y, run.x_tangent = x_tangent, run.observed_tangent = observed_tangent;
+    run.blocks = calloc(AT_LEAST_ONE((size_t)run.n_blocks), sizeof *run.blocks);
+    double *v = calloc(AT_LEAST_ONE((size_t)n_columns) * NX, sizeof *v);
+    *reached = points[0];
+    if (run.blocks && v) {
+        prepare(&run, columns, sizes);
+        status = -1;
+        if (start(p, u + first * MODEL_NU, points[0], state, run.blocks, run.n_blocks))
+            status = walk(&run, n_points, points, u, n_mesh, mesh, state, v, reached);
+    }
+    free(run.blocks);
+    free(v);
+    return status;
+}
+
+/* Where the steps end ------------------------------------------------------------------------------------------ */
+
+typedef struct {
+    double *mesh;
+    long room, n;
+} Notes;
+
+static int note(void *context, const Step *step)
+{
+    Notes *notes = context;
+    if (notes->n < notes->room) notes->mesh[notes->n] = step->time + step->h;
+    notes->n++;
+    return 0;
+}
+
+long kernel_mesh(const double *p, long n_points, const double *points, const double *u, double tolerance, long room,
+                 double *mesh, double *reached)
+{
+    double x[NX], time = points[0], h = 0;
+    Notes notes = {mesh, room, 0};
+    Solver solver = {0};
+    SolverStatus status = SOLVER_OK;
+    long first = 0;
+    while (first < n_points - 2 && points[first + 1] <= points[first]) first++;
+    solver.p = p, solver.tolerance = tolerance, solver.max_steps = MAX_STEPS;
+    solver.observer = note, solver.context = &notes;
+    *reached = time;
+    if (!start(p, u + first * MODEL_NU, time, x, NULL, 0)) return -11;
+    for (long k = first; k < n_points - 1 && status == SOLVER_OK; k++) {
+        if (points[k + 1] <= points[k]) continue;
+        set_piece(&solver.inputs, points, u, k);
+        if (!(h > 0)) h = solver_first_step(&solver, time, x, points[k + 1] - time);
+        status = solver_advance(&solver, &time, points[k + 1], x, &h);
+    }
+    *reached = time;
+    return status == SOLVER_OK ? notes.n : (long)status - 20;
+}

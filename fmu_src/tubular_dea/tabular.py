@@ -1,0 +1,52 @@
+"""CSV files whose header names quantity and unit, as in `time [s],pressure [mmHg]`; errors name file, line, column."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import UserError
+
+
+class TableError(UserError, ValueError):
+    """A table that cannot be used; the text names the file and, where there is one, line and column."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A heading taken apart: `radius [mm]` stands in column `place`."""
+
+    name: str
+    unit: str
+    place: int
+
+
+def rows(path: Path) -> list[tuple[int, list[str]]]:
+    """The lines of a CSV file that are not empty, each with its number in the file (from 1), cells stripped."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise TableError(f"{path}: cannot be read as a text file: {problem}") from None
+    reader = csv.reader(text.splitlines())
+    return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+
+
+def headings(path: Path, header: list[str], known: Mapping[str, str]) -> dict[str, Cell]:
+    """The columns of `known` names (with an example unit each) in a header; the others are left alone.
+
+    Raises `TableError` for a name without a unit or one that stands there twice.
+    """
+    found: dict[str, Cell] = {}
+    for place, text in enumerate(header):
+        name, _, rest = text.partition("[")
+        name, unit = name.strip(), rest.rstrip("] ").strip()
+        if name not in known:
+            continue
+        if not unit:
+            raise TableError(f"{path}, line 1: column {name!r} names no unit; write it as '{name} [{known[name]}]'")
+        if name in found:
+            raise TableError(f"{path}, line 1: column {name!r} is there twice; expected it once")
+        found[name] = Cell(name, unit, place)
+    return found

@@ -1,0 +1,108 @@
+"""Trajectories with their sensitivities: the derivative of the discrete solution to parameters, by its own steps.
+
+A mesh (where the integrator's steps end) is chosen once and can be kept while parameters change: then values are a
+smooth function of the parameters, and the sensitivities are its exact derivatives (to about eight digits). Nothing is
+global and the library releases Python's lock, so trajectories can run in threads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .emit import c, sensitivities
+from .errors import UserError
+from .export.compile import cached_library, host, native_source, processor_flags
+from .export.package import CORE_HEADERS, CORE_SOURCES
+from .model.declare import Model, nearest
+
+DEFAULT_OBSERVED = "measured_displacement"
+
+
+class SensitivityError(UserError, ValueError):
+    """Sensitivities that cannot be taken; the text says to what they can be."""
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Results at n samples: `x` (n, states), `y` (n, outputs + 1), and their derivatives to m columns:
+    `x_tangent` (n, m, states), `observed_tangent` (n, m, observed). `status` and `reached` as the kernel has them."""
+
+    x: np.ndarray
+    y: np.ndarray
+    x_tangent: np.ndarray
+    observed_tangent: np.ndarray
+    status: int
+    reached: float
+
+
+class TangentLibrary:
+    """The compiled model with its gradients. `observed` are the outputs whose derivatives are wanted."""
+
+    def __init__(self, model: Model, observed: Sequence[str] = ()) -> None:
+        names = model.quantities()
+        self.observed = tuple(observed) or ((DEFAULT_OBSERVED,) if DEFAULT_OBSERVED in names else model.outputs[:1])
+        for name in self.observed:
+            model.quantity(name)
+        self.columns = [str(symbol) for symbol in sensitivities.columns(model)]
+        by_delay = {d.quantity.name: d.by for d in model.delays}
+        self.places = {name: i for i, name in enumerate(self.columns) if name not in by_delay}
+        self.places |= {by_delay[name]: i for i, name in enumerate(self.columns) if name in by_delay}
+        self._sizes = {p.quantity.name: max(abs(p.quantity.value or 0.0), p.quantity.nominal) for p in model.parameters}
+        self._n_states, self._n_outputs = len(model.states), len(sensitivities.layout(model).y)
+        code = {"model.c": c.source(model), "model.h": c.header(model)}
+        code |= {"gradients.h": sensitivities.header(model, self.observed)}
+        code |= {"gradients.c": sensitivities.source(model, self.observed)}
+        names = (*CORE_SOURCES, *CORE_HEADERS, "rodas5p.h", "kernel.h", "tangent.c", "tangent.h")
+        code |= {name: native_source(name) for name in names}
+        self._library = ctypes.CDLL(str(cached_library(code, host(), processor_flags())))
+        self._library.kernel_mesh.restype = ctypes.c_long
+
+    def check(self, names: Sequence[str]) -> None:
+        """`SensitivityError` for a name that is no tunable parameter."""
+        for name in names:
+            if name not in self.places:
+                raise SensitivityError(f"no sensitivity to {name!r}: expected a tunable parameter{nearest(name, self.places)}")
+
+    def mesh(self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
+        """Where the integrator's steps end; and the time it reached. A negative status comes as its only element."""
+        room, reached = 8 * points.size + 1000, ctypes.c_double()
+        while True:
+            mesh = np.empty(room)
+            n = self._library.kernel_mesh(
+                _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u), ctypes.c_double(tolerance),
+                ctypes.c_long(room), _pointer(mesh), ctypes.byref(reached),
+            )  # fmt: skip
+            if n < 0:
+                return np.array([float(n)]), reached.value
+            if n <= room:
+                return mesh[:n].copy(), reached.value
+            room = n
+
+    def run(
+        self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, mesh: np.ndarray, names: Sequence[str],
+        times: np.ndarray, with_states: bool = True,
+    ) -> Tangent:  # fmt: skip
+        """The trajectory over `mesh` at `times`, with its derivatives to the parameters `names`."""
+        self.check(names)
+        times = np.ascontiguousarray(times, dtype=float)
+        n, m = times.size, len(names)
+        columns = np.array([self.places[name] for name in names], dtype=np.intc)
+        sizes = np.array([self._sizes[name] for name in names])
+        x, y, reached = np.empty((n, self._n_states)), np.empty((n, self._n_outputs + 1)), ctypes.c_double()
+        x_tangent = np.empty((n, m, self._n_states)) if with_states else np.empty((0, m, self._n_states))
+        observed = np.empty((n, m, len(self.observed)))
+        status = self._library.kernel_tangents(
+            _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u), ctypes.c_long(mesh.size),
+            _pointer(mesh), ctypes.c_long(m), _pointer(columns), _pointer(sizes), ctypes.c_long(n), _pointer(times),
+            _pointer(x), _pointer(y), _pointer(x_tangent) if with_states else None, _pointer(observed),
+            ctypes.byref(reached),
+        )  # fmt: skip
+        return Tangent(x, y, x_tangent, observed, status, reached.value)
+
+
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    return array.ctypes.data_as(ctypes.c_void_p)

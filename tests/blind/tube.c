@@ -1,0 +1,200 @@
+/* A tubular DEA on a bench, written for blind trials: own equations of motion, own integrator, own effects.
+ *
+ * Forces are divided by the wall volume of one half tube (see tests/independent.py); effects are in other functional
+ * forms than those of the package on purpose. Time is stepped by Alexander's two-stage SDIRK (L-stable, order 2). */
+#include <math.h>
+#include <string.h>
+
+#define NX 16
+enum { LAM, RATE, VIS1, VIS2, ELEC1, ELEC2, TRAP, HOOP1, HOOP2, EXTRA1, EXTRA2, GRIP, MOST, SET, LINE, LINE_RATE };
+enum { R_O, L_O, H_O, H_AO, RHO, C_1, C_2, C_3, EPS_R, ETA_O, K_1, ETA_1, K_2, ETA_2, N_TUBE };
+/* Effect numbers and what their a, b, c are: see EFFECTS in bench.py. */
+enum { NOTHING, ELECTRODE, SLEW, TRAPPING, EPS_STRETCH, EPS_FIELD, THINNING, ETA_STRETCH, HOOP_VISCO, THIRD_BRANCH,
+       MULLINS, FRICTION, PERMANENT_SET, PRESTRETCH, PASSIVE, STIFFENING, CLAMP, STOP, THERMAL, P_OFFSET, P_GAIN,
+       P_DELAY, P_LINE, R_OFFSET, R_GAIN, R_LAG, R_DELAY, ODD_MECHANICAL, ODD_ELECTRICAL, ODD_PRESSURE, N_EFFECTS };
+
+typedef struct { const double *tube; const double *on; /* N_EFFECTS x 4: switched on, a, b, c */ } Bench;
+#define HAS(e) (b->on[4 * (e)] != 0)
+#define A(e) (b->on[4 * (e) + 1])
+#define B(e) (b->on[4 * (e) + 2])
+#define C(e) (b->on[4 * (e) + 3])
+
+static double softplus(double x) { return x > 30 ? x : log1p(exp(x)); }
+
+static void rates(const Bench *b, double t, const double *x, double p, double p_rate, double v, double *dx)
+{
+    const double *c = b->tube;
+    double lam = x[LAM], rate = x[RATE], r_l = c[R_O] / c[L_O];
+    memset(dx, 0, NX * sizeof *dx);
+    /* pressure path */
+    if (HAS(P_GAIN)) p *= A(P_GAIN);
+    if (HAS(P_OFFSET)) p += A(P_OFFSET);
+    if (HAS(ODD_PRESSURE)) p += A(ODD_PRESSURE) * sin(p / B(ODD_PRESSURE));
+    if (HAS(P_LINE)) { /* two compartments in a row */
+        dx[LINE] = (p - x[LINE]) / A(P_LINE);
+        dx[LINE_RATE] = (x[LINE] - x[LINE_RATE]) / B(P_LINE);
+        p = x[LINE_RATE];
+    }
+    /* electrical path */
+    double u = v;
+    if (HAS(ELECTRODE)) { /* a ladder of two sections */
+        dx[ELEC1] = (v - x[ELEC1]) / (A(ELECTRODE) * 0.75);
+        dx[ELEC2] = (x[ELEC1] - x[ELEC2]) / (A(ELECTRODE) * 0.25);
+        u = x[ELEC2];
+    }
+    if (HAS(SLEW)) {
+        dx[ELEC1] = A(SLEW) * tanh((v - x[ELEC1]) / (A(SLEW) * 1.5e-3));
+        u = x[ELEC1];
+    }
+    if (HAS(TRAPPING)) { /* charge creeps in, the faster the stronger the field */
+        dx[TRAP] = (A(TRAPPING) * u - x[TRAP]) / B(TRAPPING) * (1 + 0.3 * u * u / 25e6);
+        u -= x[TRAP];
+    }
+    double eps = c[EPS_R];
+    if (HAS(EPS_STRETCH)) eps *= exp(-A(EPS_STRETCH) * (lam * lam - 1) / 2);
+    double s = (lam - 1) * r_l;
+    if (HAS(CLAMP)) s /= 1 + A(CLAMP) * (lam - 1);
+    double l1 = sqrt(1 + s * s), sine = s / l1, l1_rate = r_l * sine * rate;
+    double field = u / c[H_AO] * l1 * lam;
+    if (HAS(EPS_FIELD)) eps *= 1 + A(EPS_FIELD) * (1 - 1 / (1 + field * field / (B(EPS_FIELD) * B(EPS_FIELD))));
+    double maxwell = 8.854e-12 * eps * field * field;
+    if (HAS(ODD_ELECTRICAL)) maxwell += A(ODD_ELECTRICAL) * sin(field / B(ODD_ELECTRICAL)) * field / 5e7;
+    /* elastic stresses */
+    double e1 = l1, e2 = lam;
+    if (HAS(PRESTRETCH)) { e1 *= A(PRESTRETCH); e2 *= B(PRESTRETCH); }
+    if (HAS(PERMANENT_SET)) {
+        double above = x[LAM] - 1 > x[SET] ? x[LAM] - 1 - x[SET] : 0;
+        dx[SET] = above / B(PERMANENT_SET);
+        e2 /= 1 + A(PERMANENT_SET) * x[SET];
+    }
+    double a1 = e1 * e1, a2 = e2 * e2, a3 = 1 / (a1 * a2), j = a1 + a2 + a3 - 3;
+    double stiff = 2 * (c[C_1] + j * (2 * c[C_2] + 3 * c[C_3] * j));
+    if (HAS(STIFFENING)) stiff += 2 * A(STIFFENING) * (exp(B(STIFFENING) * j * j) - 1);
+    if (HAS(MULLINS)) {
+        dx[MOST] = j > x[MOST] ? (j - x[MOST]) / 4e-3 : 0;
+        double gap = x[MOST] - j > 0 ? x[MOST] - j : 0;
+        stiff *= 1 - A(MULLINS) * erf(gap / (B(MULLINS) + 0.2 * x[MOST]));
+    }
+    if (HAS(THERMAL)) {
+        dx[SET] = (u * u / 25e6 + 0.0 * rate - x[SET]) / B(THERMAL);
+        stiff *= 1 / (1 + A(THERMAL) * x[SET]);
+    }
+    double axial = stiff * (a1 - a3) - maxwell, hoop = stiff * (a2 - a3) - maxwell;
+    if (HAS(PASSIVE)) hoop += A(PASSIVE) * (a2 - 1 / (a2 * sqrt(a2)));
+    if (HAS(ODD_MECHANICAL)) hoop += A(ODD_MECHANICAL) * sin((lam - 1) / B(ODD_MECHANICAL));
+    /* losses */
+    double eta = c[ETA_O], soft = 1;
+    if (HAS(THINNING)) eta *= pow(1 + fabs(rate) / B(THINNING), A(THINNING));
+    if (HAS(ETA_STRETCH)) soft = 1 + A(ETA_STRETCH) * (a2 - 1) / 2;
+    axial += x[VIS1] + x[VIS2] + eta * soft * l1_rate;
+    dx[VIS1] = c[K_1] * (l1_rate - x[VIS1] / c[ETA_1]);
+    dx[VIS2] = c[K_2] * (l1_rate - x[VIS2] / c[ETA_2]);
+    if (HAS(THIRD_BRANCH)) { /* two neighbours instead of one */
+        dx[EXTRA1] = 0.6 * A(THIRD_BRANCH) * l1_rate - x[EXTRA1] / (0.7 * B(THIRD_BRANCH));
+        dx[EXTRA2] = 0.4 * A(THIRD_BRANCH) * l1_rate - x[EXTRA2] / (1.6 * B(THIRD_BRANCH));
+        axial += x[EXTRA1] + x[EXTRA2];
+    }
+    if (HAS(HOOP_VISCO)) { /* in the logarithmic strain */
+        dx[HOOP1] = 0.6 * A(HOOP_VISCO) * rate / lam - x[HOOP1] / (0.6 * B(HOOP_VISCO));
+        dx[HOOP2] = 0.4 * A(HOOP_VISCO) * rate / lam - x[HOOP2] / (2.0 * B(HOOP_VISCO));
+        hoop += x[HOOP1] + x[HOOP2] + C(HOOP_VISCO) * rate;
+    }
+    if (HAS(FRICTION)) { /* Bouc and Wen, exponent 2 */
+        double z = x[GRIP], n = z * fabs(z);
+        dx[GRIP] = (rate - 0.5 * fabs(rate) * n - 0.5 * rate * z * z) / B(FRICTION);
+        hoop += A(FRICTION) * z;
+    }
+    if (HAS(STOP)) p -= A(STOP) * B(STOP) * softplus((lam - C(STOP)) / B(STOP));
+    double push = p * (1 + lam) * l1 / c[H_O];
+    double pull = 2 * axial * sine / (c[L_O] * l1) + hoop / (c[R_O] * lam);
+    dx[LAM] = rate;
+    dx[RATE] = (push - pull) / (2 * c[RHO] * c[R_O]);
+    (void)t, (void)p_rate;
+}
+
+static int invert_step(double M[NX][NX], double *r)
+{
+    for (int k = 0; k < NX; k++) {
+        int best = k;
+        for (int i = k + 1; i < NX; i++) if (fabs(M[i][k]) > fabs(M[best][k])) best = i;
+        if (M[best][k] == 0) return 0;
+        if (best != k) {
+            for (int j = k; j < NX; j++) { double s = M[k][j]; M[k][j] = M[best][j]; M[best][j] = s; }
+            double s = r[k]; r[k] = r[best]; r[best] = s;
+        }
+        for (int i = k + 1; i < NX; i++) {
+            double f = M[i][k] / M[k][k];
+            if (f == 0) continue;
+            for (int j = k; j < NX; j++) M[i][j] -= f * M[k][j];
+            r[i] -= f * r[k];
+        }
+    }
+    for (int i = NX - 1; i >= 0; i--) {
+        for (int j = i + 1; j < NX; j++) r[i] -= M[i][j] * r[j];
+        r[i] /= M[i][i];
+    }
+    return 1;
+}
+
+typedef struct { long n; const double *t, *p, *v; } Inputs; /* straight lines; a time listed twice is a jump */
+
+static void inputs_in(const Inputs *in, long k, double t, double *p, double *v)
+{
+    double part = (t - in->t[k]) / (in->t[k + 1] - in->t[k]);
+    *p = in->p[k] + part * (in->p[k + 1] - in->p[k]);
+    *v = in->v[k] + part * (in->v[k + 1] - in->v[k]);
+}
+
+/* One stage: y = base + gamma h f(t, y), Newton with a Jacobian by differences at the first guess. */
+static int stage(const Bench *b, double t, double gh, const double *base, double p, double v, double *y, double *f)
+{
+    static const double size[NX] = {1, 10, 1e5, 1e5, 1e3, 1e3, 1e2, 1e4, 1e4, 1e5, 1e5, 1, .1, .1, 1e4, 1e4};
+    double J[NX][NX], moved[NX], g[NX];
+    rates(b, t, y, p, 0, v, f);
+    for (int j = 0; j < NX; j++) {
+        memcpy(moved, y, sizeof moved);
+        double h = 1e-7 * (size[j] + fabs(y[j]));
+        moved[j] += h;
+        rates(b, t, moved, p, 0, v, g);
+        for (int i = 0; i < NX; i++) J[i][j] = (i == j) - gh * (g[i] - f[i]) / h;
+    }
+    for (int turn = 0; turn < 12; turn++) {
+        double M[NX][NX], r[NX], worst = 0;
+        memcpy(M, J, sizeof M);
+        for (int i = 0; i < NX; i++) r[i] = base[i] + gh * f[i] - y[i];
+        if (!invert_step(M, r)) return 0;
+        for (int i = 0; i < NX; i++) { y[i] += r[i]; worst = fmax(worst, fabs(r[i]) / (size[i] + fabs(y[i]))); }
+        rates(b, t, y, p, 0, v, f);
+        if (worst < 1e-11) return 1;
+        if (!isfinite(worst)) return 0;
+    }
+    return 1;
+}
+
+/* lambda_2 at `samples` (on the grid of steps h); returns 0 where the tube bursts. */
+__attribute__((visibility("default")))
+int trajectory(const double *tube, const double *on, long n, const double *t, const double *p, const double *v,
+               double h, long n_samples, long stride, double *lambda_2)
+{
+    const double gamma = 1 - sqrt(0.5);
+    Bench bench = {tube, on};
+    Inputs in = {n, t, p, v};
+    double x[NX] = {1}, y[NX], f1[NX], f2[NX], base[NX], pp, vv;
+    long k = 0;
+    for (long step = 0;; step++) {
+        double now = step * h;
+        if (step % stride == 0) {
+            if (step / stride >= n_samples) return 1;
+            lambda_2[step / stride] = x[LAM];
+        }
+        while (k + 2 < n && (t[k + 1] <= now + 1e-9 || t[k + 1] <= t[k])) k++;
+        inputs_in(&in, k, now + gamma * h, &pp, &vv);
+        memcpy(y, x, sizeof y);
+        if (!stage(&bench, now + gamma * h, gamma * h, x, pp, vv, y, f1)) return 0;
+        for (int i = 0; i < NX; i++) base[i] = x[i] + (1 - gamma) * h * f1[i];
+        inputs_in(&in, k, now + h, &pp, &vv);
+        if (!stage(&bench, now + h, gamma * h, base, pp, vv, y, f2)) return 0;
+        memcpy(x, y, sizeof x);
+        if (!(x[LAM] > 0.5 && x[LAM] < 3.5)) return 0;
+    }
+}

@@ -1,0 +1,54 @@
+"""Random call sequences against both FMI versions, under AddressSanitizer and UndefinedBehaviorSanitizer.
+
+Short by default; `pytest tests/fuzz --fuzz-calls 10000000 --fuzz-seed 7` for longer. The driver, and what it
+stops at, is in fmi_fuzz.c.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tubular_dea.export.compile import cache_folder
+from tubular_dea.export.package import sources
+from tubular_dea.model.declare import Model
+
+HERE = Path(__file__).parent
+FLAGS = ["-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
+         "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]  # fmt: skip
+MAX_STEPS = 3000  # internal steps of one doStep, so that absurd inputs cost milliseconds
+
+
+def driver(model: Model, version: int, folder: Path) -> Path:
+    """The fuzzer, compiled together with the FMU's own sources; kept in the cache."""
+    code = sources(model, version) | {path.name: path.read_text() for path in HERE.glob("*.[ch]")}
+    key = hashlib.sha256(repr((sorted(code.items()), FLAGS, MAX_STEPS)).encode()).hexdigest()
+    cached = cache_folder() / f"fuzz{version}-{key}"
+    if cached.exists():
+        return cached
+    for name, text in code.items():
+        (folder / name).write_text(text)
+    compiled = [name for name in code if name.endswith(".c")]
+    command = ["gcc", *FLAGS, f"-DVERSION={version}", f"-DMAX_STEPS={MAX_STEPS}", "-I.", "-o", "fuzz", *compiled, "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    cached.parent.mkdir(parents=True, exist_ok=True)
+    shutil.move(folder / "fuzz", cached)
+    return cached
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="the sanitizers come with gcc")
+@pytest.mark.parametrize("version", [2, 3])
+def test_random_calls(
+    version: int, model: Model, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls, seed = request.config.getoption("--fuzz-calls"), request.config.getoption("--fuzz-seed")
+    done = subprocess.run([driver(model, version, tmp_path), str(calls), str(seed)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with capsys.disabled():
+        print(f"\n{done.stdout.strip()}", end="")
+    assert f"{calls} calls" in done.stdout or calls < 1
+    assert " 0 steps" not in done.stdout

@@ -1,0 +1,82 @@
+"""The command line: what it writes, and one clear line with a non-zero exit for a user's mistake."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from tubular_dea.cli import COMMANDS, main
+
+
+def run(*arguments: str) -> int:
+    return main(list(arguments))
+
+
+def test_simulate_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    code = run("simulate", "--pressure", "95 mmHg", "--voltage", "step 0 5 kV at 1", "--stop", "2", "--out", str(out),
+               "--set", "start_at_equilibrium=true")  # fmt: skip
+    assert code == 0
+    rows = list(csv.reader((out / "response.csv").read_text().splitlines()))
+    assert rows[0][:3] == ["time [s]", "pressure [Pa]", "voltage [V]"]
+    assert len(rows) == 202
+    radius = rows[0].index("radius [m]")
+    assert float(rows[1][radius]) == pytest.approx(17.82e-3, abs=1e-5)
+    assert float(rows[-1][radius]) > 18.5e-3
+    assert (out / "response.png").read_bytes().startswith(b"\x89PNG")
+    assert "largest displacement" in capsys.readouterr().out
+
+
+def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run("simulate", "--pressure", "ramp 0 95 mmHg from 0 to 1", "--voltage", "0 V", "--stop", "1",
+               "--out", str(first)) == 0  # fmt: skip
+    assert run("simulate", "--inputs", str(first / "response.csv"), "--out", str(second)) == 0
+    last = [(path / "response.csv").read_text().splitlines()[-1].split(",")[3] for path in (first, second)]
+    assert float(last[0]) == pytest.approx(float(last[1]), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "expected --inputs FILE, or --pressure and --voltage; --pressure is missing"),
+        (["--pressure", "95 mmHg"], "--voltage is missing"),
+        (["--pressure", "95 bar", "--voltage", "0"], "cannot read the unit 'bar'"),
+        (["--inputs", "no.csv"], "no.csv: cannot be read"),
+        (["--inputs", "no.csv", "--voltage", "0"], "exclude each other"),
+        (["--pressure", "1", "--voltage", "0", "--stop", "-1"], "expected a positive number of seconds"),
+        (["--pressure", "1", "--voltage", "0", "--interval", "0"], "--interval: expected more than 0"),
+        (["--pressure", "1", "--voltage", "0", "--interval", "1e-9"], "expected at most 1e7"),
+        (["--pressure", "1", "--voltage", "0", "--tolerance", "0"], "--tolerance: expected"),
+        (["--pressure", "1", "--voltage", "0", "--set", "C_9=1"], "no parameter 'C_9'; did you mean"),
+        (["--pressure", "1", "--voltage", "0", "--set", "r_o=-1 mm"], "expected 0.0001 to 10.0 m but was given -0.001"),
+        (["--pressure", "1", "--voltage", "0", "--set", "C_1=1 kV"], "expected a unit like 'Pa' but was given 'kV'"),
+        (["--pressure", "1", "--voltage", "0", "--set", "C_1"], "expected a number with a unit like 'Pa'"),
+        (["--pressure", "300mmHg", "--voltage", "7kV", "--set", "start_at_equilibrium=true"], "no rest state"),
+    ],
+)
+def test_mistakes_cost_one_line(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run("simulate", *arguments, "--out", str(out)) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not out.exists(), "bad input leaves nothing behind"
+
+
+def test_build_writes_all_three_fmus(tmp_path: Path) -> None:
+    assert run("build", "--out", str(tmp_path)) == 0
+    names = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*.fmu")}
+    assert {"fmi2/TubularDEA.fmu", "fmi3/TubularDEA.fmu", "python/TubularDEA.fmu"} <= names
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(command, "--help")
+    assert exit_.value.code == 0
+    assert f"tubular-dea {command}" in capsys.readouterr().out.split("example", 1)[1]

@@ -1,0 +1,93 @@
+"""Inputs: short specifications and CSV files, and what is said of bad ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tubular_dea.model.units import UnitError, factor, parse
+from tubular_dea.protocol import Protocol, ProtocolError, from_specifications, read_csv
+
+UNITS = {"pressure": "Pa", "voltage": "V"}
+
+
+def test_units_convert() -> None:
+    assert factor("mmHg", "Pa") == pytest.approx(133.322)
+    assert factor("L/min", "m3/s") == pytest.approx(1e-3 / 60)
+    assert factor("mL/mmHg", "m3/Pa") == pytest.approx(1e-6 / 133.322)
+    assert parse("Pa.s").exponents == parse("kg/m/s").exponents
+
+
+@pytest.mark.parametrize("unit", ["bar", "mm Hg", "", "V//m", "m-"])
+def test_unknown_units_are_named(unit: str) -> None:
+    with pytest.raises(UnitError, match="cannot read the unit"):
+        parse(unit)
+
+
+def test_units_of_another_dimension_are_refused() -> None:
+    with pytest.raises(UnitError, match="expected a unit like 'Pa' but was given 'kV'"):
+        factor("kV", "Pa")
+
+
+def test_specifications_become_breakpoints() -> None:
+    protocol = from_specifications(
+        {"pressure": "ramp 0 95mmHg from 0.5 to 1", "voltage": "step 0 6 kV at 1 until 2"}, UNITS, 4.0
+    )
+    at = protocol.at(np.array([0.0, 0.75, 1.0, 1.999, 2.0, 4.0]))
+    np.testing.assert_allclose(at["pressure"], 133.322 * 95 * np.array([0, 0.5, 1, 1, 1, 1]))
+    np.testing.assert_allclose(at["voltage"], [0, 0, 6e3, 6e3, 0, 0])
+
+
+@pytest.mark.parametrize(
+    "text", ["", "x", "nan", "inf Pa", "95 bar", "step 0 1", "step 0 1 Pa at 5", "ramp 0 nan Pa from 0 to 1", "1 2 3"]
+)
+def test_bad_specifications_name_the_input(text: str) -> None:
+    with pytest.raises(ProtocolError, match="^pressure: "):
+        from_specifications({"pressure": text}, UNITS, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["time [s],pressure [Pa]", "0,1", "1,1"], "line 1: expected a column 'voltage"),
+        (["time [s],pressure,voltage [V]", "0,1,2", "1,1,2"], "line 1: column 'pressure' names no unit"),
+        (["time [s],pressure [kV],voltage [V]", "0,1,2", "1,1,2"], "line 1: column 'pressure': expected a unit like"),
+        (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,x,2"], "line 3, column 'pressure': .* found 'x'"),
+        (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,nan,2"], "line 3, column 'pressure': .* found 'nan'"),
+        (["time [s],pressure [Pa],voltage [V]", "1,1,2", "0,1,2"], "line 3: time goes back from 1 to 0"),
+        (["time [s],pressure [Pa],voltage [V]", "1,1,2"], "found 2 lines"),
+        (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1"], "line 3, column 'pressure': .* found ''"),
+    ],
+)
+def test_bad_files_name_line_and_column(tmp_path: Path, lines: list[str], message: str) -> None:
+    path = tmp_path / "inputs.csv"
+    path.write_text("\n".join(lines))
+    with pytest.raises(ProtocolError, match=message):
+        read_csv(path, UNITS)
+
+
+def test_a_file_of_another_encoding_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "inputs.csv"
+    path.write_bytes("time [s],Druck [µPa]".encode("utf-16"))
+    with pytest.raises(ProtocolError, match="cannot be read as a text file"):
+        read_csv(path, UNITS)
+
+
+def test_customary_units_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "inputs.csv"
+    path.write_text("﻿time [ms], pressure [mmHg], voltage [kV], radius [mm]\r\n0,95,0,18\r\n1000,95,5,18\r\n")
+    protocol = read_csv(path, UNITS)
+    np.testing.assert_allclose(protocol.time, [0, 1])
+    np.testing.assert_allclose(protocol.inputs["pressure"], 95 * 133.322)
+    np.testing.assert_allclose(protocol.inputs["voltage"], [0, 5000])
+
+
+def test_protocols_are_checked() -> None:
+    with pytest.raises(ProtocolError, match="expected 2 values but was given 3"):
+        Protocol.of([0, 1], pressure=[1, 2, 3])
+    with pytest.raises(ProtocolError, match="do not descend"):
+        Protocol.of([1, 0], pressure=[1, 2])
+    with pytest.raises(ProtocolError, match="pressure: expected finite values but was given nan"):
+        Protocol.of([0, 1], pressure=[1, float("nan")])
