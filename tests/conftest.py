@@ -15,7 +15,7 @@ from tubular_dea.model.declare import Model
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How long and how the fuzzers run."""
-    parser.addoption("--fuzz-calls", type=int, default=200_000, help="calls of each FMI fuzzer (200000)")
+    parser.addoption("--fuzz-calls", type=int, default=100_000, help="calls of each FMI fuzzer (100000)")
     parser.addoption("--fuzz-seed", type=int, default=1, help="seed of the fuzzers (1)")
 
 

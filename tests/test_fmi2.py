@@ -116,7 +116,7 @@ def test_input_polynomials_are_followed(fmi2_fmu: Path, degree: int, step: float
     exact = _exact(polynomials, 0.5)
     assert found[0] == pytest.approx(exact[0], abs=2e-8)
     assert found[1:3] == pytest.approx([f(0.5) for f in polynomials.values()], rel=1e-12)
-    assert found[3] == pytest.approx(exact[1], rel=1e-5), "the current knows how the voltage moved at the end of the step"
+    assert found[3] == pytest.approx(exact[1], rel=1e-5), "the voltage was moving at the end of the step"
 
 
 def _set_derivatives(host: Host, polynomials: dict, time: float, degree: int) -> None:

@@ -10,6 +10,7 @@ import pytest
 import independent
 from drivers import CS, ME, Host
 from independent import PARAMETERS, trajectory
+from refusals import doubles, refused
 
 PRESSURE = 12665.59  # Pa, 95 mmHg
 KNOWN_AT_START = ["pressure", "voltage", "C_1", "C_2", "C_3", "eps_r", "eta_o", "k_1", "eta_1", "k_2", "eta_2",
@@ -38,6 +39,20 @@ def test_communication_step_does_not_matter(fmu: Path, step: float) -> None:
     exact = trajectory(protocol, [0.0, 0.2])
     assert found[0] == pytest.approx(exact["lambda_2"][-1], abs=1e-6)
     assert found[1] == pytest.approx(exact["lambda_2_rate"][-1], abs=1e-4)
+
+
+@pytest.mark.parametrize("start", [1e6, 1.7e9], ids=["days", "since 1970"])
+def test_a_clock_that_started_long_ago(fmu: Path, start: float) -> None:
+    """Inputs that jump every millisecond, while the clock resolves 0.1 ns, or a quarter of a microsecond."""
+    found = []
+    for begin in (0.0, start):
+        with Host(fmu) as host:
+            host.initialize(start=begin)
+            for i in range(1000):
+                host.set(pressure=PRESSURE + 3e3 * np.sin(i / 100), voltage=4e3 + 1e3 * np.cos(i / 50))
+                host.step(begin + i * 1e-3, 1e-3)
+            found.append(host.get("lambda_2")[0])
+    assert found[0] == pytest.approx(found[1], abs=1e-8 if start < 1e7 else 1e-4)
 
 
 def test_error_follows_the_tolerance(fmu: Path) -> None:
@@ -171,8 +186,6 @@ def test_derivatives_while_running(fmu: Path, kind: str) -> None:
 
 def move(host: Host, x: list[float]) -> None:
     """Set the continuous states."""
-    from refusals import doubles
-
     host.fmu.setContinuousStates(doubles(*x), 4)
 
 
@@ -188,12 +201,11 @@ def test_derivatives_are_linear_in_the_seed(fmu: Path) -> None:
 
 @pytest.mark.parametrize(
     ("unknown", "known", "words"),
-    [("pressure", "voltage", "unknown 0 but was given"), ("C_1", "voltage", "(C_1)"), ("radius", "charge", "known 0 but"),
-     ("radius", "n_layers", "(n_layers)"), ("radius", "der(lambda_2)", "(der(lambda_2))")],
+    [("pressure", "voltage", "unknown 0 but was given"), ("C_1", "voltage", "(C_1)"),
+     ("radius", "charge", "known 0 but"), ("radius", "n_layers", "(n_layers)"),
+     ("radius", "der(lambda_2)", "(der(lambda_2))")],
 )  # fmt: skip
 def test_derivatives_that_do_not_exist(fmu: Path, unknown: str, known: str, words: str) -> None:
-    from refusals import refused
-
     with Host(fmu) as host:
         host.initialize()
         with refused(host, "partial derivatives", words):

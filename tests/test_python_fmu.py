@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import gc
 import hashlib
@@ -32,8 +33,11 @@ from tubular_dea.emit.python import compile_python
 from tubular_dea.export import slave_template
 from tubular_dea.export.python_fmu import python_fmu as package
 from tubular_dea.export.python_fmu import slave_source
+from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import printed_sine
 from tubular_dea.model.declare import Delay, Model, Parameter, Quantity
+from tubular_dea.model.effects import catalogue
+from tubular_dea.protocol import Protocol
 
 STEP = 1e-3  # s
 DISCARD, FATAL = "discard", "fatal"
@@ -172,6 +176,13 @@ print(*sorted(roots - set(sys.stdlib_module_names) - {"pythonfmu", module.__name
     assert done.stdout.split() == []
 
 
+def test_the_code_is_python_3_9(model: Model) -> None:
+    name, code = slave_source(model)
+    ast.parse(code, feature_version=(3, 9))
+    assert name.startswith("tubular_dea_") and f"import {name} as tube" in code
+    assert max(map(len, code.splitlines())) <= 110
+
+
 def test_a_model_with_a_pure_delay_is_refused(model: Model, tmp_path: Path) -> None:
     delay = Quantity("lag", "s", "Delay", 0.0, "test", 0.0, 0.1)
     late = Delay(Quantity("late_pressure", "Pa", "Pressure of before", source="test"), "pressure", "lag")
@@ -296,6 +307,22 @@ def test_fold_and_margin_follow_the_inputs(tube: Host) -> None:
         assert margin == pytest.approx(pressure - 90 * MMHG, rel=1e-12)
     tube.fmu.setReal([tube.vr["C_1"]], [200e3])
     assert tube.get("snap_through_pressure")[0] / MMHG < 120
+
+
+@pytest.mark.parametrize("effect", ["pneumatic_line", "stretch_dependent_permittivity"])
+def test_a_model_with_an_effect(effect: str, model: Model, tmp_path: Path) -> None:
+    """More states (six here), other equations: the same numbers as the compiled model."""
+    change = catalogue()[effect]
+    changed = change(model).with_values(change.typical)
+    with Host(package(changed, tmp_path / "TubularDEA.fmu")) as host:
+        host.set(pressure=12665.59, voltage=4000.0)
+        host.initialize()
+        for i in range(20):
+            host.step(0.01 * i, 0.01)
+        computed = host.get("lambda_2")[0]
+    held = Protocol.of(time=[0.0, 0.2], pressure=[12665.59] * 2, voltage=[4000.0] * 2)
+    expected = Kernel(changed).simulate(held, np.array([0.0, 0.2]))["lambda_2"][-1]
+    assert computed == pytest.approx(expected, abs=1e-7)
 
 
 def test_one_long_step_is_as_good_as_many(python_fmu: Path) -> None:
@@ -631,6 +658,19 @@ def test_refusals_leave_the_instance_usable(tube: Host) -> None:
     assert stepped(tube, 0, 5) == expected
 
 
+def test_a_mistake_in_the_code_is_told_with_its_place(
+    slave: ModuleType, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Who edits the file and slips finds the line in Python's log, not just a fatal status."""
+    instance = slave.Slave(instance_name="tube")
+    instance.enter_initialization_mode()
+    instance.exit_initialization_mode()
+    monkeypatch.setattr(slave, "growth", lambda error: undefined_name)  # noqa: F821
+    with pytest.raises(NameError):
+        instance.do_step(0.0, STEP)
+    assert "undefined_name" in caplog.text and "in advance" in caplog.text
+
+
 def test_python_s_log_hears_of_refusals_too(python_fmu: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Hosts that do not ask for logging get no messages from pythonfmu's library."""
     with Host(python_fmu) as host:
@@ -672,8 +712,10 @@ def test_sixty_four_instances(python_fmu: Path) -> None:
     def inputs(number: int) -> Callable[[float], tuple[float, float]]:
         return lambda time: (beat(time)[0], 60.0 * number)
 
+    search_path = list(sys.path)
     hosts = [Host(python_fmu) for _ in range(64)]
     try:
+        assert sys.path == search_path
         for host in hosts:
             host.initialize()
         together = [[] for _ in hosts]

@@ -13,6 +13,8 @@ from .errors import UserError
 COMMANDS = {
     "build": "write the FMUs",
     "simulate": "drive the tube with pressure and voltage; CSV and a picture",
+    "assist": "run a ventricle with the tube, with and without assist; loops, pressures, energies",
+    "sweep": "compute a plan of many points: tables, maps, sensitivities; a laptop or a cluster",
 }
 
 

@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -56,12 +57,45 @@ class Protocol:
         """The inputs at `times`; at a jump, the value after it."""
         return {name: self._at(values, np.asarray(times, float)) for name, values in self.inputs.items()}
 
-    def _at(self, values: np.ndarray, times: np.ndarray) -> np.ndarray:
-        right = np.clip(np.searchsorted(self.time, times, side="right"), 1, self.time.size - 1)
+    def delayed(self, signals: Mapping[str, tuple[str, float]]) -> Protocol:
+        """The protocol with more inputs: for each name, another input (name, delay [s]), exactly, as it was then.
+
+        Before the start an input is taken to have been as it is there. Breakpoints of what is delayed are added;
+        those nearer than 1 ns to one that is there fall on it.
+        """
+        marks = np.unique(self.time)
+        for _, by in signals.values():
+            marks = _merged(marks, np.unique(self.time) + by)
+        grid = np.repeat(marks, 2)[1:-1]
+        inputs = {name: self._sides(values, grid) for name, values in self.inputs.items()}
+        inputs |= {name: self._sides(self.inputs[of], grid - by) for name, (of, by) in signals.items()}
+        return Protocol(grid, inputs)
+
+    def _sides(self, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+        """Values on a grid that holds every inner time twice: after the first time, and before the second."""
+        known = np.unique(self.time)
+        near = np.clip(np.searchsorted(known, grid), 1, known.size - 1)
+        closest = np.where(grid - known[near - 1] < known[near] - grid, known[near - 1], known[near])
+        snapped = np.where(np.abs(grid - closest) < 1e-9, closest, grid)
+        out = np.empty_like(grid)
+        out[0::2] = self._at(values, snapped[0::2], "right")
+        out[1::2] = self._at(values, snapped[1::2], "left")
+        return out
+
+    def _at(self, values: np.ndarray, times: np.ndarray, side: Literal["left", "right"] = "right") -> np.ndarray:
+        right = np.clip(np.searchsorted(self.time, times, side=side), 1, self.time.size - 1)
         left = right - 1
         span = self.time[right] - self.time[left]
         part = np.clip(np.divide(times - self.time[left], span, out=np.ones_like(span), where=span > 0), 0, 1)
         return values[left] + part * (values[right] - values[left])
+
+
+def _merged(marks: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """`marks` and those of `more` that lie inside it and not within 1 ns of a mark."""
+    inside = more[(more > marks[0]) & (more < marks[-1])]
+    near = np.clip(np.searchsorted(marks, inside), 1, marks.size - 1)
+    apart = np.minimum(np.abs(inside - marks[near - 1]), np.abs(marks[near] - inside)) > 1e-9
+    return np.sort(np.concatenate([marks, inside[apart]]))
 
 
 def from_specifications(specifications: Mapping[str, str], units: Mapping[str, str], stop: float) -> Protocol:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .emit import c, sensitivities
+from .emit.functions import layout
+from .emit.variables import variables
 from .errors import UserError
 from .export.compile import cached_library, host, native_source, processor_flags
 from .export.package import CORE_HEADERS, CORE_SOURCES
@@ -29,12 +31,14 @@ class SensitivityError(UserError, ValueError):
 @dataclass(frozen=True)
 class Tangent:
     """Results at n samples: `x` (n, states), `y` (n, outputs + 1), and their derivatives to m columns:
-    `x_tangent` (n, m, states), `observed_tangent` (n, m, observed). `status` and `reached` as the kernel has them."""
+    `x_tangent` (n, m, states), `observed_tangent` (n, m, observed); `observed_rate` (n, observed) is the observed
+    outputs' rate in time. `status` and `reached` as the kernel has them."""
 
     x: np.ndarray
     y: np.ndarray
     x_tangent: np.ndarray
     observed_tangent: np.ndarray
+    observed_rate: np.ndarray
     status: int
     reached: float
 
@@ -43,16 +47,13 @@ class TangentLibrary:
     """The compiled model with its gradients. `observed` are the outputs whose derivatives are wanted."""
 
     def __init__(self, model: Model, observed: Sequence[str] = ()) -> None:
-        names = model.quantities()
-        self.observed = tuple(observed) or ((DEFAULT_OBSERVED,) if DEFAULT_OBSERVED in names else model.outputs[:1])
-        for name in self.observed:
-            model.quantity(name)
+        self.observed = tuple(observed) or _measured(model)
         self.columns = [str(symbol) for symbol in sensitivities.columns(model)]
         by_delay = {d.quantity.name: d.by for d in model.delays}
         self.places = {name: i for i, name in enumerate(self.columns) if name not in by_delay}
         self.places |= {by_delay[name]: i for i, name in enumerate(self.columns) if name in by_delay}
         self._sizes = {p.quantity.name: max(abs(p.quantity.value or 0.0), p.quantity.nominal) for p in model.parameters}
-        self._n_states, self._n_outputs = len(model.states), len(sensitivities.layout(model).y)
+        self._n_states, self._n_outputs = len(model.states), len(layout(model).y)
         code = {"model.c": c.source(model), "model.h": c.header(model)}
         code |= {"gradients.h": sensitivities.header(model, self.observed)}
         code |= {"gradients.c": sensitivities.source(model, self.observed)}
@@ -65,21 +66,24 @@ class TangentLibrary:
         """`SensitivityError` for a name that is no tunable parameter."""
         for name in names:
             if name not in self.places:
-                raise SensitivityError(f"no sensitivity to {name!r}: expected a tunable parameter{nearest(name, self.places)}")
+                hint = nearest(name, self.places)
+                raise SensitivityError(f"no sensitivity to {name!r}: expected a tunable parameter{hint}")
 
-    def mesh(self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-        """Where the integrator's steps end; and the time it reached. A negative status comes as its only element."""
+    def mesh(
+        self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, tolerance: float
+    ) -> tuple[np.ndarray, int, float]:  # fmt: skip
+        """Where the integrator's steps end; the kernel's status, and the time it reached."""
         room, reached = 8 * points.size + 1000, ctypes.c_double()
         while True:
             mesh = np.empty(room)
             n = self._library.kernel_mesh(
-                _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u), ctypes.c_double(tolerance),
-                ctypes.c_long(room), _pointer(mesh), ctypes.byref(reached),
+                _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u),
+                ctypes.c_double(tolerance), ctypes.c_long(room), _pointer(mesh), ctypes.byref(reached),
             )  # fmt: skip
             if n < 0:
-                return np.array([float(n)]), reached.value
+                return np.empty(0), int(n) + (10 if n == -11 else 20), reached.value
             if n <= room:
-                return mesh[:n].copy(), reached.value
+                return mesh[:n].copy(), 0, reached.value
             room = n
 
     def run(
@@ -94,14 +98,23 @@ class TangentLibrary:
         sizes = np.array([self._sizes[name] for name in names])
         x, y, reached = np.empty((n, self._n_states)), np.empty((n, self._n_outputs + 1)), ctypes.c_double()
         x_tangent = np.empty((n, m, self._n_states)) if with_states else np.empty((0, m, self._n_states))
-        observed = np.empty((n, m, len(self.observed)))
+        observed, rate = np.empty((n, m, len(self.observed))), np.empty((n, len(self.observed)))
         status = self._library.kernel_tangents(
             _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u), ctypes.c_long(mesh.size),
             _pointer(mesh), ctypes.c_long(m), _pointer(columns), _pointer(sizes), ctypes.c_long(n), _pointer(times),
             _pointer(x), _pointer(y), _pointer(x_tangent) if with_states else None, _pointer(observed),
-            ctypes.byref(reached),
+            _pointer(rate), ctypes.byref(reached),
         )  # fmt: skip
-        return Tangent(x, y, x_tangent, observed, status, reached.value)
+        return Tangent(x, y, x_tangent, observed, rate, status, reached.value)
+
+
+def _measured(model: Model) -> tuple[str, ...]:
+    """What a sensor reports where the model says so, else every output that is a definition."""
+    if DEFAULT_OBSERVED in model.outputs:
+        return (DEFAULT_OBSERVED,)
+    defined = {d.quantity.name for d in model.definitions}
+    late = {v.name for v in variables(model) if v.needs_fold}
+    return tuple(name for name in model.outputs if name in defined and name not in late)
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -17,7 +17,7 @@ import peers
 
 FOLDER = tempfile.TemporaryDirectory()
 COMPILED = {"jit": True, "compiler": "shell", "jit_cleanup": False,
-            "jit_options": {"flags": ["-O3"], "compiler": f"{sys.executable} -m ziglang cc"}}  # fmt: skip
+            "jit_options": {"cleanup": False, "flags": ["-O3"], "compiler": f"{sys.executable} -m ziglang cc"}}  # fmt: skip
 
 
 @functools.cache

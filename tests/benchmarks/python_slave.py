@@ -4,8 +4,8 @@
     python tests/benchmarks/python_slave.py --beats 5
 
 All are driven by FMPy in this process with the same inputs. `solve_ivp` is how such a slave is usually
-written; `odeint` is SciPy's fastest way to LSODA. At the same tolerance ours is more accurate by far, so it is
-run at one of like error as well; errors are the largest in lambda_2 against our FMU at a tolerance of 1e-11.
+written; `odeint` is SciPy's fastest way to LSODA. At the same tolerance ours is more accurate by far, so it
+is run at one of like error as well; errors are the largest in lambda_2, against our FMU at 1e-11.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ static int renew(Slot *s)
         return OK;
     }
     release(s);
-    s->cosimulation = (int)pick(2);
+    s->cosimulation = PICK_INTERFACE();
     s->c = instantiate(s, names[name], guids[guid]);
     if (!s->c != ((name > 0 && name < 4) || guid > 0)) stop_here("instantiated wrongly", "instantiate");
     if (!s->c) s->c = instantiate(s, names[0], guids[0]);
@@ -55,19 +55,20 @@ static int set_time(Slot *s) { return F(SetTime)(s->c, wild(present(s->c) + betw
 
 static int set_states(Slot *s)
 {
-    double x[MANY] = {wild(between(0.8, 2)), wild(between(-1, 1)), wild(between(-1e4, 1e5)), wild(between(-1e4, 1e5))};
+    double x[MODEL_NX + 1];
+    for (int i = 0; i <= MODEL_NX; i++) x[i] = wild(i < MODEL_NX ? model_nominal[i] * between(-0.2, 2) : 0);
     return F(SetContinuousStates)(s->c, MAYBE(x), COUNT(MODEL_NX));
 }
 
 static int get_states(Slot *s)
 {
-    double x[MANY] = {0};
+    double x[MANY + MODEL_NX] = {0};
     return finite(F(GetContinuousStates)(s->c, MAYBE(x), COUNT(MODEL_NX)), x, MODEL_NX);
 }
 
 static int get_nominals(Slot *s)
 {
-    double x[MANY] = {0};
+    double x[MANY + MODEL_NX] = {0};
     return finite(F(GetNominalsOfContinuousStates)(s->c, MAYBE(x), COUNT(MODEL_NX)), x, MODEL_NX);
 }
 

@@ -116,7 +116,7 @@ static int completed(Slot *s)
 
 static int get_rates(Slot *s)
 {
-    double x[MANY] = {0};
+    double x[MANY + MODEL_NX] = {0};
     return finite(fmi3GetContinuousStateDerivatives(s->c, MAYBE(x), COUNT(MODEL_NX)), x, MODEL_NX);
 }
 

@@ -17,10 +17,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "model.h"
+#include "instance.h"
 
 enum { OK, WARNING, DISCARD, ERROR };
-enum { SLOTS = 4, STATES = 6, MANY = 6, STATE_SIZE = 4096 };
+enum { SLOTS = 4, STATES = 6, MANY = 6, STATE_SIZE = sizeof(Snapshot) + 1024 };
+
+#if MODEL_ND || MODEL_DELAYS /* what is sampled or delayed has no model exchange */
+#define PICK_INTERFACE() 1
+#else
+#define PICK_INTERFACE() ((int)pick(2))
+#endif
 
 /* Chance ----------------------------------------------------------------------------------------------------- */
 
@@ -131,6 +137,7 @@ static void check_memory(Slot *s)
     int had[MODEL_VARIABLES];
     unsigned char state[STATE_SIZE];
     if (!look(s, state)) return;
+    looks++;
     for (unsigned vr = 0; vr < MODEL_VARIABLES; vr++) had[vr] = get_real(s->c, vr, &before[vr]);
     if (put_state(s->c, s->scratch) != OK) stop_here("its own state was refused", "state");
     for (unsigned k = 0; k < MODEL_VARIABLES; k++) {
@@ -139,7 +146,6 @@ static void check_memory(Slot *s)
         if (had[vr] == OK && memcmp(&before[vr], &after[vr], sizeof(double)))
             stop_here("depends on what was asked before", model_variables[vr].name);
     }
-    looks++;
 }
 
 static void call_one(Slot *s)

@@ -7,11 +7,18 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from ..cosim.heart_assist import archive
+from ..cosim.heart_assist import models as models_by_part
 from ..export.compile import PLATFORMS, Platform, host
 from ..export.package import native_fmu
 from ..export.python_fmu import python_fmu
 from ..model.dea import tubular_dea
 from ..model.declare import Model
+from ..model.scheduler import heartbeat_scheduler
+from ..model.windkessel import aortic_windkessel, patient
+
+# Models that come as native FMUs only.
+COMPANIONS = (aortic_windkessel(), heartbeat_scheduler())
 
 EXAMPLE = """example:
   tubular-dea build --out build                      for this machine, a few seconds
@@ -34,8 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Build every FMU into `options.out`."""
-    for path in build([tubular_dea()], options.out, platforms(options.platforms)):
+    for path in build([tubular_dea(), *COMPANIONS], options.out, platforms(options.platforms)):
         print(f"wrote {path}")
+    print(f"wrote {build_archive(options.out)}")
 
 
 def platforms(names: list[str]) -> list[Platform]:
@@ -48,7 +56,7 @@ def platforms(names: list[str]) -> list[Platform]:
 def build(models: list[Model], out: Path, targets: list[Platform]) -> list[Path]:
     """Write fmi2/, fmi3/ and python/ FMUs of `models` below `out`; returns their paths. Shows progress."""
     written = []
-    with tqdm(total=len(models) * (2 * len(targets) + 1), unit="library", disable=None) as bar:
+    with tqdm(total=2 * len(models) * len(targets) + 1, unit="library", disable=None) as bar:
 
         def progress(what: str) -> None:
             bar.set_postfix_str(what)
@@ -58,6 +66,13 @@ def build(models: list[Model], out: Path, targets: list[Platform]) -> list[Path]
             for version in (2, 3):
                 path = out / f"fmi{version}" / f"{model.name}.fmu"
                 written.append(native_fmu(model, version, path, targets, progress))
-            written.append(python_fmu(model, out / "python" / f"{model.name}.fmu"))
-            progress("python")
+            if model not in COMPANIONS:
+                written.append(python_fmu(model, out / "python" / f"{model.name}.fmu"))
+                progress("python")
     return written
+
+
+def build_archive(out: Path) -> Path:
+    """HeartAssist.ssp: the failing heart's whole loop, from the FMI 2.0 FMUs below `out`."""
+    slaves = {part: out / "fmi2" / f"{model.name}.fmu" for part, model in models_by_part().items()}
+    return archive(slaves, out / "HeartAssist.ssp", patient("failing"))

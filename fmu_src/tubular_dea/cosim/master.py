@@ -36,15 +36,22 @@ class MasterError(UserError, RuntimeError):
 
 @dataclass(frozen=True)
 class Options:
-    """How to step. `step` [s] is the communication step (the largest one where `variable`); `tolerance` is relative
-    to each signal's nominal value: of the iteration, or of the step where `variable`. `slave_tolerance` goes to the
-    slaves' own integrators. `smallest` [s]: shorter steps end the run; default step / 1000."""
+    """How to step.
+
+    `step` [s] is the communication step (the largest one where `variable`); `tolerance` is relative to each signal's
+    nominal value: of the iteration, or of the step where `variable`. `order` of the extrapolation, 0 or 1. `cubic`:
+    interpolate by cubics where slaves tell the slopes of their outputs, else straight. `restart`: length of the first
+    step after an event, of `step`, doubled from step to step (1: no such). `refine`: fixed steps with a larger error than
+    this are divided (0: none; implicit scheme only). `slave_tolerance` goes to the slaves' own integrators.
+    `iterations` at most, in a step. `smallest` [s]: shorter steps end the run; default step / 1000.
+    """
 
     scheme: str = "implicit"
     step: float = 1e-3
     order: int = 0
     cubic: bool = True
     restart: float = 0.05
+    refine: float = 5e-3
     variable: bool = False
     tolerance: float = 1e-6
     slave_tolerance: float | None = 1e-6
@@ -183,7 +190,7 @@ class Simulation:
             *(self._table(*signals.names[i].split(".", 1), system.sources) for i in range(signals.n_tables))
         )
         plan = _Plan(
-            SCHEMES.index(o.scheme), o.order, o.cubic, o.restart, o.variable, self._start, self._stop, o.step, o.tolerance,
+            SCHEMES.index(o.scheme), o.order, o.cubic, o.restart, o.variable, self._start, self._stop, o.step, o.refine, o.tolerance,
             o.smallest or o.step / 1000, o.iterations, *wiring.loop,
             *self._ints(signals.unknown), *self._ints(signals.events), *self._ints(signals.watched),
         )  # fmt: skip
@@ -305,7 +312,7 @@ class _Plan(ctypes.Structure):
         ("scheme", ctypes.c_int), ("order", ctypes.c_int), ("cubic", ctypes.c_int), ("restart", ctypes.c_double),
         ("variable", ctypes.c_int),
         ("start", ctypes.c_double), ("stop", ctypes.c_double), ("step", ctypes.c_double),
-        ("tolerance", ctypes.c_double), ("smallest", ctypes.c_double), ("iterations", ctypes.c_int),
+        ("refine", ctypes.c_double), ("tolerance", ctypes.c_double), ("smallest", ctypes.c_double), ("iterations", ctypes.c_int),
         ("loop_first", ctypes.c_int), ("loop_last", ctypes.c_int),
         ("n_unknown", ctypes.c_int), ("unknown", ctypes.POINTER(ctypes.c_int)),
         ("n_events", ctypes.c_int), ("events", ctypes.POINTER(ctypes.c_int)),

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..identify.fit import Fit
 from ..identify.problem import Problem
-from ..identify.response import FINE
+from ..identify.response import FINE, Response
 from ..kernel import KernelError
 from ..model.effects import Effect, catalogue
 from .compiled import Ids
@@ -53,13 +53,28 @@ class Score:
 def candidates(study: Study, fitted: Fit, present: Ids = (), effects: Iterable[Effect] | None = None) -> list[Candidate]:
     """All candidates with their columns at the present optimum; those the model has no answer for are left out."""
     listed = [e for e in (catalogue().values() if effects is None else effects) if e.id not in present]
-    study.compiled.prepare([(*present, e.id) for e in listed])
+    everything = study.compiled.everything() if effects is None else None
+    if everything is None:
+        study.compiled.prepare(present, listed)
     problem = study.problem(present, [], fitted.values)
-    base = problem.response.outputs(fitted.values, FINE)
+    rows = fitted.residual.size - sum(r.size for r in problem.records)  # of the prior
+    at = _all_off() | dict(fitted.values) if everything else dict(fitted.values)
+    cases = problem.response.cases
+
+    def respond(effect: Effect) -> Response:
+        kernel = everything or study.compiled.kernel(present, effect)
+        return Response(kernel, cases, study.measured, study.geometry)
+
+    base = respond(listed[0]).outputs(at | switched_off(listed[0]), FINE)
     points = [(e, dict(zip(e.shapes, p, strict=True))) for e in listed for p in itertools.product(*e.shapes.values())]
     with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(lambda q: _candidate(study, problem, base, fitted.values, present, *q), points))
+        found = list(pool.map(lambda q: _candidate(respond(q[0]), problem, base, rows, at, *q), points))
     return [c for c in found if c is not None]
+
+
+def _all_off() -> dict[str, float]:
+    """Values at which every effect of the catalogue is off."""
+    return {name: value for effect in catalogue().values() for name, value in switched_off(effect).items()}
 
 
 def scores(listed: Iterable[Candidate], residual: np.ndarray, jacobian: np.ndarray) -> list[Score]:
@@ -80,10 +95,9 @@ def best_of_each(listed: Iterable[Score]) -> list[Score]:
 
 
 def _candidate(
-    study: Study, problem: Problem, base: list[np.ndarray], values: Mapping[str, float], present: Ids, effect: Effect,
+    response: Response, problem: Problem, base: list[np.ndarray], rows: int, values: Mapping[str, float], effect: Effect,
     shape: dict[str, float],
 ) -> Candidate | None:  # fmt: skip
-    response = study.response((*present, effect.id), study.training)
     off = dict(values) | switched_off(effect) | shape
     names = tuple(n for n in effect.off if n not in effect.refine)
     columns = []
@@ -94,7 +108,7 @@ def _candidate(
         except KernelError:
             return None
         columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, base, strict=True)]))
-    return Candidate(effect, shape, names, np.column_stack(columns))
+    return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
 
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:
@@ -102,5 +116,17 @@ def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score
     if np.all(norms < 1e-3 * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
         return Score(candidate, 0.0, dict.fromkeys(candidate.names, 0.0))  # the present parameters do the same
     amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=1e-6)
+    if _beyond_bounds(candidate, amplitude):
+        return Score(candidate, 0.0, dict(zip(candidate.names, amplitude / norms, strict=True)))
     explained = columns / norms @ amplitude
     return Score(candidate, float(explained @ explained), dict(zip(candidate.names, amplitude / norms, strict=True)))
+
+
+def _beyond_bounds(candidate: Candidate, amplitude: np.ndarray) -> bool:
+    """A single amplitude that would have to leave the bounds at which the effect is off (a negative lag, say)."""
+    if amplitude.size > 1:
+        return False
+    name = candidate.names[0]
+    quantity = next(q for q in candidate.effect.parameters if q.name == name)
+    off = candidate.effect.off[name]
+    return (quantity.minimum == off and amplitude[0] < 0) or (quantity.maximum == off and amplitude[0] > 0)

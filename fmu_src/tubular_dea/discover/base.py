@@ -5,19 +5,39 @@ A base that has not converged produces false names, so the search starts from se
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..identify.fit import Fit, FitError, fit
+from ..identify.problem import Problem
 from .parameters import base_parameters
 from .study import Study
 
 STARTS = 3
+MOVE = 0.1  # relative distance of the further starts
+CONFIRM = 15  # evaluations they have
 AGREE = 2.0  # by how much the costs of converged searches may differ
 
 
-def recalibrate(study: Study, starts: int = STARTS, seed: int = 0) -> Fit:
-    """The best fit of the base model to the training pieces from `starts` starts around the declared values."""
+def recalibrate(study: Study, starts: int = STARTS, seed: int = 0, start: Mapping[str, float] | None = None) -> Fit:
+    """The best fit of the base model to the training pieces: from `start` (the declared values), then from around it.
+
+    The first search runs until it converges; the others start around where it ended and confirm it, or go on from a
+    better place.
+    """
     problem = study.problem((), base_parameters(study.compiled.base), {})
-    defaults = study.compiled.base.parameter_values()
-    try:
-        return fit(problem, defaults, starts, 0.08, seed)
-    except FitError:
-        return fit(problem, {n: v * 1.2 if n in ("C_1", "C_3") else v for n, v in defaults.items()}, starts, 0.15, seed)
+    best = _somewhere(problem, study.compiled.base.parameter_values() if start is None else start, seed)
+    for number in range(1, starts):
+        other = fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
+        if other.cost < best.cost - AGREE:
+            best = fit(problem, other.values, 1)
+    return best
+
+
+def _somewhere(problem: Problem, start: Mapping[str, float], seed: int) -> Fit:
+    """From `start`, or from stiffer tubes where the model has no answer there (it bursts)."""
+    for stiffer in (1.0, 1.2, 1.5):
+        try:
+            return fit(problem, {n: v * (stiffer if n.startswith("C_") else 1.0) for n, v in start.items()}, 1, seed=seed)
+        except FitError:
+            continue
+    return fit(problem, start, 4, 0.3, seed)

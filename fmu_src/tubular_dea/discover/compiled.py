@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from ..kernel import Kernel
 from ..model.declare import Model
-from ..model.effects import catalogue
+from ..model.effects import Effect, catalogue
 
 Ids = tuple[str, ...]
 
@@ -19,20 +19,25 @@ class Compiled:
         self.base = base
         self._kernels: dict[Ids, Kernel] = {}
 
-    def model(self, ids: Ids) -> Model:
-        """The model with the effects `ids`, off."""
+    def model(self, ids: Ids, *more: Effect) -> Model:
+        """The model with the effects `ids` of the catalogue and `more`, all off."""
         model = self.base
-        for name in ids:
-            model = catalogue()[name](model)
+        for effect in [*(catalogue()[name] for name in ids), *more]:
+            model = effect(model)
         return model
 
-    def kernel(self, ids: Ids = ()) -> Kernel:
-        """The compiled model with the effects `ids`."""
-        if ids not in self._kernels:
-            self._kernels[ids] = Kernel(self.model(ids))
-        return self._kernels[ids]
+    def kernel(self, ids: Ids = (), *more: Effect) -> Kernel:
+        """The compiled model with the effects `ids` of the catalogue and `more`."""
+        key = (*ids, *(e.id for e in more))
+        if key not in self._kernels:
+            self._kernels[key] = Kernel(self.model(ids, *more))
+        return self._kernels[key]
 
-    def prepare(self, wanted: Iterable[Ids], workers: int = 2) -> None:
-        """Compile what will be needed, `workers` at a time."""
+    def everything(self) -> Kernel:
+        """The model with the whole catalogue in it: one library for the scores of all candidates."""
+        return self.kernel(tuple(catalogue()))
+
+    def prepare(self, ids: Ids, candidates: Iterable[Effect], workers: int = 2) -> None:
+        """Compile the model with `ids` and each of the candidates, `workers` at a time."""
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(self.kernel, [ids for ids in wanted if ids not in self._kernels]))
+            list(pool.map(lambda effect: self.kernel(ids, effect), candidates))

@@ -14,8 +14,10 @@ from ..identify.noise import Noise
 from ..identify.problem import Free, Problem
 from ..identify.response import Case, Response
 from ..model.declare import Model
+from ..model.effects import Effect
 from .compiled import Compiled, Ids
 
+PRIOR = 2.0  # width of the weak prior: a factor of e^2 for what is positive, twice the size for the rest
 HELD_SHARE = 4  # one experiment in so many takes no part in any fit
 
 
@@ -51,17 +53,18 @@ class Study:
         """The pieces that take part in none."""
         return [p for p in self.pieces if p.held_out]
 
-    def response(self, ids: Ids, pieces: Sequence[Piece], sizes: Mapping[str, float] | None = None) -> Response:
-        """The model with effects `ids` on some pieces."""
-        return Response(self.compiled.kernel(ids), [p.case for p in pieces], self.measured, self.geometry, sizes)
+    def response(self, ids: Ids, pieces: Sequence[Piece], *more: Effect) -> Response:
+        """The model with the effects `ids` of the catalogue and `more` on some pieces."""
+        return Response(self.compiled.kernel(ids, *more), [p.case for p in pieces], self.measured, self.geometry)
 
     def problem(self, ids: Ids, free: Sequence[Free], fixed: Mapping[str, float],
                 pieces: Sequence[Piece] | None = None) -> Problem:  # fmt: skip
         """The least squares problem of the model with effects `ids` on some pieces (those in training)."""
         pieces = self.training if pieces is None else pieces
-        sizes = {f.name: f.size for f in free}
-        return Problem(self.response(ids, pieces, sizes), [p.record for p in pieces], self.noise, free, fixed,
-                       [p.weight for p in pieces])  # fmt: skip
+        declared = self.compiled.base.parameter_values()
+        center = np.array([f.to_scaled(declared.get(f.name, f.size if f.logarithmic else 0.0)) for f in free])
+        return Problem(self.response(ids, pieces), [p.record for p in pieces], self.noise, free, fixed,
+                       [p.weight for p in pieces], PRIOR if free else None, center)  # fmt: skip
 
     def weighted(self, weights: Sequence[np.ndarray]) -> Study:
         """The study with other weights of the samples, one array a piece."""
@@ -102,7 +105,8 @@ def choose_held_out(recordings: Recordings) -> list[str]:
         allowed = [i for i in training if i not in largest] or training
         others = {i: [j for j in training if j != i] for i in allowed}
         nearest = {i: min(float(np.linalg.norm(features[i] - features[j])) for j in others[i]) for i in allowed}
-        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size, i))
+        apart = {i: min([1.0, *(float(np.linalg.norm(features[i] - features[j])) for j in chosen)]) for i in allowed}
+        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size / max(apart[i], 1e-9), i))
         chosen.append(best)
         training.remove(best)
     return [experiments[i].name for i in sorted(chosen)]

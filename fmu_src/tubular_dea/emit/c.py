@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sympy
+from sympy import default_sort_key
 from sympy.printing.c import C99CodePrinter
 
-from ..model.declare import Model
+from ..model.declare import Delay, Model
 from .functions import Function, functions, layout
 from .solver import solver_functions
 from .variables import Variable, guid, moved_by, variables
@@ -32,6 +33,16 @@ class _Printer(C99CodePrinter):
 
     def _print_Float(self, expr: sympy.Float) -> str:
         return repr(float(expr))
+
+    def _print_Piecewise(self, expr: sympy.Piecewise) -> str:
+        *pieces, (last, _) = expr.args
+        tests = [f"({self._print(condition)}) ? {self._print(value)} : " for value, condition in pieces]
+        return f"({''.join(tests)}{self._print(last)})"
+
+    def _print_Or(self, expr: sympy.Or) -> str:
+        """With parentheses around && inside ||, which compilers ask for."""
+        texts = [(isinstance(arg, sympy.And), self._print(arg)) for arg in sorted(expr.args, key=default_sort_key)]
+        return " || ".join(f"({text})" if nested else text for nested, text in texts)
 
     def _print_Pi(self, expr: sympy.Expr) -> str:
         return "3.141592653589793"
@@ -67,6 +78,8 @@ def header(model: Model) -> str:
         f"#define MODEL_NX {len(arrays.x)}",
         f"#define MODEL_NU {len(arrays.u)}",
         f"#define MODEL_NP {len(arrays.p)}",
+        f"#define MODEL_ND {len(model.discretes)} /* discretes, the tail of p */",
+        f"#define MODEL_DELAYS {len(model.delays)} /* delayed signals, the tail of u */",
         f"#define MODEL_NY {len(arrays.y)}",
         f"#define MODEL_VARIABLES {len(table)}",
         *(f"#define MODEL_{name} {size}" for name, size in solver.sizes.items()),
@@ -99,6 +112,10 @@ def source(model: Model) -> str:
         "const Variable model_variables[MODEL_VARIABLES] = {",
         *(f"    {_row(v)}," for v in variables(model)),
         "};",
+        "",
+        "const DelayLine model_delays[] = {",
+        *(f"    {_delay_row(model, d)}," for d in model.delays),
+        "    {-1, -1, -1, -1, 0, 1}};",
         "",
         "const double model_nominal[] = {"
         + (", ".join(repr(float(s.quantity.nominal)) for s in model.states) or "0 /* C has no empty arrays */")
@@ -150,6 +167,17 @@ def _unpack(array: str, symbols: list[sympy.Symbol], used: set[sympy.Symbol]) ->
         return [] if name == array else [f"    const double {name} = {array};"]
     lines = [f"    const double {s} = {array}[{i}];" for i, s in enumerate(symbols) if s in used]
     return lines or [f"    (void)({array});"]
+
+
+def _delay_row(model: Model, delay: Delay) -> str:
+    """Places of a delayed signal, of what it delays (input or output) and of the delay; longest delay, size."""
+    arrays = layout(model)
+    u, y, p = ([str(s) for s in symbols] for symbols in (arrays.u, arrays.y, arrays.p))
+    is_input = delay.of in [q.name for q in model.inputs]
+    places = [u.index(delay.quantity.name), u.index(delay.of) if is_input else -1]
+    places += [-1 if is_input else y.index(delay.of), p.index(delay.by)]
+    sizes = [float(model.quantity(delay.by).maximum or 0.0), float(delay.quantity.nominal)]
+    return f"{{{', '.join(map(str, [*places, *sizes]))}}}"
 
 
 def _row(variable: Variable) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from ..model.declare import TIME, EquilibriumCurve, Model, rate
+from ..model.declare import TIME, EquilibriumCurve, Model, before, rate
 from .jacobian import Assignment, assignments, at_rest, forward, needed, real
 
 
@@ -69,15 +69,20 @@ class Layout:
 
 
 def layout(model: Model) -> Layout:
-    """Array order: as declared; `y` holds the outputs that are definitions."""
+    """Array order: as declared; `y` holds the outputs that are definitions. The discretes are the tail of `p`:
+    parameters that the model itself changes, between steps. Delayed signals are the tail of `u`, and the definitions
+    among what they delay the tail of `y`."""
     defined = {d.quantity.name for d in model.definitions}
+    delayed = [d.quantity for d in model.delays]
+    late = [real(d.of) for d in model.delays if d.of in defined]
+    outputs = [real(name) for name in model.outputs if name in defined]
     return Layout(
         x=[s.quantity.symbol for s in model.states],
-        u=[q.symbol for q in model.inputs],
-        du=[rate(q) for q in model.inputs],
-        p=[p.quantity.symbol for p in model.parameters],
+        u=[q.symbol for q in (*model.inputs, *delayed)],
+        du=[rate(q) for q in (*model.inputs, *delayed)],
+        p=[*(p.quantity.symbol for p in model.parameters), *(d.quantity.symbol for d in model.discretes)],
         fold=[model.curve.fold.symbol] if model.curve else [],
-        y=[real(name) for name in model.outputs if name in defined],
+        y=[*outputs, *(s for s in late if s not in outputs)],
     )
 
 
@@ -86,7 +91,26 @@ def functions(model: Model) -> list[Function]:
     made = [_derivatives(model), _jacobian(model), _outputs(model), _tangent(model), _start(model), _start_tangent(model)]
     if model.curve:
         made += [_curve(model, model.curve), _curve_tangent(model, model.curve)]
+    if model.discretes:
+        made += [_sample_start(model), _sample(model)]
     return made
+
+
+def _sample_start(model: Model) -> Function:
+    """Discretes at the start."""
+    arrays = layout(model)
+    return Function("sample_start", "Discretes before the first sample.", {"u": arrays.u, "p": arrays.p}, [],
+                    {"discrete": [sympy.sympify(d.start) for d in model.discretes]})  # fmt: skip
+
+
+def _sample(model: Model) -> Function:
+    """One sample of all discretes; in `p` they are as they were before it."""
+    arrays = layout(model)
+    p = [*(p.quantity.symbol for p in model.parameters), *(before(d.quantity) for d in model.discretes)]
+    body = [(d.quantity.name, sympy.sympify(d.update)) for d in model.discretes]
+    return Function("sample", "The discretes after a sample.",
+                    {"time": [TIME], "x": arrays.x, "u": arrays.u, "p": p}, body,
+                    {"discrete": [d.quantity.symbol for d in model.discretes]})  # fmt: skip
 
 
 def _rates(model: Model) -> list[sympy.Expr]:

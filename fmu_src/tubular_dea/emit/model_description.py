@@ -33,7 +33,7 @@ def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ())
         "providesDirectionalDerivative": _true(kind == "native"),
     }  # fmt: skip
     interfaces = []
-    if kind == "native":
+    if kind == "native" and not (model.discretes or model.delays):
         interfaces.append(ET.SubElement(root, "ModelExchange", common | {"completedIntegratorStepNotNeeded": "true"}))
     interfaces.append(ET.SubElement(root, "CoSimulation", common | {
         "canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": _true(kind == "native"),
@@ -63,7 +63,8 @@ def fmi3(model: Model) -> str:
         "modelIdentifier": model.name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true",
     }  # fmt: skip
-    ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "false"})
+    if not (model.discretes or model.delays):  # they live at communication points, which model exchange does not have
+        ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "false"})
     ET.SubElement(root, "CoSimulation", common | {
         "canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1",
         "providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
@@ -97,7 +98,7 @@ def terminals(model: Model, members: dict[str, tuple[str, dict[str, str]]]) -> s
     graphics = ET.SubElement(root, "GraphicalRepresentation")
     square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     ET.SubElement(graphics, "CoordinateSystem", square | {"suggestedScalingFactorTo_mm": "0.1"})
-    ET.SubElement(graphics, "Icon", square | {"iconBaseName": "icon"})
+    ET.SubElement(graphics, "Icon", square)  # the picture is icon.png beside it
     group = ET.SubElement(root, "Terminals")
     for name, (description, variables_by_member) in members.items():
         terminal = ET.SubElement(group, "Terminal", name=name, matchingRule="plug", description=description)
@@ -186,7 +187,7 @@ def _real_attributes(variable: Variable) -> dict[str, str]:
     attributes["unit"] = q.unit
     if q.display_unit:
         attributes["displayUnit"] = q.display_unit
-    if variable.kind in ("INPUT", "OUTPUT", "STATE", "FOLD"):
+    if variable.kind in ("INPUT", "OUTPUT", "STATE", "FOLD", "SAMPLED"):
         attributes["nominal"] = _number(q.nominal)
     return attributes | _bounds(q, _number)
 
@@ -208,7 +209,7 @@ def _start(variable: Variable) -> str | None:
 
 def _initial(variable: Variable) -> dict[str, str]:
     """`initial` of what the model calculates; inputs must not have one, parameters are exact by default."""
-    return {"initial": "calculated"} if variable.kind in ("OUTPUT", "STATE", "DERIVATIVE", "FOLD") else {}
+    return {"initial": "calculated"} if variable.kind in ("OUTPUT", "STATE", "DERIVATIVE", "FOLD", "SAMPLED") else {}
 
 
 def _unknowns(table: list[Variable]) -> dict[str, list[tuple[Variable, tuple[str, ...]]]]:

@@ -115,7 +115,7 @@ def sources(model: Model) -> dict[str, str]:
 
 
 def definition(function: Function, remarks: Mapping[str, str] | None = None) -> str:
-    """The whole Python function; only what is used is unpacked. `remarks` go behind the names they are about."""
+    """The whole Python function; only what is used is unpacked. `remarks` follow the names they are on."""
     _check_names(function)
     used = function.used()
     lines = [f"def {function.name}({', '.join(function.arguments)}):", f'    """{function.description}"""']
@@ -173,7 +173,7 @@ def _unpack(array: str, symbols: list[sympy.Symbol], used: set[sympy.Symbol]) ->
     if array in SCALARS:
         return [f"    {s} = {array}" for _, s in wanted if str(s) != array]
     if len(wanted) == len(symbols) > 1:
-        return [f"    {', '.join(map(str, symbols))} = {array}"]
+        return unpacked([str(s) for s in symbols], array)
     return [f"    {s} = {array}[{i}]" for i, s in wanted]
 
 
@@ -201,6 +201,12 @@ def _result(
     indent = " " * (len(before) - len(before.lstrip()))
     rows = [tuple_lines(f"{indent}    ", texts[i * n : (i + 1) * n], ",") for i in range(n)]
     return [f"{before}(", *(line for row in rows for line in row), f"{indent}){after}"]
+
+
+def unpacked(targets: list[str], array: str) -> list[str]:
+    """`a, b = array`, over several lines where there are many."""
+    line = f"    {', '.join(targets)}{',' if len(targets) == 1 else ''} = {array}"
+    return [line] if len(line) <= WIDTH else tuple_lines("    ", targets, f" = {array}")
 
 
 def tuple_lines(before: str, texts: list[str], after: str = "") -> list[str]:

@@ -34,7 +34,7 @@ def header(model: Model, observed: Sequence[str]) -> str:
         f"#define OBSERVED {len(observed)} /* {' '.join(observed)} */",
         f"#define OBSERVED_N {len(output_entries)}",
         "",
-        "/* Entries of d(dx)/dx, of d(dx)/d(columns), and of d(observed)/d(states, then columns). */",
+        "/* Entries of d(dx)/dx, of d(dx)/d(columns), and of d(observed)/d(states, then columns, then inputs). */",
         _integers("J_ROW", [row for row, _ in places]),
         _integers("J_COLUMN", [column for _, column in places]),
         _integers("P_ROW", [row for row, _ in entries]),
@@ -75,7 +75,7 @@ def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Func
     n = len(rates)
     places = [(i, j) for i in range(n) for j in range(n) if states[j].values[i] != ZERO]
     entries = [(i, j) for i in range(n) for j in range(len(seeds)) if along[j].values[i] != ZERO]
-    hoisted = _Hoisted({p.quantity.symbol for p in model.parameters}, set(model.quantities()))
+    hoisted = _Hoisted(set(layout(model).p), set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
     results = {
         "dx": rates,
@@ -83,7 +83,8 @@ def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Func
         "P": [along[j].values[i] for i, j in entries],
     }
     added = [a for tangent in [*states, *along] for a in tangent.added]
-    function = Function("gradients", "State derivatives and their exact derivatives.", arguments, [*body, *added], results)
+    description = "State derivatives and their exact derivatives."
+    function = Function("gradients", description, arguments, [*body, *added], results)
     x = [s.name for s in layout(model).x]
     names = {
         "dx": [f"der_{a}" for a in x],
@@ -106,13 +107,13 @@ def _along(body: list[tuple[str, sympy.Expr]], rates: Sequence[sympy.Expr], seed
 def _observed(
     model: Model, seeds: Sequence[sympy.Symbol], observed: Sequence[str]
 ) -> tuple[Function, list[Entry]]:
-    """The outputs `observed` with their derivatives to states and `seeds`; (row, state or n + column) of each entry."""
+    """The outputs `observed` with their derivatives; (row, column) of each entry: states, then `seeds`, then inputs."""
     arrays = layout(model)
     results = [real(name) for name in observed]
     for name in observed:
         model.quantity(name)
     body = assignments(needed(model, results))
-    tangents = [_along(body, results, symbol) for symbol in [*arrays.x, *seeds]]
+    tangents = [_along(body, results, symbol) for symbol in [*arrays.x, *seeds, *arrays.u[: len(model.inputs)]]]
     entries = [(i, j) for i in range(len(results)) for j in range(len(tangents)) if tangents[j].values[i] != ZERO]
     values = [tangents[j].values[i] for i, j in entries]
     return Function("observed", "The observed outputs and their derivatives.", arrays.arrays(),

@@ -43,7 +43,7 @@ def solver_functions(model: Model) -> SolverFunctions:
     entries = [columns[j].values[i] for i, j in places]
     added = [a for part in [*columns, along_time] for a in part.added]
 
-    hoisted = _Hoisted({p.quantity.symbol for p in model.parameters}, set(model.quantities()))
+    hoisted = _Hoisted(set(layout(model).p), set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
     plain = Function("slopes", "State derivatives.", arguments, body, {"dx": rates})
     full = Function("linearise", "State derivatives, the non-zero entries of d(dx)/dx, and d(dx)/dt at fixed states.",
@@ -223,7 +223,7 @@ class _Hoisted:
         if e.is_number:
             return e
         if self._is_constant(e):
-            return self._name(e, target)
+            return self._name(e, f"{target}_constant")  # `target` itself may be the name of what uses it
         if e.is_Mul:
             return self._split(e, target, "factor")
         if e.is_Add:

@@ -39,6 +39,7 @@ def variables(model: Model) -> list[Variable]:
         *_outputs(model),
         *_hidden_states(model),
         *_derivatives(model),
+        *(_discrete(model, name) for name in _discretes(model) if name not in model.outputs),
         *(
             Variable(p.quantity.name, "PARAMETER", i, p.quantity, "parameter", "tunable" if p.tunable else "fixed")
             for i, p in enumerate(model.parameters)
@@ -54,6 +55,8 @@ def guid(model: Model, kind: str = "native") -> str:
     text = repr((kind, model.name, model.inputs, model.parameters, model.outputs, model.curve, model.effects))
     text += repr([(d.quantity, sympy.srepr(d.expression)) for d in model.definitions])
     text += repr([(s.quantity, *map(sympy.srepr, (s.derivative, s.start, s.equilibrium))) for s in model.states])
+    text += repr([(d.quantity, sympy.srepr(d.start), sympy.srepr(d.update)) for d in model.discretes])
+    text += repr(model.delays) if model.delays else ""
     return f"{{{uuid.UUID(bytes=hashlib.sha256(text.encode()).digest()[:16], version=4)}}}"
 
 
@@ -70,12 +73,26 @@ def direct_dependencies(model: Model, expression: sympy.Expr) -> tuple[str, ...]
     return tuple(str(s) for s in ordered if s in reached)
 
 
-def _reached(model: Model, expression: sympy.Expr) -> set[sympy.Symbol]:
-    expression = sympy.sympify(expression)
-    used = [expression, *(d.expression for d in needed(model, [expression]))]
-    reached: set[sympy.Symbol] = set().union(*(e.free_symbols for e in used))
+def _reached(
+    model: Model, expression: sympy.Expr, constant: dict[sympy.Symbol, sympy.Expr] | None = None
+) -> set[sympy.Symbol]:
+    """Every symbol that `expression` depends on through definitions, where some are `constant`: what is multiplied
+    by zero is not reached."""
+    known = dict(constant or {})
+    through: dict[sympy.Symbol, set[sympy.Symbol]] = {}
+    for d in needed(model, [sympy.sympify(expression)]):
+        value = sympy.sympify(d.expression).xreplace(known)
+        if value.is_number:
+            known[d.quantity.symbol] = value
+        else:
+            through[d.quantity.symbol] = value.free_symbols.union(*(through.get(s, ()) for s in value.free_symbols))
+    free = sympy.sympify(expression).xreplace(known).free_symbols
+    reached: set[sympy.Symbol] = free.union(*(through.get(s, ()) for s in free))
     if model.curve and model.curve.fold.symbol in reached:
         reached |= moved_by(model)
+    for delay in model.delays:  # a delay may be zero: what is late may be what is now
+        if delay.quantity.symbol in reached:
+            reached |= {real(delay.by)} | _reached(model, real(delay.of))
     return reached
 
 
@@ -90,7 +107,7 @@ def moved_by(model: Model) -> set[sympy.Symbol]:
 
 def _initial(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
     """Inputs and parameters that `expression` depends on at the start, through the initial states too."""
-    reached = _reached(model, expression)
+    reached = _reached(model, expression, _same_at_every_start(model))
     for state in model.states:
         if state.quantity.symbol in reached:
             reached |= _initial_of_state(model, state.start, state.equilibrium)
@@ -99,6 +116,12 @@ def _initial(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
             reached.add(q.symbol)
     ordered = [*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)]
     return tuple(str(s) for s in ordered if s in reached)
+
+
+def _same_at_every_start(model: Model) -> dict[sympy.Symbol, sympy.Expr]:
+    """The states that start at one number, whatever the parameters and the way to start: rates at zero."""
+    starts = {s.quantity.symbol: (sympy.sympify(s.start), sympy.sympify(s.equilibrium)) for s in model.states}
+    return {symbol: start for symbol, (start, rest) in starts.items() if start == rest and start.is_number}
 
 
 def _initial_of_state(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> set[sympy.Symbol]:
@@ -125,6 +148,8 @@ def _outputs(model: Model) -> list[Variable]:
             index, state = states[name]
             initial = _state_initial(model, state.start, state.equilibrium)
             found.append(Variable(name, "STATE", index, *common, False, (name,), initial))
+        elif name in _discretes(model):
+            found.append(_discrete(model, name))
         elif model.curve and name == model.curve.fold.name:
             found.append(Variable(name, "FOLD", 0, *common, True, direct_dependencies(model, symbol),
                                   _initial(model, symbol)))  # fmt: skip
@@ -134,6 +159,19 @@ def _outputs(model: Model) -> list[Variable]:
                                   _initial(model, symbol)))  # fmt: skip
             position += 1
     return found
+
+
+def _discretes(model: Model) -> list[str]:
+    return [d.quantity.name for d in model.discretes]
+
+
+def _discrete(model: Model, name: str) -> Variable:
+    """A discrete; it is kept behind the parameters."""
+    place = _discretes(model).index(name)
+    causality = "output" if name in model.outputs else "local"
+    start = sympy.sympify(model.discretes[place].start)
+    return Variable(name, "SAMPLED", len(model.parameters) + place, model.quantity(name), causality, "discrete",
+                    initial_dependencies=_initial(model, start))  # fmt: skip
 
 
 def _state_initial(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> tuple[str, ...]:

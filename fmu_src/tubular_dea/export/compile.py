@@ -151,6 +151,8 @@ def _zig_version() -> str:
 def _zig_cc(target: Platform, compiled: list[str], library: Path, folder: str, flags: tuple[str, ...]) -> None:
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, *flags, "-I.", "-o", str(library)]
     command += [*compiled, *([] if target.suffix == ".dll" else ["-fPIC", "-lm"])]
+    if target.suffix == ".dylib":  # not the name of the temporary folder
+        command += ["-Wl,-install_name,@rpath/library.dylib"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise CompileError(f"compiling for {target.name} failed:\n{done.stderr.strip()}")

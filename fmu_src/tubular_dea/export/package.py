@@ -15,8 +15,8 @@ from ..model.declare import Model
 from .compile import Platform, host, native_source, shared_library, universal, write_atomically
 
 CORE_SOURCES = ("instance.c", "values.c", "step.c", "exchange.c", "saved_state.c", "sensitivity.c", "equilibrium.c",
-                "rosenbrock.c")  # fmt: skip
-CORE_HEADERS = ("instance.h", "rosenbrock.h", "equilibrium.h", "variable.h")
+                "delay.c", "rosenbrock.c")  # fmt: skip
+CORE_HEADERS = ("instance.h", "delay.h", "rosenbrock.h", "rodas5p.h", "equilibrium.h", "variable.h")
 FMI_HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),

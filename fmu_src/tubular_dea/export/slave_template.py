@@ -448,18 +448,21 @@ def _survive(*instances: Slave) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
 
 
+def _tell_python(who: str, error: BaseException) -> None:
+    """To Python's log as well: pythonfmu's library passes on messages only if the host asked for logging."""
+    logging.getLogger(NAME).error("%s: %s", who, error, exc_info=not isinstance(error, Refused))
+
+
 def _entry(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A method that pythonfmu's library calls. Python's log is told of refusals as well, because that library
-    passes on messages only if the host asked for logging."""
+    """A method that pythonfmu's library calls."""
 
     @functools.wraps(method)
     def guarded(*arguments: Any) -> Any:
         try:
             return method(*arguments)
         except BaseException as error:
-            known = isinstance(arguments[0], Slave) if arguments else False
-            if isinstance(error, Refused):
-                logging.getLogger(NAME).error("%s: %s", arguments[0].instance_name if known else NAME, error)
+            known = isinstance(arguments[0], Slave)
+            _tell_python(arguments[0].instance_name if known else NAME, error)
             _survive(*([arguments[0]] if known else _instances))
             raise
 
@@ -546,7 +549,7 @@ class Slave(Fmi2Slave):
             self._check_step(current_time, step_size)
             self._step(current_time, current_time + step_size)
         except Refused as refusal:
-            logging.getLogger(NAME).error("%s: %s", self.instance_name, refusal)
+            _tell_python(self.instance_name, refusal)
             self.log(str(refusal), Fmi2Status.discard, "logStatusDiscard")
             return False
         return True
@@ -647,7 +650,7 @@ class Slave(Fmi2Slave):
             raise Refused(
                 f"{variable.name} is not a finite number at time {now.time:.9g}; check inputs and parameters"
             )
-        return value
+        return float(value)
 
     def _calculated(self, variable: Variable) -> float:
         """States, their derivatives, the fold and outputs; outputs together, and only when one is wanted."""
@@ -706,7 +709,8 @@ class Slave(Fmi2Slave):
 
     @_entry
     def _get_fmu_state(self) -> Snapshot:
-        return self._now
+        now = self._now
+        return now._replace(x=FRESH.x) if now.mode == INITIALIZATION else now  # there x follows from the rest
 
     @_entry
     def _set_fmu_state(self, state: Any) -> None:

@@ -53,8 +53,9 @@ def fit(
     spread: float = 0.15,
     seed: int = 0,
     evaluations: int = 60,
+    move: float = 0.0,
 ) -> Fit:
-    """The best of `starts` searches: from `start` and from points around it (relative distance about `spread`).
+    """The best of `starts` searches: from `start` (moved by about `move`) and from points around it (about `spread`).
 
     `Fit.spread` is by how much the costs of the searches that ended within 10 of the best differ.
     """
@@ -62,7 +63,7 @@ def fit(
     first = problem.scaled(start)
     found = []
     for number in range(starts):
-        moved = first + (spread * random.standard_normal(first.size) if number else 0.0)
+        moved = first + (spread if number else move) * random.standard_normal(first.size)
         low, high = problem.bounds()
         inside = 1e-9 * (1 + np.abs(moved))
         solution = _search(problem, np.clip(moved, low + inside, high - inside), evaluations)
@@ -85,7 +86,7 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int):  # type: ign
         return None
     return least_squares(
         problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
-        x_scale="jac", ftol=1e-7, xtol=1e-6, gtol=1e-8, max_nfev=evaluations,
+        x_scale="jac", ftol=1e-6, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
     )  # fmt: skip
 
 

@@ -51,7 +51,8 @@ class Free:
 class Problem:
     """Residuals of `response` against `records` (each (n,), in SI units) at `free` parameters, the others `fixed`.
 
-    `weights`, one array (n,) a case, lower the say of samples whose inputs are uncertain.
+    `weights`, one array (n,) a case, lower the say of samples whose inputs are uncertain. `prior` holds the solver's
+    numbers (k,) near `center` within about `prior`: so weakly that only directions the records leave open feel it.
     """
 
     response: Response
@@ -60,6 +61,8 @@ class Problem:
     free: Sequence[Free]
     fixed: Mapping[str, float]
     weights: Sequence[np.ndarray] | None = None
+    prior: float | None = None
+    center: np.ndarray | None = None
 
     @property
     def names(self) -> list[str]:
@@ -92,17 +95,28 @@ class Problem:
         return np.concatenate(parts)
 
     def residuals(self, scaled: np.ndarray) -> np.ndarray:
-        """Model minus record, whitened, shape (N,); infinite where the model has no answer."""
+        """Model minus record, whitened, shape (N,), the prior last; infinite where the model has no answer."""
         try:
             outputs = self.response.outputs(self.values(scaled))
         except KernelError:
-            return np.full(sum(r.size for r in self.records), np.inf)
-        return self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
+            rows = sum(r.size for r in self.records) + (len(self.free) if self.prior else 0)
+            return np.full(rows, np.inf)
+        return self._residual(scaled, outputs)
+
+    def _residual(self, scaled: np.ndarray, outputs: Sequence[np.ndarray]) -> np.ndarray:
+        white = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
+        return np.concatenate([white, (scaled - self._center()) / self.prior]) if self.prior else white
+
+    def _center(self) -> np.ndarray:
+        return np.zeros(len(self.free)) if self.center is None else self.center
 
     def linearised(self, scaled: np.ndarray, more: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (N,) and Jacobian (N, k + len(more)); `more` are fixed parameters, their columns in SI units."""
         values = self.values(scaled)
         outputs, columns = self.response.sensitivities(values, [*self.names, *more])
         slopes = np.array([*(f.slope(values[f.name]) for f in self.free), *(1.0 for _ in more)])
-        residual = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
-        return residual, self.whiten(columns) * slopes
+        jacobian = self.whiten(columns) * slopes
+        if self.prior:
+            held = np.eye(len(self.free), len(self.free) + len(more)) / self.prior
+            jacobian = np.concatenate([jacobian, held])
+        return self._residual(scaled, outputs), jacobian

@@ -94,6 +94,20 @@ class Delay:
 
 
 @dataclass(frozen=True)
+class Discrete:
+    """A value that changes only when the model is sampled: at the start of every communication step.
+
+    Discretes are sampled in their order. `update` may use the time, inputs, parameters, states, discretes sampled
+    before this one, and `before(...)` of any discrete: what it was before this sample. `start` may use inputs and
+    parameters. Definitions and state derivatives may use the discretes; between samples they are constants.
+    """
+
+    quantity: Quantity
+    start: sympy.Expr
+    update: sympy.Expr
+
+
+@dataclass(frozen=True)
 class EquilibriumCurve:
     """The balance `load = f(unknown)` at rest, and the end of its first rising branch (the fold).
 
@@ -132,6 +146,7 @@ class Model:
     curve: EquilibriumCurve | None = None
     effects: tuple[str, ...] = field(default=())
     delays: tuple[Delay, ...] = ()
+    discretes: tuple[Discrete, ...] = ()
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -148,6 +163,7 @@ class Model:
             *(state.quantity for state in self.states),
             *fold,
             *(delay.quantity for delay in self.delays),
+            *(discrete.quantity for discrete in self.discretes),
             *(definition.quantity for definition in self.definitions),
         ]
         return {quantity.name: quantity for quantity in listed}
@@ -249,6 +265,11 @@ def rate(quantity: Quantity) -> sympy.Symbol:
     return sympy.Symbol(f"{quantity.name}_rate", real=True)
 
 
+def before(quantity: Quantity) -> sympy.Symbol:
+    """What a discrete was before the present sample."""
+    return sympy.Symbol(f"{quantity.name}_before", real=True)
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """A hint for an error message: "; did you mean a, b?" or the names there are."""
     known = list(names)
@@ -268,6 +289,7 @@ def _check_names(model: Model) -> None:
         *(s.quantity.name for s in model.states),
         *fold,
         *(d.quantity.name for d in model.delays),
+        *(d.quantity.name for d in model.discretes),
         *(d.quantity.name for d in model.definitions),
     ]:
         if name in seen:
@@ -289,6 +311,7 @@ def _check_order(model: Model) -> None:
         *(s.quantity.symbol for s in model.states),
         *fold,
         *(d.quantity.symbol for d in model.delays),
+        *(d.quantity.symbol for d in model.discretes),
     }
     for definition in model.definitions:
         _check_known(model, definition.quantity.name, definition.expression, known)
@@ -297,6 +320,17 @@ def _check_order(model: Model) -> None:
         _check_known(model, f"der({state.quantity.name})", state.derivative, known)
     for delay in model.delays:
         _check_delay(model, delay)
+    _check_samples(model)
+
+
+def _check_samples(model: Model) -> None:
+    """Each discrete is sampled from what is known by then."""
+    fixed = {*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)}
+    known = {TIME, *fixed, *(s.quantity.symbol for s in model.states), *(before(d.quantity) for d in model.discretes)}
+    for discrete in model.discretes:
+        _check_known(model, f"the start of {discrete.quantity.name}", discrete.start, fixed)
+        _check_known(model, f"the update of {discrete.quantity.name}", discrete.update, known)
+        known.add(discrete.quantity.symbol)
 
 
 def _check_delay(model: Model, delay: Delay) -> None:

@@ -45,6 +45,7 @@ Usage::
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 
 import sympy
@@ -52,7 +53,7 @@ from sympy import tanh
 
 from .declare import TIME, Definition, Model, Parameter, Quantity, State, nearest
 from .patients import MMHG, PATIENTS, RESISTANCE, PatientError
-from .whole import cycle_fraction
+from .whole import cycle_fraction, rename
 
 # The R wave shows this part of a cycle before its exact place, so that a master which lands there sees it.
 R_WAVE_LEAD = 1e-6
@@ -60,6 +61,8 @@ R_WAVE_DURATION = 0.02  # s
 
 TUBE_FLOW = Quantity("tube_flow", "m3/s", "Flow from the aorta into the tube", 0.0,
                      "the flow conjugate to the wall's work", nominal=1e-4, display_unit="mL/s")  # fmt: skip
+
+PACE = Quantity("pace", "Hz", "Beats per second, now", 1.25, nominal=1.0, display_unit="1/min")
 
 SIMAAN = "Simaan et al. (2009)"
 
@@ -136,6 +139,24 @@ def aortic_windkessel(values: Mapping[str, float] | None = None) -> Model:
         outputs=OUTPUTS,
     )
     return model.with_values(values or {})
+
+
+def paced_windkessel(values: Mapping[str, float] | None = None) -> Model:
+    """The same, beating as it is told: the input `pace` [Hz] takes the place of the parameter heart_rate.
+
+    With the pace 1 / RR from each recorded R wave to the next, the ventricle's R waves are the recorded ones.
+    """
+    model = aortic_windkessel({n: v for n, v in (values or {}).items() if n != "heart_rate"})
+    pace = {sympy.Symbol("heart_rate", real=True): PACE.symbol}
+    return dataclasses.replace(
+        model,
+        name="PacedWindkessel",
+        description=f"{model.description}, beating as it is told",
+        inputs=(TUBE_FLOW, PACE),
+        parameters=tuple(p for p in model.parameters if p.quantity.name != "heart_rate"),
+        definitions=tuple(dataclasses.replace(d, expression=rename(d.expression, pace)) for d in model.definitions),
+        states=tuple(dataclasses.replace(s, derivative=rename(s.derivative, pace)) for s in model.states),
+    )
 
 
 def patient(name: str, changes: Mapping[str, float] | None = None) -> dict[str, float]:

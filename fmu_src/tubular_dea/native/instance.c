@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "delay.h"
 #include "equilibrium.h"
 
 #define NU AT_LEAST_ONE(MODEL_NU)
@@ -27,6 +28,19 @@ Instance *instance_create(const char *name, const char *guid, Interface interfac
         snprintf(problem, PROBLEM_SIZE,
                  "instantiate: expected the GUID (instantiation token) %s of modelDescription.xml but was given %.80s",
                  MODEL_GUID, guid ? guid : "NULL");
+        return NULL;
+    }
+    if (MODEL_DELAYS > 0 && interface == MODEL_EXCHANGE) {
+        snprintf(problem, PROBLEM_SIZE,
+                 "instantiate: %s keeps delayed signals between communication points; expected co-simulation but was asked "
+                 "for model exchange",
+                 MODEL_NAME);
+        return NULL;
+    }
+    if (MODEL_ND > 0 && interface == MODEL_EXCHANGE) {
+        snprintf(problem, PROBLEM_SIZE,
+                 "instantiate: %s is sampled at communication points; expected co-simulation but was asked for model exchange",
+                 MODEL_NAME);
         return NULL;
     }
     Instance *instance = calloc(1, sizeof *instance);
@@ -177,6 +191,7 @@ void instance_inputs(const Instance *instance, double *u, double *du)
         u[i] = instance->now.u[i][0];
         du[i] = instance->now.u[i][1];
     }
+    delay_read_inputs(instance, u, du);
 }
 
 #if MODEL_HAS_CURVE
@@ -216,6 +231,9 @@ Status instance_update_start(Instance *instance)
     double u[NU], du[NU];
     if (now->mode != INITIALIZATION || !instance->start_is_stale) return STATUS_OK;
     instance_inputs(instance, u, du);
+#if MODEL_ND
+    model_sample_start(u, now->p, now->p + MODEL_NP - MODEL_ND);
+#endif
     model_start(u, now->p, now->x);
 #if MODEL_HAS_CURVE
     if (now->p[CURVE_SWITCH] != 0) {
@@ -241,6 +259,10 @@ void instance_update_outputs(Instance *instance)
     if (!instance->outputs_are_stale) return;
     instance_inputs(instance, u, du);
     model_outputs(instance->now.time, instance->now.x, u, du, instance->now.p, &instance->fold, instance->y);
+    if (MODEL_DELAYS > 0) {
+        delay_read_outputs(instance, instance->y, u, du);
+        model_outputs(instance->now.time, instance->now.x, u, du, instance->now.p, &instance->fold, instance->y);
+    }
     instance->outputs_are_stale = 0;
 }
 

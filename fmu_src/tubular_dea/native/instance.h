@@ -38,6 +38,14 @@ typedef enum {
     SPENT = 2   /* the inputs' derivatives are those of the last step: outputs see them, the next step does not */
 } Mark;
 
+#define PAST_ROOM 1024
+
+/* A piece of what a delayed signal was, from `time` on: an input's value and derivatives there, or a definition as
+ * Newton's polynomial over the piece (delay.c). */
+typedef struct {
+    double time, length, c[6];
+} Past;
+
 /* Doubles first, then an even number of 32-bit integers: the same layout on every platform, no padding. */
 typedef struct {
     double time, start, stop; /* stop is infinite where the host gave none */
@@ -46,6 +54,10 @@ typedef struct {
     double x[AT_LEAST_ONE(MODEL_NX)];
     double u[AT_LEAST_ONE(MODEL_NU)][INPUT_ORDER + 1]; /* inputs and their derivatives at `time` */
     double p[AT_LEAST_ONE(MODEL_NP)];
+#if MODEL_DELAYS
+    Past past[MODEL_DELAYS][PAST_ROOM];
+    int32_t n_past[2 * MODEL_DELAYS]; /* the first half is in use */
+#endif
     int32_t mode;
     int32_t marks;
 } Snapshot;

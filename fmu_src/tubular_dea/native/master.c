@@ -5,8 +5,10 @@
 #include <string.h>
 
 #define SAME_TIME 1e-9    /* s: events closer than this to a communication point are on it */
-#define ALTERNATIONS 12   /* steps in a row whose differences change sign and do not shrink */
-#define LEAST_SWING 1e-2  /* of a signal's scale: smaller alternations are no divergence */
+#define WATCHED 16        /* steps that are looked at for divergence ... */
+#define TURNS 7           /* ... in which a signal turns at least so often ... */
+#define LEAST_SWING 1e-2  /* ... by at least this part of its scale on the average, and does not calm down */
+#define FINEST 0.04       /* of the step: fixed steps shorter than this are not divided */
 #define SHORT_STEP 1e-3   /* of the step: too short to tell a slope from */
 #define MAX_INPUTS 64
 
@@ -21,12 +23,11 @@ struct Master {
     double *now, *next; /* signals at both ends of the step */
     double *slope;      /* as extrapolated from the last step */
     double *rate, *next_rate; /* slopes at both ends, as the sources tell them; NAN where they do not */
-    double *change;     /* of the last step, for the watch */
-    int *alternations;
+    double *changes;    /* of the last WATCHED steps of each signal, for the watch */
     char *known; /* next[i] is a value at the end of this step */
     double restart;    /* length of the next step after an event; 0 when there was none lately */
     void **state;
-    double *guess, *answer, *residual, *last_guess, *last_answer, *guess_rate, *answer_rate; /* of the unknowns */
+    double *guess, *answer, *residual, *last_guess, *last_answer; /* of the unknowns */
     double *gain;                                                  /* d answer / d guess, scaled, kept from step to step */
     double *system;
     int roll_back; /* every slave can */
@@ -51,22 +52,21 @@ void master_free(Master *m)
     if (!m) return;
     for (int i = 0; m->state && i < m->n_slaves; i++)
         if (m->state[i]) m->slaves[i].free_state(m->slaves[i].component, &m->state[i]);
-    void *all[] = {m->slaves, m->tables, m->scale, m->now, m->next, m->slope, m->rate, m->next_rate, m->change, m->alternations, m->known,
-                   m->state, m->guess, m->answer, m->residual, m->last_guess, m->last_answer, m->guess_rate, m->answer_rate, m->gain, m->system};
+    void *all[] = {m->slaves, m->tables, m->scale, m->now, m->next, m->slope, m->rate, m->next_rate, m->changes, m->known,
+                   m->state, m->guess, m->answer, m->residual, m->last_guess, m->last_answer, m->gain, m->system};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) free(all[i]);
     free(m);
 }
 
 static int allocate(Master *m)
 {
-    const size_t n = (size_t)m->n_signals, k = (size_t)m->plan.n_unknown;
+    const size_t n = (size_t)m->n_signals, k = 2 * (size_t)m->plan.n_unknown;
     m->now = zeros(n, sizeof(double));
     m->next = zeros(n, sizeof(double));
     m->slope = zeros(n, sizeof(double));
     m->rate = zeros(n, sizeof(double));
     m->next_rate = zeros(n, sizeof(double));
-    m->change = zeros(n, sizeof(double));
-    m->alternations = zeros(n, sizeof(int));
+    m->changes = zeros(WATCHED * n, sizeof(double));
     m->known = zeros(n, 1);
     m->state = zeros((size_t)m->n_slaves, sizeof(void *));
     m->guess = zeros(k, sizeof(double));
@@ -74,13 +74,10 @@ static int allocate(Master *m)
     m->residual = zeros(k, sizeof(double));
     m->last_guess = zeros(k, sizeof(double));
     m->last_answer = zeros(k, sizeof(double));
-    m->guess_rate = zeros(k, sizeof(double));
-    m->answer_rate = zeros(k, sizeof(double));
     m->gain = zeros(k * k, sizeof(double));
     m->system = zeros(k * (k + 1), sizeof(double));
-    return m->slaves && m->tables && m->scale && m->now && m->next && m->slope && m->rate && m->next_rate && m->change && m->alternations &&
-           m->known && m->state && m->guess && m->answer && m->residual && m->last_guess && m->last_answer && m->guess_rate &&
-           m->answer_rate && m->gain &&
+    return m->slaves && m->tables && m->scale && m->now && m->next && m->slope && m->rate && m->next_rate && m->changes &&
+           m->known && m->state && m->guess && m->answer && m->residual && m->last_guess && m->last_answer && m->gain &&
            m->system;
 }
 
@@ -132,19 +129,26 @@ static void read_tables(Master *m)
     for (int i = 0; i < m->n_tables; i++) m->now[i] = table_value(&m->tables[i], m->time, &m->slope[i]);
 }
 
+/* An event at or before the end of the step ends it. */
+static void earlier(double at, double *target, int *event)
+{
+    if (at > *target + SAME_TIME) return;
+    if (at < *target - SAME_TIME) *target = at;
+    *event = 1;
+}
+
 /* The end of the step that would go to `target`: there, or at the first event before it; *event says which. */
 static double before_events(const Master *m, double target, int *event)
 {
-    const double wanted = target;
+    *event = 0;
     for (int i = 0; i < m->n_tables; i++) {
         const Table *t = &m->tables[i];
-        if (t->at + 1 < t->n && t->time[t->at + 1] < target - SAME_TIME) target = t->time[t->at + 1];
+        if (t->at + 1 < t->n) earlier(t->time[t->at + 1], &target, event);
     }
     for (int i = 0; i < m->plan.n_events; i++) {
         const double at = m->now[m->plan.events[i]];
-        if (at > m->time + SAME_TIME && at < target - SAME_TIME) target = at;
+        if (at > m->time + SAME_TIME) earlier(at, &target, event);
     }
-    *event = target < wanted;
     return target;
 }
 
@@ -263,54 +267,65 @@ static MasterStatus explicit_step(Master *m, int first, int last, double h)
     return MASTER_GOING;
 }
 
-/* Largest residual over its tolerance. */
-static double worst(Master *m)
+/* The unknowns of the loop are values at the end of the step and, for cubics, slopes there: value k, then slope k.
+ * A slope counts as far as it moves the cubic: 4/27 of it times the step. */
+static double unit(const Master *m, int k, double h)
+{
+    const int n = m->plan.n_unknown;
+    const double scale = m->scale[m->plan.unknown[k % n]];
+    return k < n ? scale : scale * 27 / (4 * h);
+}
+
+static int n_unknowns(const Master *m) { return m->plan.n_unknown * (m->plan.cubic ? 2 : 1); }
+
+/* Residuals over their units, and the largest of them. A slope that nobody tells is no unknown. */
+static double worst(Master *m, double h)
 {
     double largest = 0;
-    int at = 0;
-    for (int k = 0; k < m->plan.n_unknown; k++) {
-        const double size = fabs(m->residual[k]) / m->scale[m->plan.unknown[k]];
-        if (!(size <= largest)) largest = size, at = k;
+    for (int k = 0; k < n_unknowns(m); k++) {
+        m->residual[k] = (m->answer[k] - m->guess[k]) / unit(m, k, h);
+        if (k >= m->plan.n_unknown && isnan(m->answer[k])) m->residual[k] = 0;
+        if (!(fabs(m->residual[k]) <= largest)) largest = fabs(m->residual[k]), m->where = m->plan.unknown[k % m->plan.n_unknown];
     }
-    m->where = m->plan.n_unknown ? m->plan.unknown[at] : 0;
     return largest;
 }
 
-/* Broyden's update of the gain from the last two guesses; steps lost in the slaves' own accuracy teach nothing. */
-static void learn(Master *m, double tolerance)
+/* By how much unknown k has changed since the last guess (or answer), over its unit. */
+static double moved(const Master *m, const double *now, const double *last, int k, double h)
 {
-    const int n = m->plan.n_unknown;
+    const double change = (now[k] - last[k]) / unit(m, k, h);
+    return isnan(change) ? 0 : change;
+}
+
+/* Broyden's update of the gain from the last two guesses; steps lost in the slaves' own accuracy teach nothing. */
+static void learn(Master *m, double h, double tolerance)
+{
+    const int n = n_unknowns(m);
     double length = 0;
-    for (int k = 0; k < n; k++) {
-        const double d = (m->guess[k] - m->last_guess[k]) / m->scale[m->plan.unknown[k]];
-        length += d * d;
-    }
+    for (int k = 0; k < n; k++) length += moved(m, m->guess, m->last_guess, k, h) * moved(m, m->guess, m->last_guess, k, h);
     if (!(length > tolerance * tolerance)) return;
     for (int i = 0; i < n; i++) {
-        const double scale = m->scale[m->plan.unknown[i]];
-        double error = (m->answer[i] - m->last_answer[i]) / scale;
-        for (int k = 0; k < n; k++)
-            error -= m->gain[i * n + k] * (m->guess[k] - m->last_guess[k]) / m->scale[m->plan.unknown[k]];
-        for (int k = 0; k < n; k++)
-            m->gain[i * n + k] += error * (m->guess[k] - m->last_guess[k]) / m->scale[m->plan.unknown[k]] / length;
+        double error = moved(m, m->answer, m->last_answer, i, h);
+        for (int k = 0; k < n; k++) error -= m->gain[i * n + k] * moved(m, m->guess, m->last_guess, k, h);
+        for (int k = 0; k < n; k++) m->gain[i * n + k] += error * moved(m, m->guess, m->last_guess, k, h) / length;
     }
 }
 
-/* guess += (1 - gain)^-1 residual; plain iteration where that matrix is singular. */
-static void improve(Master *m)
+/* guess += (1 - gain)^-1 residual; plain iteration, and nothing learned, where that matrix is singular. */
+static void improve(Master *m, double h)
 {
-    const int n = m->plan.n_unknown, w = n + 1;
+    const int n = n_unknowns(m), w = n + 1;
     double *a = m->system;
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < n; k++) a[i * w + k] = (i == k) - m->gain[i * n + k];
-        a[i * w + n] = m->residual[i] / m->scale[m->plan.unknown[i]];
+        a[i * w + n] = m->residual[i];
     }
     for (int k = 0; k < n; k++) {
         int best = k;
         for (int i = k + 1; i < n; i++)
             if (fabs(a[i * w + k]) > fabs(a[best * w + k])) best = i;
         if (!(fabs(a[best * w + k]) > 1e-6)) {
-            for (int i = 0; i < n; i++) m->guess[i] = m->answer[i];
+            memcpy(m->guess, m->answer, (size_t)n * sizeof *m->guess);
             memset(m->gain, 0, (size_t)(n * n) * sizeof *m->gain);
             return;
         }
@@ -324,79 +339,78 @@ static void improve(Master *m)
             for (int j = k; f != 0 && j < w; j++) a[i * w + j] -= f * a[k * w + j];
         }
     }
-    for (int k = 0; k < n; k++) m->guess[k] += m->scale[m->plan.unknown[k]] * a[k * w + n] / a[k * w + k];
+    for (int k = 0; k < n; k++) m->guess[k] += unit(m, k, h) * a[k * w + n] / a[k * w + k];
 }
 
-/* One pass through the loop's slaves with the present guess. The guess stays with them until the loop is closed. */
+/* One pass through the loop's slaves with the present guess, which stays with them until the loop is closed. */
 static MasterStatus pass(Master *m, double h)
 {
     const Plan *p = &m->plan;
-    for (int k = 0; k < p->n_unknown; k++) {
+    const int n = p->n_unknown, slopes = p->cubic;
+    for (int k = 0; k < n; k++) {
         m->next[p->unknown[k]] = m->guess[k];
-        m->next_rate[p->unknown[k]] = m->guess_rate[k];
+        m->next_rate[p->unknown[k]] = slopes ? m->guess[n + k] : NAN;
         m->known[p->unknown[k]] = 1;
     }
     for (int i = p->loop_first; i < p->loop_last; i++) {
         if (step_slave(m, i, h)) return MASTER_SLAVE;
         now_known(m, i);
-        for (int k = 0; k < p->n_unknown; k++) {
+        for (int k = 0; k < n; k++) {
             const int signal = p->unknown[k];
             if (signal < m->slaves[i].first || signal >= m->slaves[i].first + m->slaves[i].n_outputs) continue;
             m->answer[k] = m->next[signal];
-            m->answer_rate[k] = m->next_rate[signal];
             m->next[signal] = m->guess[k];
-            m->next_rate[signal] = m->guess_rate[k];
+            if (slopes) m->answer[n + k] = m->next_rate[signal];
+            if (slopes) m->next_rate[signal] = m->guess[n + k];
         }
     }
     return MASTER_GOING;
 }
 
-/* What a wrong slope at the end adds to the residual: the cubic's largest distance is 4/27 of it. */
-static double rate_residual(const Master *m, double h)
-{
-    double largest = 0;
-    for (int k = 0; m->plan.cubic && k < m->plan.n_unknown; k++) {
-        const double wrong = m->answer_rate[k] - m->guess_rate[k];
-        if (!isnan(wrong)) largest = fmax(largest, 4.0 / 27 * h * fabs(wrong) / m->scale[m->plan.unknown[k]]);
-    }
-    return largest;
-}
-
 static void first_guess(Master *m, double h)
 {
-    for (int k = 0; k < m->plan.n_unknown; k++) {
+    const int n = m->plan.n_unknown;
+    for (int k = 0; k < n; k++) {
         const int signal = m->plan.unknown[k];
-        const double slope = m->plan.cubic && !isnan(m->rate[signal]) ? m->rate[signal] : m->slope[signal];
-        m->guess[k] = m->now[signal] + slope * h;
-        m->guess_rate[k] = m->rate[signal];
+        const double rate = m->plan.cubic ? m->rate[signal] : NAN;
+        m->guess[k] = m->now[signal] + (isnan(rate) ? m->slope[signal] : rate) * h;
+        if (m->plan.cubic) m->guess[n + k] = rate;
     }
+}
+
+/* A slope that was not told at the start of the step (but is at its end) is guessed as it is then. */
+static void first_slopes(Master *m)
+{
+    const int n = m->plan.n_unknown;
+    for (int k = n; k < n_unknowns(m); k++)
+        if (isnan(m->guess[k])) m->guess[k] = m->answer[k];
 }
 
 /* The loop's slaves over the step, again and again, until what comes out of the loop is what went in. */
 static MasterStatus iterate(Master *m, double h, double tolerance, int *iterations)
 {
     const Plan *p = &m->plan;
-    const size_t bytes = (size_t)p->n_unknown * sizeof *m->guess;
+    const int n = p->n_unknown;
+    const size_t bytes = (size_t)n_unknowns(m) * sizeof *m->guess;
     first_guess(m, h);
     for (*iterations = 1;; ++*iterations) {
         if (*iterations > 1 && restore(m, p->loop_first, p->loop_last)) return MASTER_SLAVE;
         const MasterStatus status = pass(m, h);
         if (status != MASTER_GOING) return status;
         m->iterations++;
-        for (int k = 0; k < p->n_unknown; k++) m->residual[k] = m->answer[k] - m->guess[k];
-        const double size = worst(m);
+        first_slopes(m);
+        const double size = worst(m, h);
         if (!isfinite(size)) return MASTER_NOT_FINITE;
-        if (*iterations > 1) learn(m, 1e-3 * tolerance);
-        if (size <= tolerance && rate_residual(m, h) <= tolerance) break;
+        if (*iterations > 1) learn(m, h, 1e-3 * tolerance);
+        if (size <= tolerance) break;
         if (*iterations >= p->iterations) return MASTER_STUCK;
         memcpy(m->last_guess, m->guess, bytes);
         memcpy(m->last_answer, m->answer, bytes);
-        memcpy(m->guess_rate, m->answer_rate, bytes);
-        improve(m);
+        improve(m, h);
     }
-    for (int k = 0; k < p->n_unknown; k++) {
+    for (int k = 0; k < n; k++) {
         m->next[p->unknown[k]] = m->answer[k];
-        m->next_rate[p->unknown[k]] = m->answer_rate[k];
+        m->next_rate[p->unknown[k]] = p->cubic ? m->answer[n + k] : NAN;
     }
     return MASTER_GOING;
 }
@@ -413,13 +427,15 @@ static MasterStatus try_step(Master *m, double h, int *iterations)
     return status == MASTER_GOING ? explicit_step(m, p->loop_last, m->n_slaves, h) : status;
 }
 
-/* How far the interface went from the straight line of the last step, over its scale: what interpolation misses. */
+/* How far the interface went from the straight line of the last step, over its scale: what interpolation misses. Of a
+ * step that is shorter than the longest, only that part counts: what is missed is missed for a shorter time. */
 static double step_error(Master *m, double h)
 {
+    const double part = fmin(1, h / m->plan.step) / 6;
     double largest = 0;
     for (int i = 0; i < m->plan.n_watched; i++) {
         const int k = m->plan.watched[i];
-        const double error = fabs(m->next[k] - m->now[k] - m->slope[k] * h) / (6 * m->scale[k]);
+        const double error = part * fabs(m->next[k] - m->now[k] - m->slope[k] * h) / m->scale[k];
         if (!(error <= largest)) largest = error, m->where = k;
     }
     return largest;
@@ -432,38 +448,58 @@ static int back(Master *m)
     return restore(m, 0, m->n_slaves);
 }
 
+/* Whether a step that was taken has to be taken again in parts. Fixed steps are divided a few times at most. */
+static int too_long(const Master *m, double error, double h)
+{
+    const Plan *p = &m->plan;
+    if (p->variable) return !(error <= p->tolerance);
+    return p->scheme == IMPLICIT && p->refine > 0 && error > p->refine && h > FINEST * p->step;
+}
+
 /* One accepted step towards `target`; what it took is in `h`, `iterations`, `error`. A step that cannot be taken
  * (no convergence, a slave that refuses a guess, too large an error) is tried again with a part of its length. */
 static MasterStatus advance(Master *m, double target, double *h, int *iterations, double *error)
 {
     const Plan *p = &m->plan;
+    const int again = m->roll_back && (p->scheme == IMPLICIT || p->variable);
     *h = target - m->time;
-    if ((p->scheme == IMPLICIT || p->variable) && m->roll_back && save(m)) return MASTER_SLAVE;
+    if (again && save(m)) return MASTER_SLAVE;
     for (;;) {
         const MasterStatus status = try_step(m, *h, iterations);
         *error = status == MASTER_GOING ? step_error(m, *h) : INFINITY;
-        const int too_large = p->variable && !(*error <= p->tolerance);
-        if (status == MASTER_GOING && (!too_large || !m->roll_back)) return status;
-        if (!m->roll_back || !(p->scheme == IMPLICIT || p->variable)) return status;
+        if (status == MASTER_GOING && !(again && too_long(m, *error, *h))) return status;
+        if (!again) return status;
         if (*h <= p->smallest * (1 + 1e-9)) return status == MASTER_GOING ? MASTER_STUCK : status;
         if (back(m)) return MASTER_SLAVE;
-        const double shrink = isfinite(*error) ? 0.9 * sqrt(p->tolerance / *error) : 0.5;
+        const double limit = p->variable ? p->tolerance : p->refine;
+        const double shrink = isfinite(*error) ? 0.9 * cbrt(limit / *error) : 0.5;
         *h = fmax(p->smallest, *h * fmin(0.5, fmax(0.1, shrink)));
+        if (!p->variable) m->restart = *h; /* and then a little further each time */
     }
 }
 
-/* Divergence: a signal that swings to the other side at every step, not less each time. */
+/* Divergence: a signal that turns back and forth every step or two, by as much as before or more. */
+static int swings(const double *changes, long newest, double scale)
+{
+    double older = 0, newer = 0;
+    int turns = 0;
+    for (long i = 0; i < WATCHED; i++) {
+        const double change = changes[(newest + 1 + i) % WATCHED];
+        if (i > 0) turns += change * changes[(newest + i) % WATCHED] < 0;
+        if (i < WATCHED / 2) older += fabs(change);
+        else newer += fabs(change);
+    }
+    return turns >= TURNS && newer >= 0.9 * older && older > LEAST_SWING * scale * WATCHED / 2;
+}
+
 static int diverges(Master *m)
 {
     for (int i = 0; i < m->plan.n_watched; i++) {
         const int k = m->plan.watched[i];
-        const double change = m->next[k] - m->now[k], last = m->change[k];
-        const int swings = change * last < 0 && fabs(change) >= 0.98 * fabs(last);
-        m->alternations[k] = swings ? m->alternations[k] + 1 : 0;
-        m->change[k] = change;
+        double *changes = m->changes + WATCHED * k;
+        changes[m->steps % WATCHED] = m->next[k] - m->now[k];
         m->where = k;
-        if (!isfinite(change)) return 1;
-        if (m->alternations[k] >= ALTERNATIONS && fabs(change) > LEAST_SWING * m->scale[k]) return 1;
+        if (!isfinite(m->next[k]) || swings(changes, m->steps % WATCHED, m->scale[k])) return 1;
     }
     return 0;
 }
@@ -543,7 +579,7 @@ static MasterStatus go(Master *m, double *h, int *iterations, double *error)
     status = take(m, whole ? end : start + *h, *h);
     if (whole && event && p->restart < 1) m->restart = p->restart * p->step;
     if (!p->variable && m->time >= p->start + (double)(m->point + 1) * p->step - SAME_TIME) m->point++;
-    if (p->variable) m->h = fmin(p->step, *h * fmin(2, 0.9 * sqrt(p->tolerance / fmax(*error, 1e-12 * p->tolerance))));
+    if (p->variable) m->h = fmin(p->step, *h * fmin(2, 0.9 * cbrt(p->tolerance / fmax(*error, 1e-12 * p->tolerance))));
     read_tables(m);
     return status;
 }

@@ -55,6 +55,7 @@ typedef struct {
     double restart;   /* length of the first step after an event, over `step`; doubled from step to step; 1: none */
     int variable;     /* adapt the step to `tolerance` */
     double start, stop, step;
+    double refine;    /* fixed steps with a larger error than this are divided; 0: none (implicit scheme only) */
     double tolerance; /* of the interface, over each signal's scale: iteration (fixed step) or step error (variable) */
     double smallest;  /* step below which the run fails */
     int iterations;   /* at most, in one step */

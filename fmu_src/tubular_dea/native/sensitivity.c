@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "delay.h"
 #include "equilibrium.h"
 #include "instance.h"
 
@@ -40,6 +41,35 @@ static void start_tangent(const Instance *instance, const double *u, Tangent *v)
     model_start_tangent(u, instance->now.p, v->u, v->p, v->x);
 }
 
+#if MODEL_DELAYS
+/* Delayed inputs move with the inputs where nothing is delayed yet, else along time; and with their delays. */
+static void delayed_tangent(const Instance *instance, const double *du, Tangent *v)
+{
+    for (int line = 0; line < MODEL_DELAYS; line++) {
+        const DelayLine *delay = &model_delays[line];
+        if (delay->input < 0) continue;
+        const int open = delay_is_open(instance, line), starting = instance->now.mode == INITIALIZATION;
+        const double late = starting ? 0 : -du[delay->slot] * v->p[delay->parameter];
+        v->u[delay->slot] = late + (open ? v->u[delay->input] : du[delay->slot] * v->time);
+        v->du[delay->slot] = open ? v->du[delay->input] : 0;
+    }
+}
+
+/* The same for delayed definitions, once the tangents of the outputs are known. */
+static void delayed_output_tangent(const Instance *instance, double *u, double *du, Tangent *v)
+{
+    double y[NY];
+    model_outputs(instance->now.time, instance->now.x, u, du, instance->now.p, &instance->fold, y);
+    delay_read_outputs(instance, y, u, du);
+    for (int line = 0; line < MODEL_DELAYS; line++) {
+        const DelayLine *delay = &model_delays[line];
+        if (delay->output < 0) continue;
+        v->u[delay->slot] = delay_is_open(instance, line) ? v->y[delay->output]
+                                                          : du[delay->slot] * (v->time - v->p[delay->parameter]);
+    }
+}
+#endif
+
 /* Completes `v` from the tangents of time, inputs and parameters (and states, once they are free). */
 static void push_forward(Instance *instance, Tangent *v)
 {
@@ -47,6 +77,9 @@ static void push_forward(Instance *instance, Tangent *v)
     double u[NU], du[NU];
     instance_inputs(instance, u, du);
     instance_update_fold(instance);
+#if MODEL_DELAYS
+    delayed_tangent(instance, du, v);
+#endif
 #if MODEL_HAS_CURVE
     /* The fold is a maximum (or an end of the interval): its load moves as if its place did not. */
     double v_x[NX];
@@ -55,6 +88,11 @@ static void push_forward(Instance *instance, Tangent *v)
     if (now->mode == INITIALIZATION) start_tangent(instance, u, v);
     model_tangent(now->time, now->x, u, du, now->p, &instance->fold, v->time, v->x, v->u, v->du, v->p, &v->fold, v->dx,
                   v->y);
+#if MODEL_DELAYS
+    delayed_output_tangent(instance, u, du, v);
+    model_tangent(now->time, now->x, u, du, now->p, &instance->fold, v->time, v->x, v->u, v->du, v->p, &v->fold, v->dx,
+                  v->y);
+#endif
 }
 
 static double tangent_of(const Tangent *v, const Variable *variable)
@@ -66,6 +104,7 @@ static double tangent_of(const Tangent *v, const Variable *variable)
     case DERIVATIVE: return v->dx[variable->index];
     case PARAMETER: return v->p[variable->index];
     case FOLD: return v->fold;
+    case SAMPLED: return 0; /* constant between samples */
     default: return v->y[variable->index];
     }
 }

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "delay.h"
 #include "instance.h"
 
 #ifndef MAX_STEPS
@@ -28,7 +29,7 @@ static Status check_step(Instance *instance, double time, double step)
                                "communication step: expected an end at or before the stop time %.12g s but was given "
                                "%.12g",
                                now->stop, time + step);
-    if (!(time + step > time))
+    if (!(step > 1e-15 * fabs(time) && step > 1e-290))
         return instance_report(instance, STATUS_ERROR,
                                "communication step size: %g s is lost in rounding at time %.12g s; expected more", step,
                                time);
@@ -42,14 +43,16 @@ typedef struct {
     double end; /* of the communication step */
 } Watch;
 
-/* After an internal step: let the host look at the instance. Stops the solver if inputs or the end have changed. */
+/* After an internal step: keep the delayed signals, and let the host look at the instance. Stops the solver if inputs or
+ * the end have changed. */
 static int look(void *context, const Step *step)
 {
     Watch *watch = context;
     Instance *instance = watch->instance;
     const double end = watch->end;
     Inputs inputs = watch->solver->inputs;
-    (void)step;
+    delay_keep_outputs(instance, &inputs, step);
+    if (!watch->between) return 0;
     inputs_move(&inputs, instance->now.time);
     memcpy(instance->now.u, inputs.u, sizeof inputs.u);
     instance_forget(instance);
@@ -84,11 +87,34 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
 static SolverStatus run(Instance *instance, Solver *solver, double end)
 {
     Snapshot *now = &instance->now;
-    solver->inputs.time = now->time;
-    memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
-    solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
-    if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, end - now->time);
-    return solver_advance(solver, &now->time, end, now->x, &now->h);
+    SolverStatus outcome;
+    delay_keep_inputs(instance, end);
+    for (;;) {
+        const double stop = delay_next(instance, end);
+        solver->inputs.time = now->time;
+        memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
+        delay_drive(instance, &solver->inputs);
+        solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
+        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, stop - now->time);
+        outcome = solver_advance(solver, &now->time, stop, now->x, &now->h);
+        if (outcome != SOLVER_OK || now->time >= end) return outcome;
+        inputs_move(&solver->inputs, now->time);
+        memcpy(now->u, solver->inputs.u, sizeof now->u);
+    }
+}
+
+/* The discretes change here and nowhere else, from the inputs as they are at the start of the step. */
+static void take_sample(Instance *instance)
+{
+#if MODEL_ND
+    Snapshot *now = &instance->now;
+    double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)], sampled[MODEL_ND];
+    instance_inputs(instance, u, du);
+    model_sample(now->time, now->x, u, now->p, sampled);
+    memcpy(now->p + MODEL_NP - MODEL_ND, sampled, sizeof sampled);
+#else
+    (void)instance;
+#endif
 }
 
 Status instance_do_step(Instance *instance, double time, double step, Between between)
@@ -102,11 +128,12 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     SolverStatus outcome;
     solver.p = now->p;
     solver.tolerance = now->tolerance;
-    solver.observer = between ? look : NULL;
+    solver.observer = between || MODEL_DELAYS > 0 ? look : NULL;
     solver.context = &watch;
     for (int i = 0; i < MODEL_NU; i++) instance_drop_spent(instance, i);
     now->marks &= ~SPENT;
     now->time = time;
+    take_sample(instance);
     do outcome = run(instance, &solver, watch.end);
     while (outcome == SOLVER_STOPPED && now->time < watch.end);
     instance_forget(instance);

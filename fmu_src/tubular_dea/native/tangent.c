@@ -58,7 +58,7 @@ typedef struct {
     Block *blocks;
     Inputs inputs;
     double prepared[NQ], gradients[AT_LEAST_ONE(GRADIENTS_NQ)];
-    double *x, *y, *x_tangent, *observed_tangent;
+    double *x, *y, *x_tangent, *observed_tangent, *observed_rate;
 } Run;
 
 /* Pieces and starts ------------------------------------------------------------------------------------------- */
@@ -143,7 +143,7 @@ static void prepare(Run *run, const int *columns, const double *sizes)
 static int take(const Run *run, double time, double h, const double *x, Taken *s)
 {
     double b[NX], pivot[NX], unused[NJ], dx_dt[NX], u[NU], du[NU];
-    const double shift = 1 / (h * GAMMA);
+    const double inverse_h = 1 / h, shift = inverse_h * (1 / GAMMA);
     s->time = time;
     s->h = h;
     inputs_at(&run->inputs, time, s->u, s->du);
@@ -162,8 +162,9 @@ static int take(const Run *run, double time, double h, const double *x, Taken *s
                 if (!(fabs(pivot[i]) > 1e-9 * shift)) return 0;
         }
         for (int i = 0; i < MODEL_NX; i++) {
-            for (int j = 0; j < stage; j++) b[i] += C[stage][j] / h * s->k[j][i];
-            b[i] += DELTA[stage] * h * dx_dt[i];
+            double sum = 0;
+            for (int j = 0; j < stage; j++) sum += C[stage][j] * s->k[j][i];
+            b[i] += sum * inverse_h + DELTA[stage] * h * dx_dt[i];
         }
         model_solve(s->L, b, s->k[stage]);
     }
@@ -311,8 +312,15 @@ static void record(Run *run, double time, const double *x, const double *v)
     if (run->x_tangent)
         memcpy(run->x_tangent + row * run->n_columns * MODEL_NX, v, run->n_columns * MODEL_NX * sizeof *v);
     if (!run->observed_tangent) return;
-    double *out = run->observed_tangent + row * run->n_columns * OBSERVED;
+    double *out = run->observed_tangent + row * run->n_columns * OBSERVED, dx[NX];
     model_observed(time, x, u, du, run->p, &fold, observed, Y);
+    model_derivatives(time, x, u, du, run->p, &fold, dx);
+    for (int o = 0; o < OBSERVED; o++) run->observed_rate[row * OBSERVED + o] = 0;
+    for (int e = 0; e < OBSERVED_N; e++) {
+        const int of = OBSERVED_COLUMN[e], input = of - MODEL_NX - COLUMNS;
+        const double rate = of < MODEL_NX ? dx[of] : input >= 0 ? du[input] : 0;
+        run->observed_rate[row * OBSERVED + OBSERVED_ROW[e]] += Y[e] * rate;
+    }
     memset(out, 0, run->n_columns * OBSERVED * sizeof *out);
     for (long c = 0; c < run->n_columns; c++) {
         const Block *block = &run->blocks[c / WIDTH];
@@ -394,7 +402,7 @@ static int walk(Run *run, long n_points, const double *points, const double *u, 
 int kernel_tangents(const double *p, long n_points, const double *points, const double *u, long n_mesh,
                     const double *mesh, long n_columns, const int *columns, const double *sizes, long n_samples,
                     const double *samples, double *x, double *y, double *x_tangent, double *observed_tangent,
-                    double *reached)
+                    double *observed_rate, double *reached)
 {
     double state[NX];
     Run run = {0};
@@ -404,6 +412,7 @@ int kernel_tangents(const double *p, long n_points, const double *points, const 
     run.p = p, run.samples = samples, run.n_samples = n_samples, run.n_columns = n_columns;
     run.n_blocks = (n_columns + WIDTH - 1) / WIDTH;
     run.x = x, run.y = y, run.x_tangent = x_tangent, run.observed_tangent = observed_tangent;
+    run.observed_rate = observed_rate;
     run.blocks = calloc(AT_LEAST_ONE((size_t)run.n_blocks), sizeof *run.blocks);
     double *v = calloc(AT_LEAST_ONE((size_t)n_columns) * NX, sizeof *v);
     *reached = points[0];

@@ -37,6 +37,7 @@ static Status value_of(Instance *instance, const Variable *v, double *value)
     switch (v->kind) {
     case FOLD: *value = instance->fold; break;
     case STATE: *value = now->x[v->index]; break;
+    case SAMPLED: *value = now->p[v->index]; break;
     case DERIVATIVE:
         instance_derivatives(instance, dx);
         *value = dx[v->index];

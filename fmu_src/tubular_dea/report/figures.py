@@ -19,7 +19,9 @@ def time_panels(time: np.ndarray, panels: Sequence[tuple[str, Mapping[str, np.nd
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for number, (axis, (label, curves)) in enumerate(zip(axes, panels, strict=True)):
         for offset, (name, values) in enumerate(curves.items()):
-            axis.plot(time, values, color=COLOURS[(number + offset) % len(COLOURS)], linewidth=1.5, label=name or None)
+            # One colour a name where curves are compared, one a panel where they stand alone.
+            colour = COLOURS[(offset if len(curves) > 1 else number) % len(COLOURS)]
+            axis.plot(time, values, color=colour, linewidth=1.5, label=name or None)
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)

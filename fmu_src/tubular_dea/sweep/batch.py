@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import sympy
 
 from ..emit import c
 from ..emit.functions import layout
@@ -20,6 +21,7 @@ from ..errors import UserError
 from ..export.compile import cached_library, host, native_source, processor_flags
 from ..export.package import CORE_HEADERS, CORE_SOURCES
 from ..model.declare import Model, nearest
+from ..model.delays import input_delays, output_delays
 
 KINDS = ("final", "min", "max", "mean", "at", "rise", "fall")
 SOURCES = ("state", "output", "input", "fold", "fold_place", "beyond_fold", "time")
@@ -107,15 +109,16 @@ class Batch:
     """A model and the probes wanted of it, compiled for this machine's vector units (a few seconds, once)."""
 
     def __init__(self, model: Model, probes: Sequence[Probe]) -> None:
-        if model.delays:
-            raise BatchError(f"{model.name} has the delay {model.delays[0].quantity.name}; sweeps cannot delay yet")
-        self.model = _lean(model, probes)
+        self.model = _instant(_lean(model, probes))
+        self._delays = input_delays(model)
         self.probes = tuple(probes)
         arrays = layout(self.model)
         self.inputs = [str(s) for s in arrays.u]
         self._defaults = self.model.parameter_values()
         places = {"state": arrays.x, "output": arrays.y, "input": arrays.u}
-        self._places = {str(s): (SOURCES.index(kind), i) for kind, symbols in places.items() for i, s in enumerate(symbols)}
+        self._places = {
+            str(s): (SOURCES.index(kind), i) for kind, symbols in places.items() for i, s in enumerate(symbols)
+        }
         self._with_fold = _uses_fold(self.model)
         self._library = ctypes.CDLL(str(_library(self.model)))
 
@@ -136,8 +139,12 @@ class Batch:
         inputs: Mapping[str, Breakpoints],
         stop: float | np.ndarray,
         tolerance: float = 1e-6,
+        probes: Sequence[Probe] | None = None,
     ) -> Results:
-        """The probes of `rows` trajectories from 0 to `stop` [s]; inputs that are not given are 0."""
+        """The probes of `rows` trajectories from 0 to `stop` [s]; inputs that are not given are 0.
+
+        `probes` are the same as those that were declared, but for their times.
+        """
         held: list[np.ndarray] = []  # arrays that C points into
 
         def pointer(array: np.ndarray) -> int:
@@ -148,7 +155,12 @@ class Batch:
             flat = np.ascontiguousarray(array, float)
             return pointer(flat), flat.shape[1] if flat.shape[0] > 1 else 0
 
-        given = [inputs.get(name, Breakpoints(np.zeros((1, 1)), np.zeros((1, 1)))) for name in self.inputs]
+        none = Breakpoints(np.zeros((1, 1)), np.zeros((1, 1)))
+        given = [inputs.get(name, none) for name in self.inputs[: len(self.inputs) - len(self._delays)]]
+        for delay in self._delays:
+            by = np.reshape(np.asarray(parameters.get(delay.by, self._defaults[delay.by]), float), (-1, 1))
+            now = inputs.get(delay.of, none)
+            given.append(Breakpoints(now.time + by, now.value))
         c_inputs = (_Input * max(1, len(given)))()
         for place, b in zip(c_inputs, given, strict=False):
             place.n = b.time.shape[1]
@@ -156,10 +168,10 @@ class Batch:
         stops, stop_stride = table(np.reshape(np.asarray(stop, float), (-1, 1)))
         results = Results(np.empty((rows, len(self.probes))), np.empty(rows, np.int32), np.empty(rows),
                           np.empty(rows, ctypes.c_long))  # fmt: skip
-        probes = self._c_probes(table)
+        c_probes = self._c_probes(self.probes if probes is None else probes, table)
         batch = _Batch(
             rows, pointer(self.parameters(rows, parameters)), ctypes.addressof(c_inputs), 0.0, tolerance,
-            stops, stop_stride, MAX_STEPS, len(self.probes), ctypes.addressof(probes), int(self._with_fold),
+            stops, stop_stride, MAX_STEPS, len(self.probes), ctypes.addressof(c_probes), int(self._with_fold),
             pointer(results.values), pointer(results.status), pointer(results.reached), pointer(results.steps),
         )  # fmt: skip
         self._library.batch_trajectories(ctypes.byref(batch))
@@ -172,11 +184,12 @@ class Batch:
         if self.model.curve is None:
             raise BatchError(f"{self.model.name} has no equilibrium curve, so that there are no rest states to sweep")
         u = np.zeros((rows, len(self.inputs)))
+        settled = {**inputs, **{d.quantity.name: inputs.get(d.of, 0.0) for d in self._delays}}
         for i, name in enumerate(self.inputs):
-            u[:, i] = inputs.get(name, 0.0)
+            u[:, i] = settled.get(name, 0.0)
         p = self.parameters(rows, parameters)
         values, status = np.empty((rows, len(self.probes))), np.empty(rows, np.int32)
-        probes = self._c_probes(lambda array: (0, 0))
+        probes = self._c_probes(self.probes, lambda array: (0, 0))
         self._library.batch_rest(
             ctypes.c_long(rows), ctypes.c_void_p(p.ctypes.data), ctypes.c_void_p(u.ctypes.data),
             ctypes.c_long(len(self.probes)), probes, ctypes.c_void_p(values.ctypes.data),
@@ -184,14 +197,14 @@ class Batch:
         )  # fmt: skip
         return Results(values, status, np.zeros(rows), np.zeros(rows, ctypes.c_long))
 
-    def _c_probes(self, table: object) -> ctypes.Array[_Probe]:
-        probes = (_Probe * max(1, len(self.probes)))()
-        for place, probe in zip(probes, self.probes, strict=False):
+    def _c_probes(self, given: Sequence[Probe], table: Callable[[np.ndarray], tuple[int, int]]) -> ctypes.Array[_Probe]:
+        probes = (_Probe * max(1, len(given)))()
+        for place, probe in zip(probes, given, strict=False):
             place.kind = KINDS.index(probe.kind)
             place.source, place.index = self._source(probe.variable)
             place.threshold = probe.threshold
             if probe.time is not None:
-                place.time, place.time_stride = table(np.reshape(np.asarray(probe.time, float), (-1, 1)))  # type: ignore[operator]
+                place.time, place.time_stride = table(np.reshape(np.asarray(probe.time, float), (-1, 1)))
         return probes
 
     def _source(self, name: str) -> tuple[int, int]:
@@ -211,6 +224,21 @@ def _lean(model: Model, probes: Sequence[Probe]) -> Model:
             raise BatchError(f"{model.name} has no variable {probe.variable!r}{hint}")
     wanted = dict.fromkeys(p.variable for p in probes if p.variable in definitions)
     return dataclasses.replace(model, outputs=tuple(wanted))
+
+
+def _instant(model: Model) -> Model:
+    """The model with one more input for each delayed one; `BatchError` where something wanted is late itself."""
+    late = {d.quantity.symbol for d in output_delays(model)}
+    kept = []
+    for d in model.definitions:
+        if not late & sympy.sympify(d.expression).free_symbols:
+            kept.append(d)
+            continue
+        late.add(d.quantity.symbol)
+        if d.quantity.name in model.outputs:
+            raise BatchError(f"{model.name}: {d.quantity.name} is read late; want what it is read from")
+    delayed = (d.quantity for d in input_delays(model))
+    return dataclasses.replace(model, inputs=(*model.inputs, *delayed), definitions=tuple(kept), delays=())
 
 
 def _uses_fold(model: Model) -> bool:

@@ -61,7 +61,8 @@ class Design:
             indices = np.unravel_index(np.arange(start, stop), self.shape) if self.axes else ()
             pairs = zip(self.axes, indices, strict=True)
             return {name: values for axis, i in pairs for name, values in axis.at(i).items()}  # type: ignore[union-attr]
-        unit, columns, place = self._unit(start, stop), {}, 0
+        columns: Columns = {}
+        unit, place = self._unit(start, stop), 0
         for axis in self.axes:
             columns |= axis.quantile(unit[:, place : place + axis.dimensions])
             place += axis.dimensions
@@ -108,7 +109,7 @@ def design(kind: str, axes: Sequence[Axis], points: int, seed: int) -> Design:
         open_ended = [axis.name for axis in axes if axis.count is None]
         if open_ended:
             raise PlanError(
-                f"[vary] {open_ended[0]}: a grid needs its points; give count, step or a list, or choose a sampled design"
+                f"[vary] {open_ended[0]}: a grid needs its points; give count, step or a list, or sample it"
             )
     elif not axes:
         raise PlanError(f"[design] {kind}: there is nothing in [vary] to sample")
@@ -116,5 +117,7 @@ def design(kind: str, axes: Sequence[Axis], points: int, seed: int) -> Design:
         raise PlanError(f"[design] {kind}: expected points = a positive whole number but was given {points}")
     if kind in ("sobol", "sobol_indices") and points & (points - 1):
         lower = 1 << (points.bit_length() - 1)
-        raise PlanError(f"[design] {kind}: expected a power of two as points, {lower} or {2 * lower}, but was given {points}")
+        raise PlanError(
+            f"[design] {kind}: expected a power of two as points, {lower} or {2 * lower}, but was given {points}"
+        )
     return made

@@ -20,14 +20,16 @@ from ..protocol import read_csv
 from .batch import Breakpoints
 from .expression import Number, PlanError, Values, number
 
-FORMS = '"95 mmHg", "step 0 6 kV at 1 until 3", "ramp 0 95 mmHg from 0 to 1", "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
+FORMS = (
+    '"95 mmHg", "step 0 6 kV at 1 until 3", "ramp 0 95 mmHg from 0 to 1", "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
+)
 CLAUSES = {"step": ("at",), "ramp": ("from", "to"), "pulses": ("every", "from", "for")}
 OPTIONAL = {"step": ("until",), "ramp": (), "pulses": ()}
 
 
 @dataclass(frozen=True)
 class Template:
-    """One input: `kind` is "level", "step", "ramp", "pulses" or "record"; `values` and `times` as that kind has them."""
+    """One input: `kind` is "level", "step", "ramp", "pulses" or "record"; numbers as that kind has them."""
 
     kind: str
     values: tuple[Number, ...]

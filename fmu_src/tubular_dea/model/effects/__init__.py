@@ -58,7 +58,7 @@ class Effect:
             if not set(mentioned) <= names:
                 raise DeclarationError(f"{self.id}: expected its own parameters but was given {set(mentioned) - names}")
         if self.channel not in CHANNELS:
-            raise DeclarationError(f"{self.id}: expected a channel of {', '.join(CHANNELS)} but was given {self.channel}")
+            raise DeclarationError(f"{self.id}: expected a channel of {', '.join(CHANNELS)}, not {self.channel}")
 
     @property
     def fit(self) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ def catalogue() -> Mapping[str, Effect]:
         loaded = importlib.import_module(f"{__name__}.{module}")
         found[module] = replace(loaded.EFFECT, documentation=(loaded.__doc__ or "").strip())
         if found[module].id != module:
-            raise DeclarationError(f"effects/{module}.py: expected the effect {module!r} but found {found[module].id!r}")
+            raise DeclarationError(f"effects/{module}.py: expected the effect {module!r}, not {found[module].id!r}")
     return MappingProxyType(found)
 
 

@@ -25,7 +25,7 @@ SETTLING = sympy.Float(1e-3)  # s: how fast the amplifier follows small changes
 PARAMETERS = (
     Quantity("slew_rate", "V/s", "Largest rate of the amplifier's voltage into the tube at rest", 5e4, "Trek 10/10B-HS",
              1e2, 1e8, 5e4, "kV/s"),
-    Quantity("slew_stretch", "1", "0: the rate is limited, 1: the current is limited", 0.0, "Trek 10/10B-HS", -0.1, 5.0),
+    Quantity("slew_stretch", "1", "0: the rate is limited, 1: the current", 0.0, "Trek 10/10B-HS", -0.1, 5.0),
     Quantity("slew_share", "1", "Share of the voltage that is limited", 0.0, "Trek 10/10B-HS", 0.0, 1.0),
 )
 

@@ -6,8 +6,8 @@
           R         = C
        o-----------+---o
 
-Equation: dV_e/dt = (V - V_e) / tau, tau = tau_e (1 + n ((lambda_1 lambda_2)^2 - 1)). The field, the charge and the current
-are those of V_e. n = 0 is a constant lag, n = 1 the capacitance of the stretched tube behind a constant resistance.
+Equation: dV_e/dt = (V - V_e) / tau, tau = tau_e (1 + n ((lambda_1 lambda_2)^2 - 1)). The field, the charge
+and the current are those of V_e. n = 0 is a constant lag, n = 1 the capacitance of the stretched tube behind a constant resistance.
 
 Source: Graf and Maas, "A model of the electrodynamic field distribution for optimized electrode design for
 dielectric electroactive polymer transducers", Smart Mater. Struct. 21 (2012) 094001.

@@ -30,8 +30,8 @@ def _apply(model: Model) -> Model:
     factor = 1 + model["eps_field"] * x**2 / levelled
     model = scaled(model, "eps_effective", factor)
     growth = (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
-    field_rate = (model["active_field"] * growth
-                  + model["electrode_voltage_rate"] * model["lambda_1"] * model["lambda_2"] / model["h_ao"])  # fmt: skip
+    area_over_thickness = model["lambda_1"] * model["lambda_2"] / model["h_ao"]
+    field_rate = model["active_field"] * growth + model["electrode_voltage_rate"] * area_over_thickness
     change = 2 * model["eps_field"] * x / levelled**2 * field_rate / REFERENCE
     return added(model, "capacitance_rate", model["capacitance"] * change / factor)
 

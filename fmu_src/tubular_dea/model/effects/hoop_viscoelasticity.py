@@ -6,8 +6,8 @@
                    |             |
                    +-----[ ]-----+       eta_hoop
 
-Equation: sigma_hoop += sigma_hoop_vis + eta_hoop d(lambda_2)/dt,
-d(sigma_hoop_vis)/dt = k_hoop d(lambda_2)/dt - sigma_hoop_vis / tau_hoop.
+Equation: sigma_hoop += k_hoop e + eta_hoop d(lambda_2)/dt, de/dt = d(lambda_2)/dt - e / tau_hoop, with e the strain
+of the branch's spring.
 
 Source: Gu, Gupta, Zhu, Zhu, "Modeling of viscoelastic electromechanical behavior in a soft dielectric elastomer
 actuator", IEEE Trans. Robot. 33 (2017) 1263 (Maxwell branches in every direction).
@@ -23,18 +23,17 @@ from ._signals import added
 
 PARAMETERS = (
     Quantity("eta_hoop", "Pa.s", "Damping in hoop direction", 0.0, "Gu 2017", 0.0, 1e7, 1e3, "kPa.s"),
-    Quantity("k_hoop", "Pa", "Stiffness of the Maxwell branch in hoop direction", 0.0, "Gu 2017", -1e5, 1e8, 5e4, "kPa"),
+    Quantity("k_hoop", "Pa", "Stiffness of the hoop direction's Maxwell branch", 0.0, "Gu 2017", -1e5, 1e8, 5e4, "kPa"),
     Quantity("tau_hoop", "s", "Relaxation time of that branch", 0.3, "Gu 2017", 1e-3, 1e3),
 )
 
 
 def _apply(model: Model) -> Model:
-    stress = Quantity("sigma_hoop_vis", "Pa", "Stress of the Maxwell branch in hoop direction", nominal=1e4,
-                      display_unit="kPa")  # fmt: skip
+    strain = Quantity("hoop_branch_strain", "1", "Strain of the spring of the hoop branch", nominal=0.1)
     speed, zero = model["lambda_2_rate"], sympy.Integer(0)
-    relaxing = model["k_hoop"] * speed - stress.symbol / model["tau_hoop"]
-    model = model.extend(states=[State(stress, relaxing, zero, zero)])
-    return added(model, "sigma_hoop", stress.symbol + model["eta_hoop"] * speed)
+    relaxing = speed - strain.symbol / model["tau_hoop"]
+    model = model.extend(states=[State(strain, relaxing, zero, zero)])
+    return added(model, "sigma_hoop", model["k_hoop"] * strain.symbol + model["eta_hoop"] * speed)
 
 
 EFFECT = Effect(

@@ -12,8 +12,8 @@ from . import Effect
 from ._signals import added, wall_pressure
 
 PARAMETERS = (
-    Quantity("pressure_offset", "Pa", "Pressure at the wall minus the recorded one", 0.0, "Baumer PBMN", -2e4, 2e4, 200.0,
-             "mmHg"),
+    Quantity("pressure_offset", "Pa", "Pressure at the wall minus the recorded one", 0.0, "Baumer PBMN", -2e4, 2e4,
+             200.0, "mmHg"),
 )
 
 

@@ -21,8 +21,8 @@ from ._signals import added
 
 CORNER = 2e-4  # stretch over which contact begins
 PARAMETERS = (
-    Quantity("stop_stiffness", "Pa", "Pressure of the stop for a stretch of 1 beyond it", 0.0, "Wriggers 2006", 0.0, 1e9,
-             1e6, "MPa"),
+    Quantity("stop_stiffness", "Pa", "Pressure of the stop for a stretch of 1 beyond it", 0.0, "Wriggers 2006", 0.0,
+             1e9, 1e6, "MPa"),
     Quantity("lambda_2_stop", "1", "Hoop stretch at which the stop begins", 1.25, "Wriggers 2006", 0.7, 3.0),
 )
 

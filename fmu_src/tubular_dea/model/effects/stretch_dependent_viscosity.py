@@ -15,6 +15,7 @@ from ..declare import Model, Quantity
 from . import Effect
 from ._signals import scaled
 
+BRANCHES = ("sigma_vis1", "sigma_vis2", "branch_3_strain")
 PARAMETERS = (
     Quantity("eta_stretch", "1", "Growth of the damper's viscosity with the hoop stretch", 0.0, "Bergstroem 1998",
              -10.0, 10.0),
@@ -27,7 +28,7 @@ def _apply(model: Model) -> Model:
     strain = model["lambda_2"] - 1
     slower = exp(-model["branch_stretch"] * strain)
     for state in model.states:
-        if state.quantity.name.startswith("sigma_vis"):
+        if state.quantity.name in BRANCHES:
             spring, flow = state.derivative.as_independent(state.quantity.symbol, as_Add=True)
             model = model.drive(state.quantity.name, spring + flow * slower)
     return scaled(model, "sigma_eta", exp(model["eta_stretch"] * strain))

@@ -4,8 +4,8 @@ Equation: d(warmth)/dt = (E^2 / (50 V/um)^2 + heat_viscous q - warmth) / tau_the
 dW/dI_1 times 1 - thermal_softening warmth, where q = (sigma_eta + sigma_vis) d(lambda_1)/dt / (100 kW/m3) is the
 power that the dampers and branches take up.
 
-Source: Kleo, Moessinger, Foerster-Zuegel, Schlaak, Wallmersperger, "Numerical study of the thermal behavior of dielectric elastomer actuators", Smart Mater. Struct. 29
-(2020) 104001.
+Source: Kleo, Moessinger, Foerster-Zuegel, Schlaak, Wallmersperger, "Numerical study of the thermal
+behavior of dielectric elastomer actuators", Smart Mater. Struct. 29 (2020) 104001.
 
 Typical: 1 to 10 % at 50 V/um within 1 to 30 s (thin walls cool fast).
 """

@@ -6,7 +6,7 @@
                   +--/\\/\\--[ ]--+      k_2, eta_2
                   +--/\\/\\--[ ]--+      k_3, eta_3 = k_3 tau_3
 
-Equation: sigma_vis += sigma_vis3, d(sigma_vis3)/dt = k_3 d(lambda_1)/dt - sigma_vis3 / tau_3.
+Equation: sigma_vis += k_3 e, de/dt = d(lambda_1)/dt - e / tau_3, with e the strain of the branch's spring.
 
 Source: equations (9) and (10) of the paper with j = 3, which its conclusion mentions.
 
@@ -26,11 +26,11 @@ PARAMETERS = (
 
 
 def _apply(model: Model) -> Model:
-    stress = Quantity("sigma_vis3", "Pa", "Stress of Maxwell branch 3", nominal=1e5, display_unit="kPa")
+    strain = Quantity("branch_3_strain", "1", "Strain of the spring of Maxwell branch 3", nominal=0.01)
     stretching, zero = model["dlambda_1_dlambda_2"] * model["lambda_2_rate"], sympy.Integer(0)
-    relaxing = model["k_3"] * stretching - stress.symbol / model["tau_3"]
-    model = model.extend(states=[State(stress, relaxing, zero, zero)])
-    return added(model, "sigma_vis", stress.symbol)
+    relaxing = stretching - strain.symbol / model["tau_3"]
+    model = model.extend(states=[State(strain, relaxing, zero, zero)])
+    return added(model, "sigma_vis", model["k_3"] * strain.symbol)
 
 
 EFFECT = Effect(

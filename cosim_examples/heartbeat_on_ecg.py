@@ -1,0 +1,46 @@
+"""The scheduler on a recorded ECG: which beats are assisted, and which are refused.
+
+    python cosim_examples/heartbeat_on_ecg.py [record.hea]        default: MIT-BIH record 100 of ../shared/data
+
+Only the scheduler runs, as an FMU; writes heartbeat_on_ecg.png with the first premature beat.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tubular_dea.cosim.heart_assist import fmus
+from tubular_dea.cosim.heartbeats import detect, r_waves, read_ecg
+from tubular_dea.cosim.master import Options, simulate
+from tubular_dea.cosim.system import Connection, System
+from tubular_dea.export.compile import write_atomically
+from tubular_dea.report.figures import time_panels
+
+RECORD = Path(__file__).resolve().parents[2] / "shared" / "data" / "ecg" / "100.hea"
+SAFE = {"scheduler.aortic_pressure": 0.0, "scheduler.electric_field": 0.0, "scheduler.snap_through_margin": 1e5}
+
+
+def main() -> None:
+    """Detect, schedule, count, plot."""
+    ecg = read_ecg(Path(sys.argv[1]) if len(sys.argv) > 1 else RECORD)
+    trigger = r_waves(detect(ecg), ecg.duration)
+    system = System({"scheduler": fmus()["scheduler"]}, [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)],
+                    {"ecg": trigger}, SAFE, ["scheduler.next_event"])  # fmt: skip
+    run = simulate(system, ecg.duration, Options("jacobi", step=0.01)).completed()
+    for name in ("beats", "pulses", "premature_beats", "skipped_pulses", "dropouts"):
+        print(f"{name.replace('_', ' ')}: {run[f'scheduler.{name}'][-1]:.0f}")
+
+    early = run.time[np.argmax(run["scheduler.premature_beats"] > 0)]
+    window = (run.time > early - 4) & (run.time < early + 4)
+    time = run.time[window]
+    shown = np.interp(time, np.arange(ecg.signal.size) / ecg.rate, ecg.signal)
+    panels = [("ECG [mV]", {"": shown}), ("voltage [kV]", {"": run["scheduler.voltage"][window] / 1e3}),
+              ("premature beats", {"": run["scheduler.premature_beats"][window]})]  # fmt: skip
+    write_atomically(Path("heartbeat_on_ecg.png"), time_panels(time, panels))
+
+
+if __name__ == "__main__":
+    main()

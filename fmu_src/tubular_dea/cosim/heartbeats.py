@@ -1,0 +1,123 @@
+"""R waves for the scheduler: from a list of times, or detected in a recorded ECG (sleepecg's Pan-Tompkins detector)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import UserError
+from ..model.windkessel import R_WAVE_DURATION
+from ..protocol import Protocol
+
+SLOWEST, FASTEST = 15.0, 300.0  # beats per minute that can be a heart's
+
+
+class HeartbeatError(UserError, ValueError):
+    """An ECG or a list of R times that holds no usable beats."""
+
+
+@dataclass(frozen=True)
+class Ecg:
+    """One lead: `signal` (any unit; NaN where the recording dropped out) at `rate` [Hz]."""
+
+    signal: np.ndarray
+    rate: float
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording [s]."""
+        return float(self.signal.size / self.rate)
+
+
+def r_waves(times: Sequence[float] | np.ndarray, stop: float) -> Protocol:
+    """The signal `r_wave` for R waves at `times` [s]: 1 for 20 ms from each on, else 0, from 0 to `stop` [s]."""
+    times = np.asarray(times, dtype=float)
+    if times.size == 0:
+        raise HeartbeatError("R waves: expected at least one time but was given none")
+    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise HeartbeatError("R waves: expected finite, ascending times in s")
+    times = times[(times > 0) & (times < stop)]
+    width = np.minimum(R_WAVE_DURATION, np.diff(times, append=stop) / 2)
+    edges = np.column_stack([times, times, times + width, times + width]).ravel()
+    levels = np.tile([0.0, 1.0, 1.0, 0.0], times.size)
+    return Protocol.of([0.0, *edges, stop], r_wave=[0.0, *levels, 0.0])
+
+
+def pace(times: Sequence[float] | np.ndarray, stop: float) -> Protocol:
+    """The signal `pace` [Hz] that makes a paced ventricle beat at `times` [s]: 1 / RR from each R wave to the next.
+
+    The first R wave is at time 0: the ventricle starts with it, as long before the first of `times` as that one is
+    before the second.
+    """
+    times = np.asarray(times, dtype=float)
+    if times.size < 2:
+        raise HeartbeatError(f"pacing: expected at least 2 R waves but was given {times.size}")
+    times = times - times[0]
+    times = times[times < stop]
+    rates = 1 / np.diff(times, append=times[-1] + (times[-1] - times[-2]))
+    marks = np.repeat(times, 2)[1:]
+    return Protocol.of([*marks, stop], pace=np.repeat(rates, 2))
+
+
+def detect(ecg: Ecg) -> np.ndarray:
+    """Times [s] of the R waves in `ecg`; `HeartbeatError` where there are none, or none like a heart's.
+
+    Dropouts (NaN) are bridged by straight lines, in which no beat is found.
+    """
+    try:
+        import sleepecg
+    except ImportError:
+        raise HeartbeatError("ECG: finding beats needs the package sleepecg; install tubular-dea[ecg], or give R times") from None
+    signal = np.asarray(ecg.signal, dtype=float)
+    if signal.ndim != 1 or signal.size < 2 * ecg.rate:
+        raise HeartbeatError(f"ECG: expected one lead of at least 2 s but was given {signal.size / ecg.rate:.2f} s")
+    good = np.isfinite(signal)
+    if not good.any() or np.ptp(signal[good]) == 0:
+        raise HeartbeatError("ECG: there are no beats in a signal that does not move; check the lead")
+    filled = np.interp(np.arange(signal.size), np.flatnonzero(good), signal[good])
+    found = np.asarray(sleepecg.detect_heartbeats(filled, ecg.rate), dtype=int)
+    found = found[good[found]]
+    beats_per_minute = 60 * found.size / ecg.duration
+    if found.size < 2 or not SLOWEST / 2 <= beats_per_minute <= FASTEST:
+        raise HeartbeatError(
+            f"ECG: {found.size} beats found in {ecg.duration:.1f} s; expected {SLOWEST:g} to {FASTEST:g} a minute; check the lead"
+        )
+    return np.asarray(found / ecg.rate, dtype=float)
+
+
+def read_ecg(path: Path, lead: str | None = None) -> Ecg:
+    """An ECG from a CSV file (`time [s],ecg [mV]`) or a WFDB record (`.hea` or `.dat`; needs the package wfdb).
+
+    `lead` names the column or signal; the first one by default.
+    """
+    if path.suffix in (".hea", ".dat", ""):
+        return _read_wfdb(path.with_suffix(""), lead)
+    try:
+        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
+        names = [cell.partition("[")[0].strip() for cell in rows[0]]
+        place = names.index(lead) if lead else 1
+        time, signal = (np.array([float(row[i] or "nan") for row in rows[1:]]) for i in (names.index("time"), place))
+    except (OSError, ValueError, IndexError) as problem:
+        raise HeartbeatError(f"{path}: expected the columns 'time [s]' and '{lead or 'ecg'} [mV]': {problem}") from None
+    if time.size < 2 or not np.all(np.diff(time) > 0):
+        raise HeartbeatError(f"{path}: expected ascending times but found {time.size} rows that are not")
+    return Ecg(signal, float((time.size - 1) / (time[-1] - time[0])))
+
+
+def _read_wfdb(path: Path, lead: str | None) -> Ecg:
+    try:
+        import wfdb
+    except ImportError:
+        raise HeartbeatError(f"{path}: reading WFDB records needs the package wfdb; install tubular-dea[ecg], or convert to CSV") from None
+    try:
+        record = wfdb.rdrecord(str(path))
+    except (OSError, ValueError) as problem:
+        raise HeartbeatError(f"{path}: cannot be read as a WFDB record: {problem}") from None
+    if lead is not None and lead not in record.sig_name:
+        raise HeartbeatError(f"{path}: there is no lead {lead!r}; there are {', '.join(record.sig_name)}")
+    place = record.sig_name.index(lead) if lead else 0
+    return Ecg(np.asarray(record.p_signal[:, place], dtype=float), float(record.fs))

@@ -1,0 +1,77 @@
+"""Candidates refitted in full: all parameters of the base and of the effects together, from where the scores point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..identify.fit import Fit, FitError, fit
+from ..identify.problem import Free
+from ..model.effects import Effect, catalogue
+from .bank import Score
+from .compiled import Ids
+from .parameters import base_parameters, clipped, effect_parameters, switched_on
+from .study import Study
+
+FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
+TINY = 1e-3  # of its typical size: no amplitude starts at its bound
+
+
+def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]) -> Fit | None:
+    """The present model with the effect of `scored` (its best shapes) added, after a few steps; None without answer."""
+    ids = (*present, scored[0].candidate.effect.id)
+    best: Fit | None = None
+    for score in scored:
+        try:
+            found = fit_effects(study, ids, start_values(fitted, score), FIRST)
+        except FitError:
+            continue
+        if best is None or found.cost < best.cost:
+            best = found
+    return best
+
+
+def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: int = FULL,
+                refined: Sequence[str] = ()) -> Fit:  # fmt: skip
+    """The model with effects `ids` fitted from `start` (SI); effects in `refined` with their finer form too."""
+    free = [*base_parameters(study.compiled.base)]
+    fixed: dict[str, float] = {}
+    for name in ids:
+        effect = catalogue()[name]
+        free += effect_parameters(effect, name in refined)
+        fixed |= switched_on(effect)
+    names = [f.name for f in free]
+    fixed = {n: v for n, v in fixed.items() if n not in names}
+    problem = study.problem(ids, free, fixed)
+    return fit(problem, {f.name: clipped(f, start.get(f.name, fixed.get(f.name, 0.0))) for f in free}, 1,
+               evaluations=evaluations)  # fmt: skip
+
+
+def start_values(fitted: Fit, score: Score) -> dict[str, float]:
+    """Where a refit starts: the present optimum, the score's shape, and its amplitude as far as bounds allow."""
+    effect = score.candidate.effect
+    values = dict(fitted.values) | dict(effect.typical) | score.candidate.shape
+    frees = {f.name: f for f in effect_parameters(effect)}
+    for name, amplitude in score.amplitudes.items():
+        if name in effect.on:
+            values |= _lag(effect, score.candidate.shape, amplitude)
+        elif name in frees:
+            values[name] = _inside(effect, frees[name], amplitude)
+    return values
+
+
+def _inside(effect: Effect, free: Free, amplitude: float) -> float:
+    """`off` plus the amplitude, at most ten times its usual size and never at a bound."""
+    size = free.size
+    moved = effect.off[free.name] + float(np.clip(amplitude, -10 * size, 10 * size))
+    low = -np.inf if free.lower is None else free.lower + TINY * size
+    high = np.inf if free.upper is None else free.upper - TINY * size
+    return float(np.clip(moved, low, high))
+
+
+def _lag(effect: Effect, shape: dict[str, float], share: float) -> dict[str, float]:
+    """A share of a lag is about the whole of a shorter one; of a rate limit or a frequency, of a higher one."""
+    share = float(np.clip(share, 0.1, 2.0))
+    return {name: value * share if name.startswith("tau") else value / share if name != "line_damping" else value
+            for name, value in shape.items()}  # fmt: skip

@@ -1,0 +1,241 @@
+"""Which effects are accepted: forward by evidence, cross-validation and held-out gain together, then backward.
+
+A round scores the whole catalogue, refits the best few and every rival near them, and takes the best if
+
+* its gain exceeds what the largest score of nulls reaches, and what the numerics could feign,
+* blocks left out of the fit and experiments held out of it are predicted better with it,
+* it is a first effect, or removes most of what the ones before it left (a different functional form of an effect
+  that is already in leaves a little, which another effect may pick up in part: that is not a second effect).
+
+Then earlier effects are exchanged for their rivals and dropped where nothing is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..identify.fit import Fit, FitError
+from ..model.effects import catalogue
+from . import bank
+from .bank import Score
+from .bootstrap import NullScores, null_scores
+from .compiled import Ids
+from .refit import first_refit, fit_effects
+from .residuals import Adequacy, adequacy
+from .study import Study
+from .validation import cross_validated, held_out_cost
+
+ROUNDS = 3
+FALSE_ALARMS = 0.001  # per record, of the largest score
+REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
+MOST_REFITS = 8
+SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
+SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
+LITTLE = 12.0  # gain below which an effect is dropped again
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Option:
+    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
+
+    ids: Ids
+    fitted: Fit
+    cross_validated: float
+    held_out: float
+    adequacy: Adequacy
+    refined: Ids = ()
+
+    @property
+    def evidence(self) -> float:
+        """Minus half of the sum of squares and of the price of the parameters (log of the samples each)."""
+        return -0.5 * (self.fitted.cost + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
+
+
+@dataclass(frozen=True)
+class Round:
+    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), the choice."""
+
+    present: Ids
+    scores: list[Score]
+    null: NullScores
+    threshold: float
+    options: list[Option]
+    accepted: bool
+    reason: str
+
+
+@dataclass
+class Search:
+    """The rounds, the base and the final option, and rivals of the final one (best first)."""
+
+    base: Option
+    chosen: Option
+    rounds: list[Round] = field(default_factory=list)
+    rivals: list[Option] = field(default_factory=list)
+
+
+def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
+    """A fit with its validation."""
+    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
+                  adequacy(study, fitted), refined)  # fmt: skip
+
+
+def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
+    """The whole search from the recalibrated base; `numeric` is the gain that the numerics could feign."""
+    base = option(study, (), base_fit)
+    found = Search(base, base)
+    for _ in range(ROUNDS):
+        step = _round(study, found, numeric, seed, tell)
+        found.rounds.append(step)
+        if not step.accepted:
+            break
+        found.chosen = step.options[0]
+        found.rivals = [o for o in step.options[1:]]
+        if len(found.chosen.ids) > 1:
+            _exchange(study, found, tell)
+            _drop(study, found)
+        _refine(study, found, tell)
+        if clean(found.chosen.adequacy):
+            break
+    return found
+
+
+def clean(state: Adequacy) -> bool:
+    """Nothing is left that stands out of the noise."""
+    return state.z_slow < 5.0 and state.z_total < 4.0
+
+
+def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progress) -> Round:
+    chosen = found.chosen
+    tell("scores of the catalogue")
+    listed = bank.candidates(study, chosen.fitted, chosen.ids)
+    scored = bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian)
+    ranked = bank.best_of_each(scored)
+    null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
+    threshold = max(1.2 * null.threshold(FALSE_ALARMS), numeric)
+    if not ranked or ranked[0].gain < threshold:
+        return Round(chosen.ids, ranked, null, threshold, [], False, "no score stands out of the nulls'")
+    options = _refits(study, chosen, scored, _worth(ranked, threshold), tell)
+    if not options:
+        return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
+    accepted, reason = _accept(found, options[0], threshold)
+    return Round(chosen.ids, ranked, null, threshold, options, accepted, reason)
+
+
+def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
+    """The ids that are refitted: the best few, and all that score near the best."""
+    standing = [s for s in ranked if s.gain > 0.5 * threshold]
+    near = [s for s in standing if s.gain >= NEAR * standing[0].gain]
+    return [s.id for s in standing[: max(REFITS, min(len(near), MOST_REFITS))]]
+
+
+def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
+    """The candidates refitted: all of them some steps, those within reach of the best until they converge."""
+    first: dict[str, Fit] = {}
+    for name in ids:
+        tell(f"refit with {name}")
+        shapes = [s for s in scored if s.id == name and s.gain > 0]
+        fitted = first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes))
+        if fitted is not None:
+            first[name] = fitted
+    best = min((f.cost for f in first.values()), default=0.0)
+    reach = best + max(500.0, 0.3 * (chosen.fitted.cost - best))
+    options = []
+    for name, fitted in first.items():
+        done = fitted.converged or fitted.cost > reach
+        tell(f"refit with {name}")
+        full = fitted if done else fit_effects(study, (*chosen.ids, name), fitted.values)
+        options.append(option(study, (*chosen.ids, name), full))
+    return sorted(options, key=lambda o: -o.evidence)
+
+
+def _distinct(shapes: Sequence[Score]) -> list[Score]:
+    """The best shape, and the next one where it scores nearly as much."""
+    return [s for s in shapes[:2] if s.gain > 0.5 * shapes[0].gain]
+
+
+def _accept(found: Search, best: Option, threshold: float) -> tuple[bool, str]:
+    before = found.chosen
+    gain = before.fitted.cost - best.fitted.cost
+    if gain < threshold:
+        return False, f"refitted, {best.ids[-1]} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
+    if best.cross_validated >= before.cross_validated:
+        return False, f"{best.ids[-1]} does not predict the blocks left out"
+    if best.held_out > before.held_out + 4.0:
+        return False, f"{best.ids[-1]} does not predict the held-out experiments"
+    if before.ids:
+        first = found.base.fitted.cost - before.fitted.cost
+        if gain < SECOND_PART * first:
+            return False, f"{best.ids[-1]} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
+        if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
+            return False, f"{best.ids[-1]} removes less than half of what is left"
+    return True, f"{best.ids[-1]} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
+                 f"held out {before.held_out - best.held_out:.1f}"  # fmt: skip
+
+
+def _exchange(study: Study, found: Search, tell: Progress) -> None:
+    """Every earlier effect against the rivals it had: in company another may do better."""
+    for place, name in enumerate(found.chosen.ids[:-1]):
+        rest = tuple(i for i in found.chosen.ids if i != name)
+        for rival in _earlier_rivals(found, place)[:2]:
+            if rival in found.chosen.ids:
+                continue
+            tell(f"{rival} in place of {name}")
+            start = dict(found.chosen.fitted.values) | dict(catalogue()[rival].typical) | _fitted_alone(found, rival)
+            try:
+                fitted = fit_effects(study, (rival, *rest), start)
+            except FitError:
+                continue
+            other = option(study, (rival, *rest), fitted)
+            better, worse = (other, found.chosen) if other.evidence > found.chosen.evidence else (found.chosen, other)
+            found.chosen = better
+            found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
+
+
+def _earlier_rivals(found: Search, place: int) -> list[str]:
+    options = found.rounds[place].options if place < len(found.rounds) else []
+    return [o.ids[-1] for o in options[1:]]
+
+
+def _fitted_alone(found: Search, name: str) -> dict[str, float]:
+    """The parameters that an effect had in an earlier round."""
+    for step in found.rounds:
+        for o in step.options:
+            if o.ids[-1] == name:
+                return {q.name: o.fitted.values[q.name] for q in catalogue()[name].parameters if q.name in o.fitted.values}
+    return {}
+
+
+def _drop(study: Study, found: Search) -> None:
+    """Without each effect in turn: it goes where next to nothing is lost."""
+    for name in found.chosen.ids[:-1]:
+        rest = tuple(i for i in found.chosen.ids if i != name)
+        try:
+            fitted = fit_effects(study, rest, dict(found.chosen.fitted.values))
+        except FitError:
+            continue
+        if fitted.cost - found.chosen.fitted.cost < LITTLE:
+            found.chosen = option(study, rest, fitted)
+
+
+def _refine(study: Study, found: Search, tell: Progress) -> None:
+    """Finer forms of the effects that are in, where the record asks for them."""
+    if clean(found.chosen.adequacy):
+        return
+    for name in found.chosen.ids:
+        if not catalogue()[name].refine or name in found.chosen.refined:
+            continue
+        tell(f"finer form of {name}")
+        refined = (*found.chosen.refined, name)
+        try:
+            fitted = fit_effects(study, found.chosen.ids, dict(found.chosen.fitted.values), refined=refined)
+        except FitError:
+            continue
+        finer = option(study, found.chosen.ids, fitted, refined)
+        if finer.evidence > found.chosen.evidence + 10 and finer.held_out < found.chosen.held_out + 4.0:
+            found.chosen = finer

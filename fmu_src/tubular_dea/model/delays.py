@@ -1,0 +1,65 @@
+"""Delayed signals of a model: which inputs and which definitions are late.
+
+An input that is late is one more input to the equations. A definition that is late, and put out, is that definition
+read earlier: without the delay the model is the same ordinary differential equation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import sympy
+
+from .declare import DeclarationError, Delay, Model
+
+
+def input_delays(model: Model) -> list[Delay]:
+    """The delays of inputs."""
+    inputs = {q.name for q in model.inputs}
+    return [d for d in model.delays if d.of in inputs]
+
+
+def output_delays(model: Model) -> list[Delay]:
+    """The delays of definitions."""
+    inputs = {q.name for q in model.inputs}
+    return [d for d in model.delays if d.of not in inputs]
+
+
+def punctual(model: Model) -> tuple[Model, dict[str, str]]:
+    """The model without the delays of definitions, and for each output that is late the parameter of its delay.
+
+    `DeclarationError` where an output mixes what is late with what is not: it is no earlier value of anything.
+    """
+    late = {_name(d.quantity.name): d for d in output_delays(model)}
+    if not late:
+        return model, {}
+    by = {}
+    for name in model.outputs:
+        reached = _leaves(model, _name(name), set(late))
+        delayed = [late[s] for s in reached & late.keys()]
+        if not delayed:
+            continue
+        variable = {s.quantity.symbol for s in model.states} | {q.symbol for q in model.inputs}
+        if len(delayed) > 1 or reached & variable:
+            raise DeclarationError(f"{model.name}: {name} mixes {delayed[0].quantity.name} with what is not late")
+        by[name] = delayed[0].by
+    now = {d.quantity.symbol: _name(d.of) for d in late.values()}
+    definitions = tuple(dataclasses.replace(d, expression=d.expression.subs(now)) for d in model.definitions)
+    return dataclasses.replace(model, definitions=definitions, delays=tuple(input_delays(model))), by
+
+
+def _name(name: str) -> sympy.Symbol:
+    return sympy.Symbol(name, real=True)
+
+
+def _leaves(model: Model, symbol: sympy.Symbol, ends: set[sympy.Symbol]) -> set[sympy.Symbol]:
+    """What `symbol` depends on through definitions, not beyond `ends`."""
+    expressions = {d.quantity.symbol: sympy.sympify(d.expression) for d in model.definitions}
+    found: set[sympy.Symbol] = set()
+    todo = {symbol}
+    while todo:
+        s = todo.pop()
+        if s in expressions and s not in ends:
+            todo |= expressions[s].free_symbols - found
+        found.add(s)
+    return found

@@ -1,0 +1,105 @@
+"""Equilibrium curves p(lambda_2) with folds and stability, as the paper's Fig. 9, and the boundary of snap-through."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..emit.jacobian import at_rest, real
+from ..kernel import Kernel
+from ..model.declare import Model
+from ..model.units import factor
+from .axes import Axis, Levels, Range
+from .pictures import Curves, Line
+from .plan import Plan
+from .shown import Shown
+
+MOST = 6  # curves in one picture
+
+
+def equilibrium_curves(plan: Plan) -> Curves:
+    """The load over the unknown at rest, for some values of the other input; stable branches solid, folds marked."""
+    model = plan.model
+    assert isinstance(model, Model) and model.curve is not None
+    kernel, curve = Kernel(model), model.curve
+    other, levels = _levels(plan, model)
+    load, unit = model.quantity(curve.load), model.quantity(curve.load).display_unit or model.quantity(curve.load).unit
+    scale = factor(load.unit, unit)
+    x = np.linspace(curve.fold_lower, curve.upper, 400)
+    lines: list[Line] = []
+    for number, level in enumerate(levels):
+        y, slope, _ = kernel.curve(x, {other: level} if other else {}, dict(plan.fixed))
+        lines += _branches(_named(model, other, level), x, scale * y, slope > 0, number)
+    caption = (f"{load.description} that holds the model at rest over {curve.unknown}. Solid: stable at constant load, "
+               "dashed: unstable, dots: folds, where it snaps through.")  # fmt: skip
+    return Curves("equilibrium_curves", caption, tuple(lines), (f"{curve.unknown} [1]", f"{curve.load} [{unit}]"))
+
+
+def _levels(plan: Plan, model: Model) -> tuple[str, list[float]]:
+    """The input beside the load, and values of it that the plan goes through."""
+    assert model.curve is not None
+    others = [q.name for q in model.inputs if q.name != model.curve.load]
+    if not others:
+        return "", [0.0]
+    axis = next(
+        (a for a in plan.design.axes if a.name in _feeding(plan, others[0]) and isinstance(a, Range | Levels)), None
+    )
+    if axis is None:
+        return others[0], [0.0, 4e3, 5e3, 6e3, 7e3] if others[0] == "voltage" else [0.0]
+    values = axis.quantile(np.linspace(0, 1, MOST)[:, None])[axis.name]
+    return others[0], sorted({float(v) for v in values})
+
+
+def _feeding(plan: Plan, name: str) -> set[str]:
+    """The axes that an input's values use."""
+    template = dict(plan.inputs).get(name)
+    return {n for value in template.values for n in value.names} if template else set()
+
+
+def _named(model: Model, other: str, level: float) -> str:
+    if not other:
+        return "equilibrium"
+    unit = model.quantity(other).display_unit or model.quantity(other).unit
+    return f"{level * factor(model.quantity(other).unit, unit):g} {unit}"
+
+
+def _branches(name: str, x: np.ndarray, y: np.ndarray, stable: np.ndarray, colour: int) -> list[Line]:
+    """Pieces of one stability, each up to the next, and the points between them."""
+    turns = np.flatnonzero(np.diff(stable.astype(int))) + 1
+    lines = []
+    for start, stop in zip([0, *turns], [*turns, x.size], strict=True):
+        piece = slice(start, min(stop + 1, x.size))
+        lines.append(Line(name if start == 0 else "", x[piece], y[piece], colour, dashed=not stable[start]))
+    if turns.size:
+        lines.append(Line("", x[turns], y[turns], colour, marks=True))
+    return lines
+
+
+def snap_boundary(
+    plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown]
+) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:
+    """The fold over two axes of which one is the load and one the other input, both held: one curve; else none."""
+    model = plan.model
+    if not isinstance(model, Model) or model.curve is None:
+        return ()
+    curve, kernel = model.curve, Kernel(model)
+    others = [q.name for q in model.inputs if q.name != curve.load]
+    axes = {first.name: first, second.name: second}
+    feeding = {name: _feeding(plan, name) & set(axes) for name in (curve.load, *others)}
+    if len(others) != 1 or len(feeding[curve.load]) != 1 or len(feeding[others[0]]) != 1:
+        return ()
+    (load_axis,), (other_axis,) = feeding[curve.load], feeding[others[0]]
+    if load_axis == other_axis or not _depends(model, others[0]):
+        return ()
+    values = np.linspace(0, 1, 121)[:, None]
+    level = axes[other_axis].quantile(values)[other_axis]
+    fold = np.array([kernel.curve(np.array([1.0]), {others[0]: float(v)}, dict(plan.fixed))[2][1] for v in level])
+    ends = axes[load_axis].quantile(np.array([[0.0], [1.0]]))[load_axis]
+    inside = (fold >= ends.min()) & (fold <= ends.max())
+    pair = {load_axis: fold[inside] * labels[load_axis].scale, other_axis: level[inside] * labels[other_axis].scale}
+    return (("snap-through", pair[first.name], pair[second.name]),) if inside.any() else ()
+
+
+def _depends(model: Model, name: str) -> bool:
+    assert model.curve is not None
+    used = [e for _, e in at_rest(model, [real(model.curve.balance)])]
+    return any(real(name) in e.free_symbols for e in used)

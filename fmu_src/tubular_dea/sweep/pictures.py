@@ -1,0 +1,191 @@
+"""The pictures of a sweep, each drawn twice from the same numbers: as a PNG, and to be zoomed in the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..report.figures import COLOURS, png
+
+BOUNDARY = "#1b2733"
+
+
+@dataclass(frozen=True)
+class Map:
+    """An output over two axes, z of shape (y, x), NaN where there is none; `boundary` curves are drawn on top."""
+
+    name: str
+    caption: str
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    labels: tuple[str, str, str]
+    boundary: tuple[tuple[str, np.ndarray, np.ndarray], ...] = ()
+
+    def png(self) -> bytes:
+        """Drawn with matplotlib."""
+        figure, axis = _axes()
+        mesh = axis.pcolormesh(
+            self.x, self.y, np.ma.masked_invalid(self.z), shading="nearest", cmap="viridis", rasterized=True
+        )
+        axis.set_facecolor("#eceff2")
+        figure.colorbar(mesh, ax=axis, label=self.labels[2])
+        for name, x, y in self.boundary:
+            axis.plot(x, y, color=BOUNDARY, linewidth=2, label=name)
+        if self.boundary:
+            axis.legend(loc="best", fontsize=8)
+        axis.set(xlabel=self.labels[0], ylabel=self.labels[1], xlim=_ends(self.x), ylim=_ends(self.y))
+        return png(figure)
+
+    def plotly(self) -> go.Figure:
+        """Drawn with plotly."""
+        bar = {"title": {"text": self.labels[2], "side": "right"}}
+        traces: list[Any] = [go.Heatmap(x=self.x, y=self.y, z=self.z, colorscale="Viridis", colorbar=bar)]
+        traces += [go.Scatter(x=x, y=y, name=name, mode="lines", line={"color": BOUNDARY, "width": 3})
+                   for name, x, y in self.boundary]  # fmt: skip
+        figure = go.Figure(traces)
+        figure.update_xaxes(title=self.labels[0], range=_ends(self.x))
+        figure.update_yaxes(title=self.labels[1], range=_ends(self.y))
+        return figure.update_layout(legend={"x": 0.02, "y": 0.98})
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve of `Curves`; `dashed` for what is unstable, `marks` for single points."""
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    colour: int = 0
+    dashed: bool = False
+    marks: bool = False
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Lines over a common axis; those without a name are not in the legend."""
+
+    name: str
+    caption: str
+    lines: tuple[Line, ...]
+    labels: tuple[str, str]
+
+    def png(self) -> bytes:
+        """Drawn with matplotlib."""
+        figure, axis = _axes()
+        for line in self.lines:
+            style = {"linestyle": "none", "marker": "o"} if line.marks else {"linestyle": "--" if line.dashed else "-"}
+            axis.plot(line.x, line.y, color=COLOURS[line.colour % len(COLOURS)], label=line.name or None, **style)
+        if 1 < sum(bool(line.name) for line in self.lines) <= 12:
+            axis.legend(loc="best", fontsize=8, frameon=False)
+        axis.grid(alpha=0.3)
+        axis.set(xlabel=self.labels[0], ylabel=self.labels[1])
+        return png(figure)
+
+    def plotly(self) -> go.Figure:
+        """Drawn with plotly."""
+        figure = go.Figure()
+        for line in self.lines:
+            style = {"color": COLOURS[line.colour % len(COLOURS)], "dash": "dash" if line.dashed else "solid"}
+            marker = {"color": COLOURS[line.colour % len(COLOURS)], "size": 9}
+            mode = "markers" if line.marks else "lines"
+            figure.add_scatter(
+                x=line.x, y=line.y, name=line.name, showlegend=bool(line.name), line=style, marker=marker, mode=mode
+            )
+        return figure.update_xaxes(title=self.labels[0]).update_yaxes(title=self.labels[1])
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Horizontal bars from `start` to `end` for each factor, in groups by colour; `error` is a half width."""
+
+    name: str
+    caption: str
+    factors: tuple[str, ...]
+    groups: tuple[tuple[str, np.ndarray, np.ndarray, np.ndarray | None], ...]
+    label: str
+    base: float = 0.0
+    stacked: bool = False
+
+    def png(self) -> bytes:
+        """Drawn with matplotlib."""
+        figure, axis = _axes(1.4 + 0.45 * len(self.factors) * (1 if self.stacked else 1.4))
+        place = np.arange(len(self.factors), dtype=float)[::-1]
+        width = 0.7 if self.stacked else 0.8 / len(self.groups)
+        for k, (name, start, end, error) in enumerate(self.groups):
+            at = place if self.stacked else place + 0.4 - width * (k + 0.5)
+            axis.barh(at, end - start, width, left=start, color=COLOURS[k], label=name, xerr=error, capsize=3)
+        axis.axvline(self.base, color=BOUNDARY, linewidth=1)
+        axis.set_yticks(place, self.factors)
+        axis.legend(loc="best", fontsize=8)
+        axis.set_xlabel(self.label)
+        axis.grid(alpha=0.3, axis="x")
+        return png(figure)
+
+    def plotly(self) -> go.Figure:
+        """Drawn with plotly."""
+        figure = go.Figure()
+        for name, start, end, error in self.groups:
+            bars = None if error is None else {"type": "data", "array": error}
+            figure.add_bar(y=self.factors, x=end - start, base=start, orientation="h", name=name, error_x=bars)
+        figure.update_layout(barmode="overlay" if self.stacked else "group", height=180 + 45 * len(self.factors))
+        figure.add_vline(x=self.base, line_color=BOUNDARY)
+        return figure.update_xaxes(title=self.label).update_yaxes(autorange="reversed")
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often values of an output occur: `counts` between `edges`; quantiles are marked."""
+
+    name: str
+    caption: str
+    edges: np.ndarray
+    counts: np.ndarray
+    marks: tuple[float, ...]
+    label: str
+
+    def png(self) -> bytes:
+        """Drawn with matplotlib."""
+        figure, axis = _axes()
+        axis.stairs(self.counts, self.edges, fill=True, color=COLOURS[1])
+        for mark in self.marks:
+            axis.axvline(mark, color=COLOURS[0], linewidth=1.2)
+        axis.set(xlabel=self.label, ylabel="rows")
+        return png(figure)
+
+    def plotly(self) -> go.Figure:
+        """Drawn with plotly."""
+        middle, width = (self.edges[1:] + self.edges[:-1]) / 2, np.diff(self.edges)
+        figure = go.Figure(go.Bar(x=middle, y=self.counts, width=width, marker={"color": COLOURS[1]}))
+        for mark in self.marks:
+            figure.add_vline(x=mark, line_color=COLOURS[0])
+        return figure.update_xaxes(title=self.label).update_yaxes(title="rows")
+
+
+Picture = Map | Curves | Bars | Histogram
+
+
+def _axes(height: float = 4.6) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(7.6, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.subplots()
+    axis.spines[["top", "right"]].set_visible(False)
+    return figure, axis
+
+
+def _ends(values: np.ndarray) -> list[float]:
+    return [float(np.min(values)), float(np.max(values))]
+
+
+def level_curve(x: np.ndarray, y: np.ndarray, z: np.ndarray, level: float) -> Sequence[tuple[np.ndarray, np.ndarray]]:
+    """Where z (shape (y, x)) passes a level: pieces of a curve."""
+    import contourpy
+
+    lines = contourpy.contour_generator(x, y, np.ma.masked_invalid(z)).lines(level)
+    return [(line[:, 0], line[:, 1]) for line in lines]  # type: ignore[call-overload]

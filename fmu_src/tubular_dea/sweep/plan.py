@@ -1,0 +1,208 @@
+"""The plan of a sweep, from TOML or from the same tables in Python.
+
+::
+
+    name = "Displacement over pressure and voltage"
+    model = "TubularDEA"                    # AssistedHeart, AorticWindkessel, a model.json, an FMU made elsewhere
+    study = "rest"                          # or "trajectory"
+    outputs = ["radial_displacement", "snap_through_margin"]
+
+    [design]
+    kind = "grid"                           # random, latin_hypercube, sobol, sobol_indices, one_at_a_time
+    points = 1024                           # of sampled designs; seed = 1
+
+    [run]                                   # of trajectories
+    stop = "4 s"
+    tolerance = 1e-6
+
+    [set]                                   # parameters that do not vary
+    h_o = "0.8 mm"
+
+    [inputs]                                # see inputs.py
+    pressure = "95 mmHg"
+    voltage = "step 0 {amplitude} at 1 s"
+
+    [vary]                                  # parameters, inputs, or names that the inputs use in braces
+    amplitude = { from = "0 kV", to = "6 kV", count = 61 }
+    C_1 = { mean = "333 kPa", deviation = "10 kPa" }
+    eps_r = [2.6, 2.8, 3.0]
+    patient = { file = "patients.csv" }     # or { patients = ["healthy", "failing"], part = "heart" }
+    calibration = { model = "model.json" }  # jointly normal, from its covariance
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ..emit.variables import guid
+from ..errors import UserError
+from ..model.declare import Model, nearest
+from .axes import units
+from .axis_tables import axis
+from .design import KINDS, Design, design
+from .expression import Number, PlanError, number
+from .inputs import Template, template
+from .models import ForeignFmu, resolve
+from .quantities import Quantities
+from .wanted import Wanted, wanted
+
+TABLES = ("name", "model", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
+RESERVED = ("row", "status", "message")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked plan; everything it refers to is inside, so that any worker can carry out any part of it."""
+
+    name: str
+    model: Model | ForeignFmu
+    study: str
+    design: Design
+    fixed: tuple[tuple[str, float], ...]
+    inputs: tuple[tuple[str, Template], ...]
+    stop: Number
+    tolerance: float
+    outputs: tuple[Wanted, ...]
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash of everything that determines the results."""
+        model = guid(self.model) if isinstance(self.model, Model) else repr(self.model)
+        rest = [repr(getattr(self, f.name)) for f in fields(self) if f.name not in ("name", "model")]
+        return hashlib.sha256("\n".join([model, *rest]).encode()).hexdigest()
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Every column of the results and its unit ("" for text), in order."""
+        found = {"row": "1"} | units(self.design.axes)
+        return found | {w.column: w.unit for w in self.outputs} | {"status": "1", "message": ""}
+
+
+def read_plan(path: Path) -> Plan:
+    """The plan in a TOML file; files it names are taken relative to it. `PlanError` says what to mend."""
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except OSError as problem:
+        raise PlanError(f"{path}: cannot be read: {problem.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise PlanError(f"{path}: {problem}") from None
+    try:
+        return make_plan(content, path.parent)
+    except UserError as problem:
+        raise PlanError(f"{path}: {problem}") from None
+
+
+def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
+    """A plan from the tables of the TOML form; `model` may also be a `Model`. Raises `PlanError`."""
+    _known("the plan", content, TABLES)
+    model = resolve(content.get("model", "TubularDEA"), tuple(content.get("effects", ())), folder)
+    quantities = Quantities.of(model)
+    study = _one_of("study", content.get("study", "trajectory"), ("trajectory", "rest"))
+    run, scheme = _table(content, "run", ("stop", "tolerance")), _table(content, "design", ("kind", "points", "seed"))
+    axes = [axis(name, given, quantities, folder) for name, given in _table(content, "vary").items()]
+    kind = _one_of("[design] kind", scheme.get("kind", "grid"), KINDS)
+    made = design(kind, axes, _whole(scheme, "points", 0), _whole(scheme, "seed", 1))
+    given = {name: template(name, text, quantities.input_unit(name), folder)
+             for name, text in _table(content, "inputs").items()}  # fmt: skip
+    inputs = _complete_inputs(given, made, quantities)
+    plan = Plan(
+        name=str(content.get("name", "sweep")),
+        model=model,
+        study=study,
+        design=made,
+        fixed=tuple((n, quantities.parameter(n, v, "[set]")) for n, v in _table(content, "set").items()),
+        inputs=tuple(sorted(inputs.items())),
+        stop=number(run.get("stop", 1.0), "s", "[run] stop"),
+        tolerance=_tolerance(run.get("tolerance", 1e-6)),
+        outputs=_outputs(content.get("outputs"), quantities, study),
+    )
+    _check(plan, quantities)
+    return plan
+
+
+# Checks -----------------------------------------------------------------------------------------------------------
+
+
+def _known(place: str, given: Mapping[str, Any], names: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in names:
+            raise PlanError(f"{place} has no entry {name!r}{nearest(name, names)}")
+
+
+def _table(content: Mapping[str, Any], name: str, entries: tuple[str, ...] | None = None) -> Mapping[str, Any]:
+    table = content.get(name, {})
+    if not isinstance(table, Mapping):
+        raise PlanError(f"[{name}]: expected a table but was given {table!r}")
+    if entries is not None:
+        _known(f"[{name}]", table, entries)
+    return table
+
+
+def _one_of(place: str, given: object, names: tuple[str, ...]) -> str:
+    if given not in names:
+        raise PlanError(f"{place}: expected one of {', '.join(names)} but was given {given!r}")
+    return str(given)
+
+
+def _whole(table: Mapping[str, Any], name: str, default: int) -> int:
+    value = table.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise PlanError(f"[design] {name}: expected a whole number from 0 on but was given {value!r}")
+    return value
+
+
+def _tolerance(value: object) -> float:
+    if not isinstance(value, int | float) or not 1e-12 <= value <= 1e-2:
+        raise PlanError(f"[run] tolerance: expected 1e-12 to 1e-2 but was given {value!r}")
+    return float(value)
+
+
+def _complete_inputs(given: dict[str, Template], made: Design, quantities: Quantities) -> dict[str, Template]:
+    """An input that varies and has no course of its own is held at the value that varies."""
+    for column in units(made.axes):
+        if column in quantities.inputs and column not in given:
+            given[column] = Template("level", (Number(column),))
+    return given
+
+
+def _outputs(given: object, quantities: Quantities, study: str) -> tuple[Wanted, ...]:
+    items = given.items() if isinstance(given, Mapping) else [(None, text) for text in given or ()]  # type: ignore[attr-defined]
+    rest = study == "rest"
+    found = [wanted(str(text), quantities.variable_unit, rest, column) for column, text in items]
+    if not found:
+        raise PlanError('outputs: expected what is wanted of every row, for example ["final radial_displacement"]')
+    return tuple(found)
+
+
+def _check(plan: Plan, quantities: Quantities) -> None:
+    """Names are used once and known; everything that varies is a parameter, an input, or used by one."""
+    varied = units(plan.design.axes)
+    listed = [*varied, *(w.column for w in plan.outputs)]
+    for column in listed:
+        if listed.count(column) > 1 or column in RESERVED:
+            raise PlanError(f"the results would have two columns {column!r}; give one another name")
+    for name, _ in plan.fixed:
+        if name in varied:
+            raise PlanError(f"[set] {name}: it is in [vary] too; keep one")
+    used = (
+        {n for _, t in plan.inputs for n in t.names} | set(plan.stop.names) | {n for w in plan.outputs for n in w.names}
+    )
+    numbers = {*(n for n, unit in varied.items() if unit), *quantities.parameters}
+    for name in sorted(used - numbers):
+        raise PlanError(
+            f"{{{name}}}: there is no number {name!r} in [vary] or in the model{nearest(name, sorted(numbers))}"
+        )
+    for name, unit in varied.items():
+        if unit and name not in quantities.parameters and name not in quantities.inputs and name not in used:
+            known = [*quantities.parameters, *quantities.inputs]
+            raise PlanError(f"[vary] {name}: {quantities.name} has no such parameter or input, and no input uses "
+                            f"{{{name}}}{nearest(name, known)}")  # fmt: skip
+    if plan.study == "rest" and any(t.kind != "level" for _, t in plan.inputs):
+        raise PlanError("[inputs]: expected constant inputs for rest states, not steps, ramps, pulses or records")
+    quantities.check_study(plan.study, plan.outputs)

@@ -1,0 +1,35 @@
+"""Carrying out a plan: what is missing is computed, written as it comes, and summed up in a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from .backends import Cluster, Threads
+from .plan import Plan
+from .store import Store
+
+
+def carry_out(plan: Plan, folder: Path, backend: Threads | Cluster | None = None) -> Store:
+    """The results of `plan` in `folder`; parts that are there already stay. Shows progress on a terminal.
+
+    Started again after it was interrupted, it goes on where it was. Raises `StoreError` for a folder that holds
+    another plan's results.
+    """
+    store = Store.open(folder, plan)
+    missing = store.missing()
+    done = store.manifest.rows - sum(stop - start for start, stop in missing)
+    failed = 0
+    with tqdm(
+        total=store.manifest.rows, initial=done, unit="row", unit_scale=True, disable=None, desc=plan.name
+    ) as bar:
+        if missing:
+            for (start, stop), rows in (backend or Threads()).run(plan, missing):
+                store.write(start, rows)
+                failed += int(np.count_nonzero(rows["status"]))
+                if failed:
+                    bar.set_postfix_str(f"{failed} failed")
+                bar.update(stop - start)
+    return store

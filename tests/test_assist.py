@@ -1,0 +1,244 @@
+"""`tubular-dea assist`: what it writes, what it refuses; and the whole loop as an SSP archive in other tools."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupled import needs, shared, slaves, stretch
+from tubular_dea.cli import main
+from tubular_dea.cosim.beats import BeatError, last_beats, measure, r_wave_rows
+from tubular_dea.cosim.heart_assist import archive, heart_assist
+from tubular_dea.cosim.master import Options, Run, simulate
+from tubular_dea.model.units import factor
+from tubular_dea.model.windkessel import patient
+
+STOP = 4.0  # s
+WATCHED = ("heart.aortic_pressure", "scheduler.voltage", "tube.radial_displacement")
+
+
+@functools.cache
+def ssp() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="ssp-"))
+    return archive(slaves(), folder / "HeartAssist.ssp", patient("failing"))
+
+
+@functools.cache
+def explicit() -> Run:
+    """What every plain fixed-step master does: inputs held over each step, no events, no iteration."""
+    values = patient("failing")
+    start = {"tube.start_at_equilibrium": 0.0, "tube.lambda_2_start": stretch(values["aortic_pressure_start"])}
+    system = dataclasses.replace(heart_assist(slaves(), values, start), events=())
+    return simulate(system, STOP, Options("jacobi", cubic=False, restart=1.0)).completed()
+
+
+def assert_same(rows: np.ndarray, tolerance: float) -> None:
+    """Rows `time, *WATCHED` against our master at the same communication points, relative to the amplitudes."""
+    ours = explicit()
+    places = np.rint(rows[:, 0] * 1e3).astype(int)
+    assert places[-1] == ours.time.size - 1
+    for column, name in enumerate(WATCHED, start=1):
+        difference = np.abs(rows[:, column] - ours[name][places]).max()
+        assert difference <= tolerance * np.ptp(ours[name]), name
+    assert ours["scheduler.pulses"][-1] >= 2, "the loop assists"
+
+
+def elsewhere(code: str) -> np.ndarray:
+    """Run Python code that leaves an array `rows`, in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder) / "rows.npy"
+        script = f"import numpy as np\nSSP = {str(ssp())!r}\nSTEPS = {round(STOP * 1000)}\n{code}\nnp.save({str(result)!r}, rows)\n"
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stderr[-2000:]
+        return np.load(result)
+
+
+def loads(package: str) -> None:
+    """Skip where the package or its system library is missing."""
+    needs(package) if package == "fmpy" else None
+    done = subprocess.run([sys.executable, "-c", f"import {package}"], capture_output=True, text=True, timeout=60)
+    if done.returncode:
+        from test_importers import unavailable
+
+        unavailable(f"{package} does not load: {done.stderr.strip().splitlines()[-1]}")
+
+
+def test_ssp_in_ecos() -> None:
+    loads("ecospy")
+    rows = elsewhere("""
+from ecospy import EcosSimulation
+names = ("heart::aortic_pressure", "scheduler::voltage", "tube::radial_displacement")
+with EcosSimulation(ssp_path=SSP, step_size=1e-3) as simulation:
+    simulation.init(parameter_set="start")
+    rows = [(0.0, *(simulation.get_real(n) for n in names))]
+    for step in range(STEPS):
+        simulation.step()
+        rows.append((simulation.get_time(), *(simulation.get_real(n) for n in names)))
+    simulation.terminate()
+rows = np.array(rows)
+""")
+    assert_same(rows, 1e-6)
+
+
+def test_ssp_in_libcosim() -> None:
+    loads("libcosimpy.CosimExecution")
+    rows = elsewhere("""
+from libcosimpy.CosimEnums import CosimVariableType
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+from libcosimpy.CosimObserver import CosimObserver
+log_output_level(CosimLogLevel.FATAL)
+execution = CosimExecution.from_ssp_file(SSP, 1_000_000)
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+watched = []
+for part, name in (("heart", "aortic_pressure"), ("scheduler", "voltage"), ("tube", "radial_displacement")):
+    slave = execution.slave_index_from_instance_name(part)
+    watched.append((slave, next(v.reference for v in execution.slave_variables(slave)
+                                if v.name.decode() == name and v.type == CosimVariableType.REAL.value)))
+rows = []
+for step in range(STEPS):
+    assert execution.step()
+    rows.append((execution.status().current_time * 1e-9, *(observer.last_real_values(s, [r])[0] for s, r in watched)))
+rows = np.array(rows)
+""")
+    assert_same(rows, 1e-9)
+
+
+def test_ssp_in_fmpy() -> None:
+    """FMPy checks the archive against the schemas. It gives every input 0 for the first step, connected or not: the tube
+    feels no pressure for a millisecond, which takes seconds to be forgotten."""
+    from fmpy.ssp.simulation import simulate_ssp
+    from fmpy.ssp.ssd import read_ssd, read_ssv
+
+    assert len(read_ssd(str(ssp())).system.connections) == 7
+    values = read_ssv(str(ssp()), "resources/start.ssv")
+    result = simulate_ssp(str(ssp()), stop_time=STOP, step_size=1e-3, parameter_set=values)
+    rows = np.column_stack([result["time"] + 1e-3, *(result[name] for name in WATCHED)])[: round(STOP * 1e3)]
+    assert_same(rows[2000:], 5e-3)
+
+
+# The command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def assisted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("assist")
+    assert main(["assist", "--patient", "failing", "--beats", "8", "--out", str(out)]) == 0
+    return out
+
+
+def test_assist_writes_a_report(assisted: Path) -> None:
+    page = (assisted / "report.html").read_text()
+    for text in ("stroke work per stroke volume", "early-diastolic augmentation", "electrical energy", "volume [mL]"):
+        assert text in page
+    assert "src=\"http" not in page and "cdn." not in page.split("</script>")[-1], "the page is self-contained"
+    for name in ("pressure_volume_loops.png", "beats.png"):
+        assert (assisted / name).read_bytes().startswith(b"\x89PNG")
+    header = (assisted / "with_assist.csv").read_text().splitlines()[0]
+    assert "heart.aortic_pressure [Pa]" in header and "tube.electric_field [V/m]" in header
+
+
+def test_assist_helps_the_failing_heart(assisted: Path) -> None:
+    summary = json.loads((assisted / "summary.json").read_text())
+    passive, helped = summary["figures"]["without assist"], summary["figures"]["with assist"]
+    assert helped["stroke_work_per_stroke_volume"] < 0.99 * passive["stroke_work_per_stroke_volume"]
+    assert helped["early_diastolic_pressure"] > passive["early_diastolic_pressure"]
+    assert helped["stroke_volume"] > passive["stroke_volume"]
+    assert 0 < helped["mechanical_energy"] < helped["electrical_energy"], "the wall's losses are between them"
+    assert passive["mechanical_energy"] < 0, "without voltage the tube only takes"
+    assert helped["largest_field"] < 80e6
+    assert summary["scheduler"]["pulses"] == 5  # of nine R waves: three are for learning, the last one comes at the end
+
+
+def test_figures_of_a_beat() -> None:
+    run = explicit()
+    rows = last_beats(run)
+    assert np.diff(run.time[r_wave_rows(run)]) == pytest.approx(0.8, abs=2e-3)
+    figures = measure(run, rows)
+    loop = np.trapezoid(run["heart.ventricular_pressure"][rows], run["heart.ventricular_volume"][rows])
+    assert figures["stroke_work"] == pytest.approx(-loop, rel=2e-3)
+    assert figures["cardiac_output"] * factor("m3/s", "L/min") == pytest.approx(
+        figures["stroke_volume"] / 0.8 * 60e3, rel=3e-3)  # fmt: skip
+    with pytest.raises(BeatError, match="at least 9 whole beats"):
+        last_beats(run, 9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--patient", "fialing"], "no patient 'fialing'; did you mean failing"),
+        (["--voltage", "high"], "--voltage: expected a number"),
+        (["--voltage", "5 mmHg"], "expected a unit like 'V' but was given 'mmHg'"),
+        (["--beats", "2"], "--beats: expected at least 5"),
+        (["--set", "hart.C=1"], "--set hart.C=1: expected scheduler, tube, heart"),
+        (["--set", "heart.c=1"], "AorticWindkessel has no parameter 'c'"),
+        (["--set", "heart.C=1mmHg"], "expected a unit like 'm3/Pa'"),
+        (["--step", "0"], "step: expected a positive number"),
+        (["--ecg", "nothing.csv"], "nothing.csv: expected the columns"),
+        (["--r-times", "nothing.txt"], "nothing.txt: expected one R time"),
+        (["--patient", "stiff", "--scheme", "jacobi"], "the jacobi scheme diverges"),
+    ],
+)
+def test_assist_refuses_in_one_line(arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["assist", *arguments, "--out", str(tmp_path)]) == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert text in message
+    assert message.startswith("tubular-dea assist: ")
+
+
+def test_a_run_that_ends_early_is_written(tmp_path: Path) -> None:
+    assert main(["assist", "--patient", "stiff", "--scheme", "jacobi", "--out", str(tmp_path)]) == 2
+    assert len((tmp_path / "without_assist.csv").read_text().splitlines()) > 2
+
+
+def test_patient_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = {n: f"{v!r}" for n, v in patient("failing").items()}
+    values["C"] = '"1.1 mL/mmHg"'
+    file = tmp_path / "mine.toml"
+    file.write_text("\n".join(f"{n} = {v}" for n, v in values.items()))
+    assert main(["assist", "--patient", str(file), "--beats", "5", "--out", str(tmp_path / "out")]) == 0
+    del values["R"]
+    file.write_text("\n".join(f"{n} = {v}" for n, v in values.items()))
+    assert main(["assist", "--patient", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert "patient 'mine.toml' lacks R; give R (Peripheral resistance)" in capsys.readouterr().err
+
+
+def test_beats_of_a_recorded_ecg(tmp_path: Path) -> None:
+    needs("wfdb")
+    needs("sleepecg")
+    record = shared("ecg/100.hea")
+    assert main(["assist", "--ecg", str(record), "--beats", "12", "--out", str(tmp_path)]) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["scheduler"]["beats"] == 13
+
+
+def test_recorded_beats_are_hit(tmp_path: Path) -> None:
+    times = np.cumsum([0.5, 0.8, 0.85, 0.7, 0.9, 0.8, 0.75, 0.8])
+    file = tmp_path / "r.txt"
+    file.write_text("\n".join(str(t) for t in times))
+    assert main(["assist", "--r-times", str(file), "--beats", "6", "--out", str(tmp_path)]) == 0
+    table = np.genfromtxt(tmp_path / "with_assist.csv", delimiter=",", names=True, deletechars="")
+    phase = table[next(n for n in table.dtype.names if n.startswith("heart.phase"))]
+    at = table[table.dtype.names[0]][np.flatnonzero(np.diff(np.floor(phase + 1e-5)) > 0) + 1]
+    assert np.allclose(at, (times - times[0])[1:7], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto"])
+def test_examples_run_as_they_are(name: str, tmp_path: Path) -> None:
+    script = Path(__file__).resolve().parents[1] / "cosim_examples" / f"{name}.py"
+    if name == "heartbeat_on_ecg":
+        needs("wfdb")
+        needs("sleepecg")
+        shared("ecg/100.hea")
+    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert list(tmp_path.glob("*.png")), "a picture is written where it is run"

@@ -1,0 +1,189 @@
+"""Effects: off they are the base model, they compose, and an FMU carries them with their parameters tunable."""
+
+from __future__ import annotations
+
+import itertools
+from functools import cache
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from tubular_dea.emit import tables
+from tubular_dea.emit.python import compile_python
+from tubular_dea.export.package import native_fmu
+from tubular_dea.kernel import Kernel
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.declare import DeclarationError
+from tubular_dea.model.effects import CHANNELS, catalogue, with_effects
+from tubular_dea.protocol import Protocol
+
+IDS = tuple(catalogue())
+# Chains along one signal, terms in one stress, memory with memory, delays with lags: in both orders.
+PAIRS = (
+    ("amplifier_slew", "electrode_resistance"), ("charge_trapping", "field_dependent_permittivity"),
+    ("stretch_dependent_permittivity", "field_dependent_permittivity"), ("pressure_gain", "pressure_offset"),
+    ("pressure_delay", "pneumatic_line"), ("sensor_lag", "sensor_delay"), ("radius_gain", "sensor_lag"),
+    ("prestretch", "permanent_set"), ("mullins_softening", "thermal_softening"),
+    ("stretch_dependent_viscosity", "third_maxwell_branch"), ("friction_hysteresis", "rigid_stop"),
+)  # fmt: skip
+PROTOCOL = Protocol.of(
+    [0, 0.5, 1, 1, 2, 2, 3],
+    pressure=[0, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 0.9e4], voltage=[0, 0, 0, 5e3, 5e3, 0, 0],
+)  # fmt: skip
+TIMES = np.linspace(0, 3, 301)
+
+
+@cache
+def kernel_of(*ids: str) -> Kernel:
+    """The compiled base with effects."""
+    return Kernel(with_effects(tubular_dea(), ids))
+
+
+@pytest.fixture(scope="module")
+def base():
+    return tubular_dea()
+
+
+@pytest.fixture(scope="module")
+def expected(kernel):
+    return kernel.simulate(PROTOCOL, TIMES, tolerance=1e-8, with_fold=True)
+
+
+def points(model) -> list[dict[str, float]]:
+    """States and inputs at which right-hand sides are compared."""
+    rng = np.random.default_rng(7)
+    ranges = {"lambda_2": (0.9, 1.7), "lambda_2_rate": (-9, 9), "sigma_vis1": (-2e5, 2e5), "sigma_vis2": (-2e5, 2e5),
+              "pressure": (0, 2e4), "voltage": (0, 7e3), "voltage_rate": (-1e4, 1e4)}  # fmt: skip
+    return [{name: rng.uniform(*span) for name, span in ranges.items()} for _ in range(5)]
+
+
+@cache
+def plain(*ids: str):
+    """The model with effects in plain Python."""
+    return compile_python(with_effects(tubular_dea(), ids))
+
+
+def evaluate(model, point: dict[str, float]) -> dict[str, float]:
+    """State derivatives and outputs of plain Python at a point; other states anywhere, what is delayed as it is."""
+    tube = plain(*model.effects)
+    late = {d.quantity.name: point.get(d.of, 0.0) for d in model.delays}
+    names = [d.quantity.name for d in model.delays]
+    x = tuple(point.get(s.quantity.name, 0.5) for s in model.states)
+    u = (*(point[q.name] for q in model.inputs), *(late[n] for n in names))
+    du = (*(point.get(f"{q.name}_rate", 0.0) for q in model.inputs), *(0.0 for _ in names))
+    p = tuple(model.parameter_values().values())
+    dx = tube.derivatives(0.0, x, u, du, p, (2e4,))
+    y = tube.outputs(0.0, x, u, du, p, (2e4,))
+    values = dict(zip(tube.OUTPUTS, y, strict=True))
+    return {s.quantity.name: d for s, d in zip(model.states, dx, strict=True)} | values
+
+
+def test_the_catalogue_has_the_ids_of_the_design() -> None:
+    assert len(IDS) >= 27
+    assert {e.channel for e in catalogue().values()} == set(CHANNELS)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_declaration(name: str) -> None:
+    effect = catalogue()[name]
+    assert {q.name for q in effect.parameters} == set(effect.typical)
+    assert effect.off and effect.fit and effect.amplitudes
+    for line in ("Equation:", "Source:", "Typical:"):
+        assert line in effect.documentation, f"{name}'s text lacks '{line}'"
+    for q in effect.parameters:
+        assert q.source and q.description and q.minimum is not None and q.maximum is not None
+        for value in (effect.off.get(q.name, q.value), effect.typical[q.name], *effect.shapes.get(q.name, ())):
+            assert q.minimum <= value <= q.maximum, f"{q.name} = {value} is outside its own bounds"
+    assert any(effect.typical[n] != value for n, value in effect.off.items()), f"{name} is off where it is typical"
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_off_is_the_base_at_a_point(name: str, base) -> None:
+    changed = catalogue()[name](base)
+    assert changed.effects == (name,)
+    for point in points(base):
+        ours, theirs = evaluate(changed, point), evaluate(base, point)
+        late = {d.of for d in changed.delays}
+        for key, value in theirs.items():
+            if key == "measured_displacement" and "sensor_signal" in late:
+                continue  # its past is compared in test_off_is_the_base_over_time
+            assert ours[key] == pytest.approx(value, rel=1e-11, abs=1e-12), key
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_off_is_the_base_over_time(name: str, expected) -> None:
+    effect = catalogue()[name]
+    kernel = kernel_of(name)
+    shaped = {q.name: effect.typical[q.name] for q in effect.parameters} | dict(effect.off)
+    seen = kernel.simulate(PROTOCOL, TIMES, shaped, tolerance=1e-8, with_fold=True)
+    for output, scale in (("lambda_2", 1.0), ("measured_displacement", 1e-2), ("snap_through_margin", 1e5)):
+        assert np.max(np.abs(seen[output] - expected[output])) < 1e-8 * scale, output
+    assert np.max(np.abs(seen["current"] - expected["current"])) < 1e-7
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_on_it_shows_and_rests_where_its_curve_says(name: str, expected) -> None:
+    """At a typical size it changes the record, and after long rest lambda_2 is that of the equilibrium curve."""
+    effect = catalogue()[name]
+    kernel = kernel_of(name)
+    values = dict(effect.typical) | ({"lambda_2_stop": 1.15} if name == "rigid_stop" else {})
+    seen = kernel.simulate(PROTOCOL, TIMES, values, tolerance=1e-7)
+    shift = np.max(np.abs(seen["measured_displacement"] - expected["measured_displacement"]))
+    assert shift > (1e-6 if name == "added_mass" else 1e-5), f"a typical {name} moves the record by {shift:.1e} m only"
+    slow = Protocol.of([0, 20, 120], pressure=[0, 1e4, 1e4], voltage=[0, 4e3, 4e3])
+    rest = kernel.simulate(slow, np.array([120.0]), values)["lambda_2"]
+    load, _, _ = kernel.curve(rest, {"pressure": 1e4, "voltage": 4e3}, values)
+    memory = 2 * values["sigma_friction"] if name == "friction_hysteresis" else 0.0
+    assert load[0] == pytest.approx(1e4, abs=20 + memory), f"{name} rests at {load[0]:.1f} Pa, not 10 kPa"
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=" + ".join)
+def test_pairs_compose_in_any_order(pair: tuple[str, str], expected) -> None:
+    effects = [catalogue()[name] for name in pair]
+    off = {n: v for e in effects for n, v in (dict(e.typical) | dict(e.off)).items()}
+    on = {n: v for e in effects for n, v in e.typical.items()}
+    measured = []
+    for order in (pair, pair[::-1]):
+        kernel = kernel_of(*order)
+        seen = kernel.simulate(PROTOCOL, TIMES, off, tolerance=1e-8)
+        assert np.max(np.abs(seen["measured_displacement"] - expected["measured_displacement"])) < 1e-10
+        measured.append(kernel.simulate(PROTOCOL, TIMES, on, tolerance=1e-7)["measured_displacement"])
+    assert np.all(np.isfinite(measured))
+    assert np.max(np.abs(measured[0] - measured[1])) < 2e-4  # chains that do not commute differ a little
+
+
+def test_all_of_them_compose(base) -> None:
+    for order in (IDS, IDS[::-1]):
+        model = with_effects(base, order)
+        assert model.effects == order
+        assert "Effects added" in tables.page(model)
+    for a, b in itertools.islice(itertools.permutations(IDS, 2), 0, None, 23):
+        with_effects(base, (a, b))
+
+
+def test_an_effect_goes_in_once(base) -> None:
+    with pytest.raises(DeclarationError, match="cannot be added twice"):
+        with_effects(base, ["sensor_lag", "sensor_lag"])
+    with pytest.raises(DeclarationError, match="did you mean sensor_lag"):
+        with_effects(base, ["sensor_leg"])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmu_carries_effects_tunable(version: int, base, tmp_path) -> None:
+    ids = ("electrode_resistance", "friction_hysteresis", "mullins_softening", "thermal_softening", "rigid_stop",
+           "rate_dependent_viscosity", "sensor_delay")  # fmt: skip
+    values = {n: v for name in ids for n, v in catalogue()[name].typical.items()}
+    model = with_effects(base, ids).with_values(values)
+    path = native_fmu(model, version, tmp_path / "Effects.fmu")
+    assert validate_fmu(str(path)) == []
+    described = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+    for name, value in values.items():
+        assert described[name].variability == "tunable" and float(described[name].start) == pytest.approx(value)
+    result = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=0.01, output_interval=0.01,
+                               start_values={"pressure": 1e4, "voltage": 4e3},
+                               output=["measured_displacement"])  # fmt: skip
+    protocol = Protocol.of([0, 1], pressure=[1e4, 1e4], voltage=[4e3, 4e3])
+    expected = Kernel(model).simulate(protocol, np.minimum(result["time"], 1.0))["measured_displacement"]
+    assert np.max(np.abs(result["measured_displacement"] - expected)) < 1e-7

@@ -1,0 +1,69 @@
+"""The same plan on a Dask cluster of real worker processes: the same bytes, with a worker killed on the way, too."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from sweeps import parts, steps
+from tubular_dea.cli import main
+from tubular_dea.sweep.backends import BackendError, Cluster, Threads, backend
+from tubular_dea.sweep.run import carry_out
+from tubular_dea.sweep.store import Store
+
+distributed = pytest.importorskip("distributed")
+
+PLAN = steps(points=2048, outputs=["final lambda_2", "max electric_field", "time of snap", "mean radius"])
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[object]:
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("threads") / "out"
+    carry_out(PLAN, folder, Threads(1))
+    return parts(folder)
+
+
+def test_cluster_gives_the_same_bytes(client: object, expected: dict[str, bytes], tmp_path: Path) -> None:
+    carry_out(PLAN, tmp_path / "out", Cluster(client))
+    assert parts(tmp_path / "out") == expected
+
+
+def test_a_killed_worker_costs_nothing(client: distributed.Client, expected: dict[str, bytes], tmp_path: Path) -> None:
+    store = Store.open(tmp_path / "out", PLAN)
+    written: list[int] = []
+    before = set(client.run(os.getpid).values())
+    for (start, _), rows in Cluster(client).run(PLAN, store.missing()):
+        store.write(start, rows)
+        written.append(start)
+        if len(written) == 3:
+            os.kill(min(before), signal.SIGKILL)
+    client.wait_for_workers(2, timeout=30)
+    assert set(client.run(os.getpid).values()) != before, "the killed worker was replaced"
+    assert sorted(written) == [start for start, _ in store.pieces], "nothing is lost, and nothing comes twice"
+    assert parts(tmp_path / "out") == expected
+
+
+def test_a_running_scheduler_is_used(client: distributed.Client, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.toml"
+    plan.write_text('study = "rest"\noutputs = ["radius"]\n[vary]\nvoltage = ["0 kV", "5 kV"]\n', encoding="utf-8")
+    address = client.scheduler.address
+    assert main(["sweep", str(plan), "--out", str(tmp_path / "out"), "--scheduler", address, "--no-report"]) == 0
+    assert Store.read(tmp_path / "out").column("radius")[1] > Store.read(tmp_path / "out").column("radius")[0]
+
+
+def test_no_scheduler_there() -> None:
+    with pytest.raises(BackendError, match="cannot be reached"), backend(None, None, "tcp://127.0.0.1:1", timeout=1.0):
+        pass

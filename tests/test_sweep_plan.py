@@ -1,0 +1,183 @@
+"""Plans: what they may say, and one clear line for what they may not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from scenarios import MMHG
+from sweeps import steps
+from tubular_dea.cli import main
+from tubular_dea.sweep.axes import Joint
+from tubular_dea.sweep.expression import PlanError
+from tubular_dea.sweep.inputs import template
+from tubular_dea.sweep.plan import make_plan, read_plan
+from tubular_dea.sweep.rows import Study
+
+REST: dict[str, Any] = {"study": "rest", "outputs": ["radius"]}
+
+
+def rest(**vary: Any) -> dict[str, Any]:
+    return REST | {"vary": vary}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (rest(C_9=[1.0]), "C_9.*no such parameter or input.*did you mean C_3, C_2, C_1"),
+        (rest(pressure={"from": "90 mmHg", "to": "90 mmHg", "count": 3}), "pressure: the range is empty"),
+        (rest(pressure={"from": "90 mmHg", "to": "10 mmHg", "count": 3}), "pressure: the range is reversed"),
+        (rest(pressure={"from": "0 mmHg", "to": "9 mmHg"}), "a grid needs its points; give count"),
+        (rest(pressure={"from": "0 mmHg", "to": "9 mmHg", "count": 1}), "expected a count of at least 2"),
+        (rest(pressure={"from": "0 mmHg", "to": "9 mmHg", "step": "2 mmHg"}), "a step that divides"),
+        (rest(pressure={"from": "0 mmHg", "to": "9 mmHg", "cuont": 2}), "no entry 'cuont'; did you mean count"),
+        (rest(pressure={"from": "0 V", "to": "9 V", "count": 3}), "expected a unit like 'Pa' but was given 'V'"),
+        (rest(pressure=[]), "the list is empty"),
+        (rest(pressure=["1 mmHg", "1 mmHg"]), "a value is there twice"),
+        (rest(pressure="95 mmHg"), "expected .* but was given '95 mmHg'"),
+        (rest(h_o=["-1 mm"]), "h_o: expected 1e-06 to 1 m but was given -0.001"),
+        (rest(eps_r={"mean": 2.8, "deviation": 0}), "expected a positive deviation"),
+        (rest(patient={"patients": ["helthy"]}), "no patient 'helthy'; did you mean healthy"),
+        (rest(patient={"file": "nobody.csv"}), "nobody.csv: cannot be read"),
+        (REST | {"outputs": ["radios"]}, "no variable 'radios'; did you mean radius"),
+        (REST | {"outputs": []}, "expected what is wanted"),
+        (REST | {"outputs": ["final radius"]}, "expected the name of a variable for rest states"),
+        (REST | {"stduy": "rest"}, "no entry 'stduy'; did you mean study"),
+        (REST | {"study": "reste"}, "expected one of trajectory, rest"),
+        (REST | {"model": "TubularDAE"}, "no 'TubularDAE'; did you mean TubularDEA"),
+        (REST | {"model": "AssistedHeart", "outputs": ["tube_radius"]}, "no equilibrium curve"),
+        (REST | {"inputs": {"voltage": "step 0 5 kV at 1"}}, "expected constant inputs for rest states"),
+        (REST | {"inputs": {"volt": 0}}, "no input 'volt'; did you mean voltage"),
+        (REST | {"inputs": {"voltage": "{amplitude}"}}, "no number 'amplitude'"),
+        (REST | {"set": {"C_1": "1 kV"}}, "expected a unit like 'Pa'"),
+        (rest(C_1=[3e5]) | {"set": {"C_1": 3e5}}, r"\[set\] C_1: it is in \[vary\] too"),
+        (rest(eps_r={"from": 2, "to": 3}) | {"design": {"kind": "sobol", "points": 100}}, "power of two"),
+        (rest(eps_r={"from": 2, "to": 3}) | {"design": {"kind": "random"}}, "a positive whole number"),
+        (REST | {"design": {"kind": "random", "points": 9}}, r"nothing in \[vary\]"),
+        ({"outputs": ["last radius"]}, 'cannot read.*"final NAME"'),
+        ({"outputs": ["final radius"], "run": {"stop": "1 V"}}, r"\[run\] stop: expected a unit like 's'"),
+        ({"outputs": ["final radius"], "run": {"tolerance": 1}}, "1e-12 to 1e-2"),
+        ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
+        ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
+        ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
+        ({"outputs": {"row": "final radius"}}, "two columns 'row'"),
+    ],
+)
+def test_mistakes_are_named(content: dict[str, Any], message: str) -> None:
+    with pytest.raises(PlanError, match=message):
+        make_plan(content)
+
+
+def test_a_mistake_costs_one_line_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan, out = tmp_path / "plan.toml", tmp_path / "out"
+    plan.write_text('outputs = ["final radius"]\n[vary]\nC_9 = [1]\n', encoding="utf-8")
+    assert main(["sweep", str(plan), "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "plan.toml" in line and "did you mean C_3, C_2, C_1?" in line
+    assert not out.exists()
+    assert main(["sweep", str(tmp_path / "no.toml"), "--out", str(out)]) == 2
+
+
+def test_inputs_follow_their_text() -> None:
+    values = {"a": np.array([1.0, 2.0]), "f": np.array([2.0, 4.0])}
+    stop = np.array([[1.0], [1.0]])
+
+    def points(text: object) -> tuple[list[Any], list[Any]]:
+        b = template("voltage", text, "V", Path()).breakpoints(values, stop)
+        return b.time.tolist(), b.value.tolist()
+
+    assert points(5) == ([[0]], [[5]])
+    assert points("{2 * a - 1}") == ([[0]], [[1], [3]])
+    assert points("step 0 6kV at 1s until 2") == ([[1, 1, 2, 2]], [[0, 6e3, 6e3, 0]])
+    assert points("step 0 {a} at {1 / f}") == ([[0.5, 0.5], [0.25, 0.25]], [[0, 1], [0, 2]])
+    assert points("ramp 1 {a} from 0 to 100 ms") == ([[0, 0.1]], [[1, 1], [1, 2]])
+    time, value = points("pulses 0 {a} every {1 / f} from 0.1 for 0.2")
+    for row, period in zip(time, (0.5, 0.25), strict=True):
+        starts = 0.1 + period * np.arange(4)
+        np.testing.assert_allclose(row, np.column_stack([starts, starts, starts + 0.2, starts + 0.2]).ravel())
+    assert value[1] == [0, 2, 2, 0] * 4
+
+
+def test_a_record_from_a_file_is_scaled(tmp_path: Path) -> None:
+    (tmp_path / "beat.csv").write_text("time [s],pressure [mmHg]\n0,80\n0.3,120\n1,80\n", encoding="utf-8")
+    b = template("pressure", {"file": "beat.csv", "scale": "{k}"}, "Pa", tmp_path).breakpoints(
+        {"k": np.array([1.0, 2.0])}, np.ones((1, 1))
+    )
+    np.testing.assert_allclose(b.value, np.outer([1, 2], [80 * MMHG, 120 * MMHG, 80 * MMHG]))
+
+
+@pytest.mark.parametrize("kind", ["grid", "random", "latin_hypercube", "sobol", "sobol_indices", "one_at_a_time"])
+def test_rows_do_not_depend_on_pieces(kind: str) -> None:
+    vary = {"pressure": {"from": 0, "to": 1e4, "count": 40}, "eps_r": {"from": 2, "to": 3, "count": 50, "log": True}}
+    design = make_plan(REST | {"vary": vary, "design": {"kind": kind, "points": 2048}}).design
+    whole = design.columns(0, design.rows)
+    assert len(whole["eps_r"]) == design.rows
+    for cut in (1, 2, 3, design.rows // 2):
+        for name, values in whole.items():
+            joined = np.concatenate([design.columns(0, cut)[name], design.columns(cut, design.rows)[name]])
+            np.testing.assert_array_equal(joined, values)
+
+
+def test_samples_have_their_distribution() -> None:
+    vary = {"eps_r": {"mean": 2.8, "deviation": 0.1}, "pressure": {"from": 1e3, "to": 2e3}}
+    columns = make_plan(REST | {"vary": vary, "design": {"kind": "latin_hypercube", "points": 500}}).design.columns(
+        0, 500
+    )
+    ordered = np.sort(norm.cdf(columns["eps_r"], 2.8, 0.1))
+    assert np.max(np.abs(ordered - (np.arange(500) + 0.5) / 500)) < 1 / 500
+    assert 1e3 <= columns["pressure"].min() < 1e3 + 2 and 2e3 - 2 < columns["pressure"].max() <= 2e3
+
+
+def test_rows_out_of_bounds_or_order_are_rows() -> None:
+    vary = {"on": {"from": "0.5 s", "to": "2 s", "count": 4}, "eps_r": [0.5, 2.8]}
+    with pytest.raises(PlanError, match="eps_r"):
+        steps(vary=vary | {"amplitude": ["5 kV"]}, design={})
+    vary = {"on": {"from": "0.5 s", "to": "2 s", "count": 4}, "amplitude": ["5 kV"], "pressure": ["95 mmHg"]}
+    table = Study(steps(vary=vary, design={})).rows(0, 4)
+    assert table["status"].tolist() == [0, 0, 0, -2], "an on-time of 2 s is behind the off-time of 1.5 s"
+    assert table["message"][3] == "the times of voltage do not ascend"
+    assert np.isnan(table["max_electric_field"][3])
+
+
+def test_patients_set_many_parameters(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("patient,C_1 [kPa],h_o [mm]\nAnna,300,1\nBert,350,1.2\n", encoding="utf-8")
+    plan = make_plan(rest(patient={"file": "p.csv"}, pressure=["95 mmHg"]), tmp_path)
+    table = Study(plan).rows(0, 2)
+    assert table["patient"].tolist() == ["Anna", "Bert"]
+    assert table["C_1"].tolist() == [300e3, 350e3]
+    assert table["radius"][0] > table["radius"][1]
+    (tmp_path / "p.csv").write_text("patient,C_7 [kPa]\nAnna,300\n", encoding="utf-8")
+    with pytest.raises(PlanError, match="no parameter 'C_7'; did you mean C_3"):
+        make_plan(rest(patient={"file": "p.csv"}), tmp_path)
+
+
+def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:
+    names, deviation, correlation = ["C_1", "eps_r"], np.array([5e3, 0.05]), 0.8
+    covariance = np.outer(deviation, deviation) * [[1, correlation], [correlation, 1]]
+    content = {"model": "TubularDEA", "effects": ["prestretch"], "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
+               "covariance": {"names": names, "matrix": covariance.tolist()}}  # fmt: skip
+    (tmp_path / "model.json").write_text(json.dumps(content), encoding="utf-8")
+    tables = {"model": "model.json", "vary": {"calibration": {"model": "model.json"}}}
+    plan = make_plan(REST | tables | {"design": {"kind": "sobol", "points": 4096}}, tmp_path)
+    assert isinstance(plan.design.axes[0], Joint)
+    columns = plan.design.columns(0, 4096)
+    np.testing.assert_allclose(np.cov(columns["C_1"], columns["eps_r"]), covariance, rtol=0.02)
+    assert columns["C_1"].mean() == pytest.approx(340e3, rel=1e-4)
+    assert Study(plan).rows(0, 4)["status"].tolist() == [0] * 4
+    with pytest.raises(PlanError, match="model.json"):
+        make_plan(REST | {"model": "none/model.json"}, tmp_path)
+
+
+def test_the_examples_are_plans() -> None:
+    folder = Path(__file__).parents[1] / "cosim_examples"
+    found = sorted(folder.glob("sweep_*.toml"))
+    assert len(found) >= 2
+    for path in found:
+        plan = read_plan(path)
+        assert plan.design.rows > 100
+        assert (Study(plan).rows(0, 4)["status"] == 0).all()
