@@ -41,7 +41,9 @@ def main() -> None:
         voltage, beats = systolic_voltage(time, pressure, 1e3 * options.kilovolt)
     except ProtocolError as problem:
         raise SystemExit(f"measured_pressure.py: {problem}") from None
-    fmu = native_fmu(tubular_dea(), 2, Path("build/fmi2/TubularDEA.fmu"))
+    fmu = Path("build/fmi2/TubularDEA.fmu")
+    if not fmu.exists():
+        native_fmu(tubular_dea(), 2, fmu)
     response = drive(fmu, time, pressure, voltage)
     draw(options.out, response, f"{options.csv.name}: {beats} beats")
     stroke = 1e3 * np.ptp(response["radial_displacement"])

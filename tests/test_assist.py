@@ -55,7 +55,8 @@ def elsewhere(code: str) -> np.ndarray:
     """Run Python code that leaves an array `rows`, in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "rows.npy"
-        script = f"import numpy as np\nSSP = {str(ssp())!r}\nSTEPS = {round(STOP * 1000)}\n{code}\nnp.save({str(result)!r}, rows)\n"
+        given = f"import numpy as np\nSSP = {str(ssp())!r}\nSTEPS = {round(STOP * 1000)}\n"
+        script = f"{given}{code}\nnp.save({str(result)!r}, rows)\n"
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, done.stderr[-2000:]
         return np.load(result)
@@ -114,8 +115,8 @@ rows = np.array(rows)
 
 
 def test_ssp_in_fmpy() -> None:
-    """FMPy checks the archive against the schemas. It gives every input 0 for the first step, connected or not: the tube
-    feels no pressure for a millisecond, which takes seconds to be forgotten."""
+    """FMPy checks the archive against the schemas. It gives every input 0 for the first step, connected or not: the
+    tube feels no pressure for a millisecond, which takes seconds to be forgotten."""
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import read_ssd, read_ssv
 
@@ -140,7 +141,7 @@ def test_assist_writes_a_report(assisted: Path) -> None:
     page = (assisted / "report.html").read_text()
     for text in ("stroke work per stroke volume", "early-diastolic augmentation", "electrical energy", "volume [mL]"):
         assert text in page
-    assert "src=\"http" not in page and "cdn." not in page.split("</script>")[-1], "the page is self-contained"
+    assert 'src="http' not in page and "cdn." not in page.split("</script>")[-1], "the page is self-contained"
     for name in ("pressure_volume_loops.png", "beats.png"):
         assert (assisted / name).read_bytes().startswith(b"\x89PNG")
     header = (assisted / "with_assist.csv").read_text().splitlines()[0]
@@ -188,7 +189,9 @@ def test_figures_of_a_beat() -> None:
         (["--patient", "stiff", "--scheme", "jacobi"], "the jacobi scheme diverges"),
     ],
 )
-def test_assist_refuses_in_one_line(arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_assist_refuses_in_one_line(
+    arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["assist", *arguments, "--out", str(tmp_path)]) == 2
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert text in message
@@ -232,7 +235,9 @@ def test_recorded_beats_are_hit(tmp_path: Path) -> None:
     assert np.allclose(at, (times - times[0])[1:7], atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto"])
+@pytest.mark.parametrize(
+    "name", ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto"]
+)
 def test_examples_run_as_they_are(name: str, tmp_path: Path) -> None:
     script = Path(__file__).resolve().parents[1] / "cosim_examples" / f"{name}.py"
     if name == "heartbeat_on_ecg":

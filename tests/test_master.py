@@ -72,7 +72,9 @@ def observed_order(values: list[float]) -> float:
 )
 def test_convergence_order(scheme: str, order: int, expected: int) -> None:
     steps = (2e-3, 1e-3, 5e-4)
-    errors = [error(coupled("healthy", scheme=scheme, order=order, step=h, **PLAIN).completed(), "healthy") for h in steps]
+    errors = [
+        error(coupled("healthy", scheme=scheme, order=order, step=h, **PLAIN).completed(), "healthy") for h in steps
+    ]
     assert observed_order(errors) == pytest.approx(expected, abs=0.35)
 
 
@@ -157,7 +159,8 @@ def test_wrong_connections_are_refused_before_the_run() -> None:
     bad = {
         "there is no part 'hert'; did you mean heart": with_wires(Connection("hert.r_wave", "tube.pressure")),
         "heart has no output 'rwave'; did you mean r_wave": with_wires(Connection("heart.rwave", "tube.pressure")),
-        "tube has no input 'pressur'; did you mean pressure": with_wires(Connection("heart.aortic_pressure", "tube.pressur")),
+        "tube has no input 'pressur'; did you mean pressure": with_wires(
+            Connection("heart.aortic_pressure", "tube.pressur")),
         "keep one": with_wires(Connection("heart.ventricular_pressure", "tube.pressure")),
         "nothing is connected to heart.tube_flow": dataclasses.replace(
             system, connections=[c for c in system.connections if c.target != "heart.tube_flow"]),
@@ -174,7 +177,9 @@ def test_wrong_connections_are_refused_before_the_run() -> None:
 
 def test_connections_come_from_a_table(tmp_path: Path) -> None:
     table = tmp_path / "wires.csv"
-    table.write_text("source,target,sampled\nheart.r_wave,scheduler.r_wave,true\nheart.aortic_pressure,tube.pressure,\n")
+    table.write_text(
+        "source,target,sampled\nheart.r_wave,scheduler.r_wave,true\nheart.aortic_pressure,tube.pressure,\n"
+    )
     assert read_connections(table) == [
         Connection("heart.r_wave", "scheduler.r_wave", True), Connection("heart.aortic_pressure", "tube.pressure")
     ]  # fmt: skip

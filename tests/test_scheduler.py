@@ -23,8 +23,9 @@ SAFE = {"aortic_pressure": 0.0, "electric_field": 0.0, "snap_through_margin": 1e
 STEADY = 0.8 * np.arange(1, 11)
 
 
-def scheduled(times: np.ndarray, stop: float, step: float = 0.01, tables: dict[str, Protocol] | None = None,
-              **settings: float) -> Run:
+def scheduled(
+    times: np.ndarray, stop: float, step: float = 0.01, tables: dict[str, Protocol] | None = None, **settings: float
+) -> Run:
     """The scheduler alone, on R waves at `times` [s]; `tables` drive other inputs by name, the rest is safe."""
     tables = tables or {}
     wires = [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)]
@@ -126,7 +127,9 @@ def test_veto_has_a_hysteresis(name: str, levels: tuple[float, float, float, flo
 def test_notch_ends_the_pulse() -> None:
     beat = np.array([(0.0, 80), (0.05, 78), (0.15, 120), (0.22, 108), (0.24, 112), (0.8, 80)])
     time = np.concatenate([beat[:, 0] + r - 0.0001 for r in 0.8 * np.arange(11)])
-    pressure = Protocol.of(np.maximum.accumulate(np.maximum(time, 0)), aortic_pressure=np.tile(beat[:, 1] * 133.322, 11))
+    pressure = Protocol.of(
+        np.maximum.accumulate(np.maximum(time, 0)), aortic_pressure=np.tile(beat[:, 1] * 133.322, 11)
+    )
     run = scheduled(STEADY, 8.5, step=0.002, tables={"aortic_pressure": pressure})
     after_r = pulses(run)[:, 1] - STEADY[3:]
     assert np.all((after_r > 0.22) & (after_r < 0.226)), "off within a sample or two of the notch, not at 0.304"
@@ -149,6 +152,7 @@ def test_every_state_is_shown() -> None:
 
 def test_saved_state_is_exact() -> None:
     """Discretes are part of the FMU's state: a run that is rolled back at every beat is the same run."""
+
     def drive(slave: Slave, begin: int, end: int, bytes_: list[float]) -> None:
         inputs = slave.ports().inputs
         for k in range(begin, end):
@@ -183,7 +187,9 @@ def test_model_exchange_is_refused() -> None:
     description = fmpy.read_model_description(str(path))
     assert description.modelExchange is None
     folder = fmpy.extract(str(path))
-    fmu = FMU2Model(guid=description.guid, unzipDirectory=folder, modelIdentifier="HeartbeatScheduler", instanceName="x")
+    fmu = FMU2Model(
+        guid=description.guid, unzipDirectory=folder, modelIdentifier="HeartbeatScheduler", instanceName="x"
+    )
     with pytest.raises(Exception, match="instantiate"):
         fmu.instantiate()
 
@@ -265,7 +271,9 @@ def test_detector_finds_the_annotated_beats() -> None:
     needs("sleepecg")
     beats, _ = annotated(shared("ecg/100.hea").with_suffix(""))
     found = detect(read_ecg(shared("ecg/100.hea")))
-    nearest = np.abs(found[:, None] - beats[np.clip(np.searchsorted(beats, found)[:, None] + [-1, 0], 0, beats.size - 1)])
+    nearest = np.abs(
+        found[:, None] - beats[np.clip(np.searchsorted(beats, found)[:, None] + [-1, 0], 0, beats.size - 1)]
+    )
     assert (nearest.min(axis=1) < 0.05).mean() > 0.999
     assert abs(found.size - beats.size) <= 2
 

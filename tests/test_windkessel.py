@@ -158,7 +158,12 @@ def simaan(emax: float, beats: int = 40) -> dict[str, float]:
     start = [140, 8.2, 67, 82, 0]
     solution = solve_ivp(rates, (0, beats * beat), start, method="LSODA", max_step=4e-3, rtol=1e-7, dense_output=True)
     x = solution.sol(np.linspace((beats - 1) * beat, beats * beat, 1001))
-    return {"volume": float(x[0].max()), "stroke": float(np.ptp(x[0])), "mean": float(x[3].mean()), "atrium": float(x[1][0])}
+    return {
+        "volume": float(x[0].max()),
+        "stroke": float(np.ptp(x[0])),
+        "mean": float(x[3].mean()),
+        "atrium": float(x[1][0]),
+    }
 
 
 def test_steady_values_are_those_of_the_published_closed_loop() -> None:
@@ -211,7 +216,11 @@ def test_fit_of_the_human_beat(elements: int, expected: float) -> None:
 
 @pytest.mark.parametrize(
     ("reader", "least"),
-    [(lambda: read_pig("exvivo_data", 1), 64), (lambda: read_pig("invivo_data", 1), 60), (lambda: read_pig("invivo_data", 2), 60)],
+    [
+        (lambda: read_pig("exvivo_data", 1), 64),
+        (lambda: read_pig("invivo_data", 1), 60),
+        (lambda: read_pig("invivo_data", 2), 60),
+    ],
     ids=["ex vivo", "in vivo 1", "in vivo 2"],
 )
 def test_fit_of_the_pigs_records(reader: Callable[[], tuple[np.ndarray, np.ndarray, np.ndarray]], least: float) -> None:
@@ -255,13 +264,17 @@ def test_composition_refuses_what_does_not_fit() -> None:
     with pytest.raises(CouplingError, match="in 'm3' but tube.pressure expects 'Pa'"):
         compose("X", parts, [("heart.ventricular_volume", "tube.pressure")])
     with pytest.raises(CouplingError, match="keep one"):
-        compose("X", parts, [("heart.aortic_pressure", "tube.pressure"), ("heart.ventricular_pressure", "tube.pressure")])
+        compose(
+            "X", parts, [("heart.aortic_pressure", "tube.pressure"), ("heart.ventricular_pressure", "tube.pressure")]
+        )
     with pytest.raises(DeclarationError, match="algebraic loop"):
         two = {"a": aortic_windkessel({"elements": 3}), "b": aortic_windkessel({"elements": 3})}
         compose("X", two, [("a.aortic_flow", "b.tube_flow"), ("b.aortic_flow", "a.tube_flow")])
 
 
 def test_composition_keeps_open_inputs() -> None:
-    whole = compose("X", {"tube": tubular_dea(), "heart": aortic_windkessel()}, [("heart.aortic_pressure", "tube.pressure")])
+    whole = compose(
+        "X", {"tube": tubular_dea(), "heart": aortic_windkessel()}, [("heart.aortic_pressure", "tube.pressure")]
+    )
     assert [q.name for q in whole.inputs] == ["tube_voltage", "heart_tube_flow"]
     assert "tube_snap_through_margin" not in whole.outputs  # the fold belongs to the tube alone

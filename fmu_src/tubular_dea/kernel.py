@@ -59,8 +59,9 @@ class Kernel:
 
     def __init__(self, model: Model) -> None:
         if model.discretes:
-            raise KernelError(f"{model.name} is sampled at communication points; expected a continuous model here: run it "
-                              "as an FMU")  # fmt: skip
+            raise KernelError(
+                f"{model.name} is sampled at communication points; expected a continuous model here: run it as an FMU"
+            )
         self.model = model
         self._punctual, self._late = punctual(model)
         arrays = layout(self._punctual)

@@ -2,9 +2,9 @@
 
     python tests/benchmarks/coupling.py
 
-Prints seconds for ten assisted beats at 1 ms through FMPy-loaded native FMUs, explicit and implicit; the ratio to the same
-loop of tube and heart with pythonfmu slaves; errors and energy gaps against the monolithic solution over the step, with the
-orders they show; and the variable step.
+Prints seconds for ten assisted beats at 1 ms through FMPy-loaded native FMUs, explicit and implicit; the ratio to the
+same loop of tube and heart with pythonfmu slaves; errors and energy gaps against the monolithic solution over the step,
+with the orders they show; and the variable step.
 """
 
 from __future__ import annotations
@@ -51,7 +51,10 @@ def timings() -> None:
     system = heart_assist(slaves(), patient("failing"))
     for scheme, order in (("jacobi", 0), ("gauss-seidel", 1), ("implicit", 0)):
         run_time, load_time, run = seconds(system, 10 * PERIOD, Options(scheme, order=order))
-        print(f"  {scheme:13} {run_time:.3f} s  (loading {load_time:.3f} s, {run.iterations[1:].mean():.2f} iterations a step)")
+        print(
+            f"  {scheme:13} {run_time:.3f} s  "
+            f"(loading {load_time:.3f} s, {run.iterations[1:].mean():.2f} iterations a step)"
+        )
 
 
 def against_python(beats: int = 2) -> None:
@@ -68,7 +71,10 @@ def against_python(beats: int = 2) -> None:
             for parts in (slaves(), python):
                 system = driven_tube(parts, values, drive, start)
                 times.append(seconds(system, beats * PERIOD, Options(scheme), 1)[0])
-            print(f"  {scheme:13} native {times[0]:.3f} s, pythonfmu {times[1]:.3f} s: {times[1] / times[0]:.0f} times as long")
+            print(
+                f"  {scheme:13} native {times[0]:.3f} s, pythonfmu {times[1]:.3f} s: "
+                f"{times[1] / times[0]:.0f} times as long"
+            )
 
 
 def coupled(name: str, how: Mapping[str, object]) -> tuple[Run, float, float]:
@@ -92,7 +98,8 @@ def orders() -> None:
     steps = (4e-3, 2e-3, 1e-3, 5e-4)
     for name in CASES:
         print(f"{name}, 6 kV, smallest margin "
-              f"{coupled(name, {})[0]['tube.snap_through_margin'].min() / 133.322:.0f} mmHg; steps {steps} s:")  # fmt: skip
+              f"{coupled(name, {})[0]['tube.snap_through_margin'].min() / 133.322:.0f} mmHg; "
+              f"steps {steps} s:")  # fmt: skip
         for scheme, order in (("jacobi", 0), ("jacobi", 1), ("gauss-seidel", 0), ("gauss-seidel", 1), ("implicit", 0)):
             results = [coupled(name, {"scheme": scheme, "order": order, "step": h, **PLAIN}) for h in steps]
             if any(run.reason for run, _, _ in results):
@@ -101,11 +108,17 @@ def orders() -> None:
             errors, gaps = ([r[i] for r in results] for i in (1, 2))
             print(f"  {scheme:13} order {order}: error {_list(errors)}; energy gap {_list(gaps)}")
         results = [coupled(name, {"step": h, "slave_tolerance": 1e-8, "tolerance": 1e-7}) for h in steps]
-        print(f"  {'implicit':13} cubic  : error {_list([r[1] for r in results])}; energy gap {_list([r[2] for r in results])}")
+        print(
+            f"  {'implicit':13} cubic  : error {_list([r[1] for r in results])}; "
+            f"energy gap {_list([r[2] for r in results])}"
+        )
         for tolerance in (1e-3, 1e-4, 1e-5):
-            run, error, gap = coupled(name, {"step": 0.02, "variable": True, "tolerance": tolerance, "slave_tolerance": 1e-8})
-            print(f"  variable step, tolerance {tolerance:g}: {run.time.size - 1} steps of {1e3 * np.diff(run.time).min():.3f} to "
-                  f"{1e3 * np.diff(run.time).max():.1f} ms, error {error:.1e}, energy gap {gap:.1e}")  # fmt: skip
+            run, error, gap = coupled(
+                name, {"step": 0.02, "variable": True, "tolerance": tolerance, "slave_tolerance": 1e-8}
+            )
+            print(f"  variable step, tolerance {tolerance:g}: {run.time.size - 1} steps of "
+                  f"{1e3 * np.diff(run.time).min():.3f} to {1e3 * np.diff(run.time).max():.1f} ms, "
+                  f"error {error:.1e}, energy gap {gap:.1e}")  # fmt: skip
 
 
 def _list(values: list[float]) -> str:

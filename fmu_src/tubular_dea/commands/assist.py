@@ -35,18 +35,28 @@ EXAMPLE = """example:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea assist`."""
-    parser.add_argument("--patient", default="failing",
-                        help=f"one of {', '.join(PATIENTS)}, or a TOML file with a whole parameter set (default: failing)")
+    parser.add_argument(
+        "--patient",
+        default="failing",
+        help=f"one of {', '.join(PATIENTS)}, or a TOML file with a whole parameter set (default: failing)",
+    )
     parser.add_argument("--voltage", default="5.5 kV", help="voltage of a pulse (default: 5.5 kV)")
     parser.add_argument("--beats", type=int, default=15, help="beats to run (default: 15)")
-    parser.add_argument("--set", action="append", default=[], metavar="PART.NAME=VALUE[UNIT]",
-                        help="change a parameter of heart, tube or scheduler, as in heart.C=0.6mL/mmHg")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="PART.NAME=VALUE[UNIT]",
+        help="change a parameter of heart, tube or scheduler, as in heart.C=0.6mL/mmHg",
+    )
     parser.add_argument("--ecg", type=Path, help="beat as a recorded ECG does: CSV (time [s],ecg [mV]) or WFDB record")
     parser.add_argument("--lead", help="column or signal of the ECG (default: the first)")
     parser.add_argument("--r-times", type=Path, help="beat at the R times [s] in this file, one a line")
     parser.add_argument("--scheme", default="implicit", choices=SCHEMES, help="coupling (default: implicit)")
     parser.add_argument("--step", type=float, default=1e-3, help="communication step [s] (default: 0.001)")
-    parser.add_argument("--variable", action="store_true", help="let the error estimate choose the step, up to 10 times --step")
+    parser.add_argument(
+        "--variable", action="store_true", help="let the error estimate choose the step, up to 10 times --step"
+    )
     parser.add_argument("--out", type=Path, default=Path("assisted"), help="folder to write to (default: assisted)")
 
 
@@ -104,10 +114,14 @@ def _settings(texts: list[str], parts: Mapping[str, Model]) -> dict[str, float]:
         name, equals, value = text.partition("=")
         part, _, variable = name.strip().partition(".")
         if part not in parts or not equals:
-            raise UserError(f"--set {text}: expected {', '.join(parts)}, a dot, a parameter and a value, as in heart.C=1.2mL/mmHg")
+            raise UserError(
+                f"--set {text}: expected {', '.join(parts)}, a dot, a parameter and a value, as in heart.C=1.2mL/mmHg"
+            )
         declared: dict[str, Quantity] = {p.quantity.name: p.quantity for p in parts[part].parameters}
         if variable not in declared:
-            raise UserError(f"--set {text}: {parts[part].name} has no parameter {variable!r}{nearest(variable, declared)}")
+            raise UserError(
+                f"--set {text}: {parts[part].name} has no parameter {variable!r}{nearest(variable, declared)}"
+            )
         settings[name.strip()] = _number(value, declared[variable].unit, f"--set {name}")
     return settings
 
@@ -121,7 +135,9 @@ def _beats(options: argparse.Namespace) -> np.ndarray | None:
     if options.r_times is None:
         return None
     try:
-        times = np.array([float(line.split(",")[0]) for line in options.r_times.read_text().splitlines() if line.strip()])
+        times = np.array(
+            [float(line.split(",")[0]) for line in options.r_times.read_text().splitlines() if line.strip()]
+        )
     except (OSError, ValueError) as problem:
         raise HeartbeatError(f"{options.r_times}: expected one R time [s] a line: {problem}") from None
     if times.size < 2 or np.any(np.diff(times) <= 0):
@@ -138,15 +154,22 @@ def _stop(options: argparse.Namespace, values: Mapping[str, float], settings: Ma
         rate = settings.get("heart.heart_rate", values["heart_rate"])
         return (options.beats + 0.05) / rate, None
     if beats.size < options.beats + 2:
-        raise UserError(f"--beats: expected at most {beats.size - 2}, which the recording has, but was given {options.beats}")
+        raise UserError(
+            f"--beats: expected at most {beats.size - 2}, which the recording has, but was given {options.beats}"
+        )
     stop = float(beats[options.beats] - beats[0] + 0.05)
     return stop, pace(beats, stop)
 
 
 def _simulate(system: System, stop: float, options: argparse.Namespace, name: str) -> Run:
     step = 10 * options.step if options.variable else options.step
-    how = Options(scheme=options.scheme, step=step, variable=options.variable,
-                  tolerance=1e-4 if options.variable else 1e-6, order=1)
+    how = Options(
+        scheme=options.scheme,
+        step=step,
+        variable=options.variable,
+        tolerance=1e-4 if options.variable else 1e-6,
+        order=1,
+    )
     with tqdm(total=round(stop, 3), unit="s", desc=name, disable=None) as bar:
 
         def progress(time: float) -> None:
@@ -167,10 +190,10 @@ def _report(options: argparse.Namespace, runs: Mapping[str, Run], settings: Mapp
         f"{options.scheme} coupling, communication step {options.step:g} s.",
         "The scheduler saw " + ", ".join(f"{n} {what.replace('_', ' ')}" for what, n in counted.items()) + ".",
     ]
-    scheduler = {p.quantity.name: p.quantity.value for p in models()["scheduler"].parameters}
+    scheduler = models()["scheduler"].parameter_values()
     limits = {
-        "electric_field": float(settings.get("scheduler.field_limit", scheduler["field_limit"]) or 0),
-        "snap_through_margin": float(settings.get("scheduler.margin_limit", scheduler["margin_limit"]) or 0),
+        "electric_field": settings.get("scheduler.field_limit", scheduler["field_limit"]),
+        "snap_through_margin": settings.get("scheduler.margin_limit", scheduler["margin_limit"]),
     }
     written = report.write(options.out, runs, table, "The assisted heart", notes, limits)
     summary = {"figures": figures, "scheduler": counted, "patient": options.patient, "settings": dict(settings)}
@@ -181,4 +204,3 @@ def _report(options: argparse.Namespace, runs: Mapping[str, Run], settings: Mapp
         print(f"{label:{width}}  {without:>10}  {with_:>10}  {change}")
     print(notes[1])
     print(f"wrote {', '.join(str(p) for p in written)}")
-

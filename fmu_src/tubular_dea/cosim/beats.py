@@ -104,8 +104,8 @@ def compare(passive: Mapping[str, float], assisted: Mapping[str, float]) -> list
 def tube_work(run: Run, rows: slice | None = None) -> tuple[float, float]:
     """Work [J] the windkessel has given to the tube, and work the tube has received by its own pressure and volume.
 
-    The first is integrated inside the windkessel. The second is p dV, step by step, from the pressure the tube was given
-    and the volume and flow it reports at both ends (a trapezoid with end correction, of fourth order in the step).
+    The first is integrated inside the windkessel. The second is p dV, step by step, from the pressure the tube was
+    given and the volume and flow it reports at both ends (a trapezoid with end correction, of fourth order).
     """
     rows = rows or slice(0, run.time.size)
     h = np.diff(run.time[rows])

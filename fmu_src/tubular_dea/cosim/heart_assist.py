@@ -57,7 +57,9 @@ def fmus(folder: Path | None = None, paced: bool = False) -> dict[str, Path]:
 
 
 def heart_assist(
-    slaves: Mapping[str, Path], patient: Mapping[str, float], settings: Mapping[str, float] | None = None,
+    slaves: Mapping[str, Path],
+    patient: Mapping[str, float],
+    settings: Mapping[str, float] | None = None,
     pace: Protocol | None = None,
 ) -> System:
     """The whole loop for a patient set (SI units); `settings` by "part.variable" come on top.
@@ -74,7 +76,10 @@ def heart_assist(
 
 
 def driven_tube(
-    slaves: Mapping[str, Path], patient: Mapping[str, float], voltage: Protocol, settings: Mapping[str, float] | None = None
+    slaves: Mapping[str, Path],
+    patient: Mapping[str, float],
+    voltage: Protocol,
+    settings: Mapping[str, float] | None = None,
 ) -> System:
     """Tube and heart alone, under a known `voltage`; nobody schedules."""
     parameters = {f"heart.{name}": value for name, value in patient.items()}
@@ -85,8 +90,11 @@ def driven_tube(
 
 
 def archive(slaves: Mapping[str, Path], path: Path, patient: Mapping[str, float], stop: float = 10.0) -> Path:
-    """The whole loop as an SSP archive. The tube starts at rest under the pressure at the start: as a stretch, since not
-    every tool hands connected values over before the start."""
+    """The whole loop as an SSP archive.
+
+    The tube starts at rest under the pressure at the start, given as a stretch: not every tool hands connected values
+    over before the start.
+    """
     values = {f"heart.{name}": value for name, value in patient.items()}
     values["tube.lambda_2_start"] = rest_stretch(patient["aortic_pressure_start"])
     wires = [(c.source, c.target) for c in (*COUPLING, *SCHEDULED)]

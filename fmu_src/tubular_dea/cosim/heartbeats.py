@@ -53,14 +53,14 @@ def pace(times: Sequence[float] | np.ndarray, stop: float) -> Protocol:
     The first R wave is at time 0: the ventricle starts with it, as long before the first of `times` as that one is
     before the second.
     """
-    times = np.asarray(times, dtype=float)
-    if times.size < 2:
-        raise HeartbeatError(f"pacing: expected at least 2 R waves but was given {times.size}")
-    times = times - times[0]
-    times = times[times < stop]
-    rates = 1 / np.diff(times, append=times[-1] + (times[-1] - times[-2]))
-    marks = np.repeat(times, 2)[1:]
-    return Protocol.of([*marks, stop], pace=np.repeat(rates, 2))
+    given = np.array(times, dtype=float)
+    if given.size < 2:
+        raise HeartbeatError(f"pacing: expected at least 2 R waves but was given {given.size}")
+    rates = 1 / np.diff(given, append=2 * given[-1] - given[-2])
+    begins = given - given[0]
+    inside = begins < stop
+    marks = np.repeat(begins[inside], 2)[1:]
+    return Protocol.of([*marks, stop], pace=list(np.repeat(rates[inside], 2)))
 
 
 def detect(ecg: Ecg) -> np.ndarray:
@@ -69,9 +69,11 @@ def detect(ecg: Ecg) -> np.ndarray:
     Dropouts (NaN) are bridged by straight lines, in which no beat is found.
     """
     try:
-        import sleepecg
+        from sleepecg.heartbeats import detect_heartbeats
     except ImportError:
-        raise HeartbeatError("ECG: finding beats needs the package sleepecg; install tubular-dea[ecg], or give R times") from None
+        raise HeartbeatError(
+            "ECG: finding beats needs the package sleepecg; install tubular-dea[ecg], or give R times"
+        ) from None
     signal = np.asarray(ecg.signal, dtype=float)
     if signal.ndim != 1 or signal.size < 2 * ecg.rate:
         raise HeartbeatError(f"ECG: expected one lead of at least 2 s but was given {signal.size / ecg.rate:.2f} s")
@@ -79,12 +81,13 @@ def detect(ecg: Ecg) -> np.ndarray:
     if not good.any() or np.ptp(signal[good]) == 0:
         raise HeartbeatError("ECG: there are no beats in a signal that does not move; check the lead")
     filled = np.interp(np.arange(signal.size), np.flatnonzero(good), signal[good])
-    found = np.asarray(sleepecg.detect_heartbeats(filled, ecg.rate), dtype=int)
+    found = np.array(detect_heartbeats(filled, ecg.rate), dtype=np.intp)
     found = found[good[found]]
     beats_per_minute = 60 * found.size / ecg.duration
     if found.size < 2 or not SLOWEST / 2 <= beats_per_minute <= FASTEST:
         raise HeartbeatError(
-            f"ECG: {found.size} beats found in {ecg.duration:.1f} s; expected {SLOWEST:g} to {FASTEST:g} a minute; check the lead"
+            f"ECG: {found.size} beats found in {ecg.duration:.1f} s; expected {SLOWEST:g} to {FASTEST:g} a minute; "
+            "check the lead"
         )
     return np.asarray(found / ecg.rate, dtype=float)
 
@@ -112,7 +115,9 @@ def _read_wfdb(path: Path, lead: str | None) -> Ecg:
     try:
         import wfdb
     except ImportError:
-        raise HeartbeatError(f"{path}: reading WFDB records needs the package wfdb; install tubular-dea[ecg], or convert to CSV") from None
+        raise HeartbeatError(
+            f"{path}: reading WFDB records needs the package wfdb; install tubular-dea[ecg], or convert to CSV"
+        ) from None
     try:
         record = wfdb.rdrecord(str(path))
     except (OSError, ValueError) as problem:

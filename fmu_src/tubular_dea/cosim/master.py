@@ -41,8 +41,8 @@ class Options:
     `step` [s] is the communication step (the largest one where `variable`); `tolerance` is relative to each signal's
     nominal value: of the iteration, or of the step where `variable`. `order` of the extrapolation, 0 or 1. `cubic`:
     interpolate by cubics where slaves tell the slopes of their outputs, else straight. `restart`: length of the first
-    step after an event, of `step`, doubled from step to step (1: no such). `refine`: fixed steps with a larger error than
-    this are divided (0: none; implicit scheme only). `slave_tolerance` goes to the slaves' own integrators.
+    step after an event, of `step`, doubled from step to step (1: no such). `refine`: fixed steps with a larger error
+    than this are divided (0: none; implicit scheme only). `slave_tolerance` goes to the slaves' own integrators.
     `iterations` at most, in a step. `smallest` [s]: shorter steps end the run; default step / 1000.
     """
 
@@ -61,8 +61,8 @@ class Options:
 
 @dataclass(frozen=True)
 class Run:
-    """What was computed: values by "part.variable" at `time` [s]; `step` [s], `iterations` and `error` of the steps that
-    ended there. `reason` says why the run ended before its stop time ("" where it did not)."""
+    """What was computed: values by "part.variable" at `time` [s]; `step` [s], `iterations` and `error` of the steps
+    that ended there. `reason` says why the run ended before its stop time ("" where it did not)."""
 
     time: np.ndarray
     values: dict[str, np.ndarray]
@@ -173,24 +173,31 @@ class Simulation:
             return f"{ended}{slave.name} refused: {slave.said() or 'it gave no reason'}"
         if status == _DIVERGED:
             return (
-                f"{ended}the {o.scheme} scheme diverges: {signal} swings to the other side at every step of {o.step:g} s and "
-                "does not calm down, because a slave's answer within a step is larger than what caused it; use the "
+                f"{ended}the {o.scheme} scheme diverges: {signal} swings back and forth with the step ({o.step:g} s) "
+                "and does not calm down, because a slave's answer within a step is larger than what caused it; use the "
                 "implicit scheme, or a much shorter step"
             )
         if status == _STUCK:
-            what = "its error stays above the tolerance" if o.variable else f"it does not converge in {o.iterations} iterations"
+            what = (
+                "its error stays above the tolerance"
+                if o.variable
+                else f"it does not converge in {o.iterations} iterations"
+            )
             return f"{ended}the interface at {signal}: {what} even with the smallest step; use a larger tolerance"
-        return ended + {_NOT_FINITE: f"{signal} is not a finite number", _MEMORY: "out of memory"}.get(status, f"{status}")
+        return ended + {_NOT_FINITE: f"{signal} is not a finite number", _MEMORY: "out of memory"}.get(
+            status, f"{status}"
+        )
 
     def _new(self, system: System, ports: Mapping[str, Ports], wiring: Wiring) -> int:
         """The C master for this system."""
         signals, o = self._signals, self._options
         slaves = (_Slave * len(wiring.order))(*(self._slave(p, ports[p], wiring) for p in wiring.order))
         tables = (_Table * max(1, signals.n_tables))(
-            *(self._table(*signals.names[i].split(".", 1), system.sources) for i in range(signals.n_tables))
+            *(self._table(name, system.sources) for name in signals.names[: signals.n_tables])
         )
         plan = _Plan(
-            SCHEMES.index(o.scheme), o.order, o.cubic, o.restart, o.variable, self._start, self._stop, o.step, o.refine, o.tolerance,
+            SCHEMES.index(o.scheme), o.order, o.cubic, o.restart, o.variable, self._start, self._stop, o.step,
+            o.refine, o.tolerance,
             o.smallest or o.step / 1000, o.iterations, *wiring.loop,
             *self._ints(signals.unknown), *self._ints(signals.events), *self._ints(signals.watched),
         )  # fmt: skip
@@ -227,8 +234,9 @@ class Simulation:
             self._array(ctypes.c_int, [signals.index(f"{part}.{n}") for n in shared]),
         )  # fmt: skip
 
-    def _table(self, source: str, name: str, sources: Mapping[str, Protocol]) -> _Table:
+    def _table(self, signal: str, sources: Mapping[str, Protocol]) -> _Table:
         """A known signal from the start of the run on."""
+        source, name = signal.split(".", 1)
         protocol = sources[source]
         later = protocol.time > self._start
         now = protocol.at(np.array([self._start]))[name]
@@ -240,9 +248,9 @@ class Simulation:
         return len(values), self._array(ctypes.c_int, values)
 
     def _array(self, kind: type, values: object) -> ctypes.Array[ctypes.c_int]:
-        array = (kind * max(1, len(values)))(*values)  # type: ignore[arg-type,call-overload,misc,operator]
+        array = (kind * max(1, len(values)))(*values)  # type: ignore[arg-type,misc,operator]
         self._keep.append(array)
-        return array  # type: ignore[no-any-return]
+        return array
 
 
 class _Signals:
@@ -292,8 +300,8 @@ _GOING, _DONE, _SLAVE, _DIVERGED, _STUCK, _MEMORY, _NOT_FINITE = range(7)
 class _Slave(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in (
-            "component", "set_real", "set_derivatives", "get_real", "get_derivatives", "do_step", "get_state", "set_state",
-            "free_state")),
+            "component", "set_real", "set_derivatives", "get_real", "get_derivatives", "do_step", "get_state",
+            "set_state", "free_state")),
         ("n_inputs", ctypes.c_int), ("inputs", ctypes.POINTER(ctypes.c_uint)),
         ("signals", ctypes.POINTER(ctypes.c_int)), ("held", ctypes.POINTER(ctypes.c_int)),
         ("n_outputs", ctypes.c_int), ("outputs", ctypes.POINTER(ctypes.c_uint)), ("first", ctypes.c_int),
@@ -312,7 +320,8 @@ class _Plan(ctypes.Structure):
         ("scheme", ctypes.c_int), ("order", ctypes.c_int), ("cubic", ctypes.c_int), ("restart", ctypes.c_double),
         ("variable", ctypes.c_int),
         ("start", ctypes.c_double), ("stop", ctypes.c_double), ("step", ctypes.c_double),
-        ("refine", ctypes.c_double), ("tolerance", ctypes.c_double), ("smallest", ctypes.c_double), ("iterations", ctypes.c_int),
+        ("refine", ctypes.c_double), ("tolerance", ctypes.c_double), ("smallest", ctypes.c_double),
+        ("iterations", ctypes.c_int),
         ("loop_first", ctypes.c_int), ("loop_last", ctypes.c_int),
         ("n_unknown", ctypes.c_int), ("unknown", ctypes.POINTER(ctypes.c_int)),
         ("n_events", ctypes.c_int), ("events", ctypes.POINTER(ctypes.c_int)),

@@ -55,7 +55,8 @@ class Slave:
             raise SlaveError(f"{self.name}: {path} cannot be read as an FMU: {problem}") from None
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
             raise SlaveError(
-                f"{self.name}: expected an FMI 2.0 co-simulation FMU but {path.name} is FMI {self.description.fmiVersion}"
+                f"{self.name}: expected an FMI 2.0 co-simulation FMU but {path.name} is not; "
+                f"it is FMI {self.description.fmiVersion}"
             )
         try:
             self.fmu = FMU2Slave(
@@ -149,8 +150,15 @@ def _unit(variable: Any) -> str | None:
     return variable.unit or declared
 
 
-def initialise(slaves: Mapping[str, Slave], source: Mapping[str, str], known: Mapping[str, float],
-               parameters: Mapping[str, float], start: float, stop: float, tolerance: float | None) -> None:  # fmt: skip
+def initialise(
+    slaves: Mapping[str, Slave],
+    source: Mapping[str, str],
+    known: Mapping[str, float],
+    parameters: Mapping[str, float],
+    start: float,
+    stop: float,
+    tolerance: float | None,
+) -> None:
     """All slaves through initialization, connected values included: swept until none changes.
 
     `known` are the values of source signals at the start, `source` maps "part.input" to what drives it.

@@ -4,7 +4,8 @@ Usage::
 
     system = System(
         slaves={"tube": Path("TubularDEA.fmu"), "heart": Path("AorticWindkessel.fmu")},
-        connections=[Connection("heart.aortic_pressure", "tube.pressure"), Connection("tube.tube_flow", "heart.tube_flow"),
+        connections=[Connection("heart.aortic_pressure", "tube.pressure"),
+                     Connection("tube.tube_flow", "heart.tube_flow"),
                      Connection("drive.voltage", "tube.voltage")],
         sources={"drive": Protocol.of([0, 10], voltage=[5000, 5000])},
         parameters={"tube.start_at_equilibrium": 1},
@@ -85,7 +86,9 @@ def read_connections(path: Path) -> list[Connection]:
         raise CouplingError(f"{path}: cannot be read as a table of connections: {problem}") from None
     header = [cell.strip() for cell in rows[0]] if rows else []
     if header[:2] != ["source", "target"]:
-        raise CouplingError(f"{path}, line 1: expected the columns source,target[,sampled] but found {','.join(header)!r}")
+        raise CouplingError(
+            f"{path}, line 1: expected the columns source,target[,sampled] but found {','.join(header)!r}"
+        )
     connections = []
     for line, row in enumerate(rows[1:], start=2):
         cells = [cell.strip() for cell in row]
@@ -111,7 +114,9 @@ def wire(system: System, ports: Mapping[str, Ports]) -> Wiring:
     for name in system.events:
         part, variable = end(ports, name)
         if variable not in ports[part].outputs:
-            raise CouplingError(f"event {name}: {part} has no output {variable!r}{nearest(variable, ports[part].outputs)}")
+            raise CouplingError(
+                f"event {name}: {part} has no output {variable!r}{nearest(variable, ports[part].outputs)}"
+            )
     followed = _followed(ports, source, sampled)
     order = _order(list(ports), followed)
     return Wiring(source, sampled, order, _loop(order, followed))
@@ -128,7 +133,9 @@ def _check(system: System, ports: Mapping[str, Ports], connection: Connection) -
             raise CouplingError(f"{connection.source}: {part} has no signal {output!r}{nearest(output, signals)}")
         return
     if output not in ports[part].outputs:
-        raise CouplingError(f"{connection.source}: {part} has no output {output!r}{nearest(output, ports[part].outputs)}")
+        raise CouplingError(
+            f"{connection.source}: {part} has no output {output!r}{nearest(output, ports[part].outputs)}"
+        )
     units = ports[part].outputs[output].unit, ports[target].inputs[into].unit
     if units[0] and units[1]:
         check_units((connection.source, units[0]), (connection.target, units[1]))
@@ -153,7 +160,9 @@ def _check_open(system: System, ports: Mapping[str, Ports], source: Mapping[str,
         )
 
 
-def _followed(ports: Mapping[str, Ports], source: Mapping[str, str], sampled: Mapping[str, bool]) -> dict[str, set[str]]:
+def _followed(
+    ports: Mapping[str, Ports], source: Mapping[str, str], sampled: Mapping[str, bool]
+) -> dict[str, set[str]]:
     """For each slave, the slaves whose outputs it follows within a step."""
     followed: dict[str, set[str]] = {part: set() for part in ports}
     for target, origin in source.items():
@@ -164,7 +173,8 @@ def _followed(ports: Mapping[str, Ports], source: Mapping[str, str], sampled: Ma
 
 
 def _reaches(start: str, goal: str, followed: Mapping[str, set[str]]) -> bool:
-    seen, left = set(), [start]
+    seen: set[str] = set()
+    left = [start]
     while left:
         for part in followed[left.pop()] - seen:
             if part == goal:
@@ -179,6 +189,7 @@ def _order(parts: list[str], followed: Mapping[str, set[str]]) -> tuple[str, ...
     order: list[str] = []
     left = list(parts)
     while left:
+
         def waits(part: str) -> bool:
             return any(other in left and not _reaches(other, part, followed) for other in followed[part])
 

@@ -88,7 +88,8 @@ def layout(model: Model) -> Layout:
 
 def functions(model: Model) -> list[Function]:
     """All functions of the model, in the order they are printed."""
-    made = [_derivatives(model), _jacobian(model), _outputs(model), _tangent(model), _start(model), _start_tangent(model)]
+    made = [_derivatives(model), _jacobian(model), _outputs(model), _tangent(model)]
+    made += [_start(model), _start_tangent(model)]
     if model.curve:
         made += [_curve(model, model.curve), _curve_tangent(model, model.curve)]
     if model.discretes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 from typing import Any
 
 import sympy
@@ -20,7 +19,8 @@ h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 2px solid #
 table { border-collapse: collapse; width: 100%; } td, th { text-align: left; padding: .25rem .7rem .25rem 0;
 border-bottom: 1px solid #dde3e8; vertical-align: top; } td.n { white-space: nowrap; } code { font-size: .95em; }
 pre { background: #f3f5f7; padding: 1rem; overflow-x: auto; font-size: 13px; line-height: 1.25; }
-math { font-size: 1.05em; } .src { color: #6b7a88; white-space: nowrap; }
+math { font-size: 1.05em; } .eq { overflow: auto hidden; max-width: 36rem; }
+.note { color: #5b6b7a; font-size: .9em; } .src { color: #6b7a88; white-space: nowrap; }
 """
 
 
@@ -83,11 +83,12 @@ def _parameter_row(parameter: Parameter) -> str:
 
 def _equations(model: Model) -> str:
     rows = "".join(
-        f"<tr><td>{_math(d.quantity.symbol, d.expression)}</td><td>{html.escape(d.quantity.description)} "
-        f"[{d.quantity.unit}]</td><td class=src>{html.escape(d.quantity.source)}</td></tr>"
+        f"<tr><td class=n><code>{d.quantity.name}</code></td><td><div class=eq>"
+        f"{_math(d.quantity.symbol, d.expression)}</div><div class=note>{html.escape(d.quantity.description)} "
+        f"[{d.quantity.unit}]</div></td><td class=src>{html.escape(d.quantity.source)}</td></tr>"
         for d in model.definitions
     )
-    return f"<table><tr><th>Equation</th><th>Meaning</th><th>Source</th></tr>{rows}</table>"
+    return f"<table><tr><th>Name</th><th>Equation</th><th>Source</th></tr>{rows}</table>"
 
 
 def _derivatives(model: Model) -> str:
@@ -115,16 +116,28 @@ def _interface_row(variable: Variable) -> str:
     )
 
 
+_GREEK = {"lambda": "\u03bb", "sigma": "\u03c3", "eta": "\u03b7", "eps": "\u03b5", "phi": "\u03c6", "rho": "\u03c1",
+          "tau": "\u03c4", "theta": "\u03b8", "alpha": "\u03b1", "beta": "\u03b2", "gamma": "\u03b3"}  # fmt: skip
+
+
 class _MathML(MathMLPresentationPrinter):
-    """Names stay as they are written in the code and the XML, so that a reader can search for them."""
+    """Names as the paper sets them: Greek letters and one-letter names with an index, words as they are."""
 
     def _print_Symbol(self, sym: sympy.Symbol, style: str = "plain") -> Any:
+        letter, _, index = sym.name.partition("_")
+        if not index or not (letter in _GREEK or len(letter) == 1):
+            return self._name(_GREEK.get(sym.name, sym.name))
+        node = self.dom.createElement("msub")
+        node.appendChild(self._name(_GREEK.get(letter, letter)))
+        node.appendChild(self._name(index))
+        return node
+
+    def _name(self, text: str) -> Any:
         node = self.dom.createElement("mi")
-        node.appendChild(self.dom.createTextNode(sym.name))
+        node.appendChild(self.dom.createTextNode(text))
         return node
 
 
 def _math(left: sympy.Symbol, right: sympy.Expr) -> str:
-    text = _MathML().doprint(sympy.Eq(left, right, evaluate=False))
-    text = re.sub(r"<mi>([A-Za-z]+)_(\w+)</mi>", r"<msub><mi>\1</mi><mi>\2</mi></msub>", text)
-    return f"<math>{text}</math>"
+    text = _MathML({"mul_symbol": "dot"}).doprint(sympy.Eq(left, right, evaluate=False))
+    return f'<math displaystyle="true">{text}</math>'

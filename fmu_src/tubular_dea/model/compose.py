@@ -59,9 +59,7 @@ def compose(name: str, parts: Mapping[str, Model], connections: Sequence[Connect
 
 def check_units(source: Quantity | tuple[str, str], target: Quantity | tuple[str, str]) -> None:
     """`CouplingError` unless both ends (quantities, or (name, unit)) have the same unit."""
-    (a, unit_a), (b, unit_b) = (
-        (q.name, q.unit) if isinstance(q, Quantity) else q for q in (source, target)
-    )
+    (a, unit_a), (b, unit_b) = ((q.name, q.unit) if isinstance(q, Quantity) else q for q in (source, target))
     if unit_a != unit_b:
         raise CouplingError(
             f"{a} is in {unit_a!r} but {b} expects {unit_b!r}; connect quantities of the same unit, or convert one"

@@ -1,8 +1,8 @@
 """Patients: whole parameter sets of the ventricle and its windkessel, in SI units, with their sources.
 
 `healthy` is Simaan et al. (2009), Table I and the text: E_max 2 mmHg/mL, E_min 0.06 mmHg/mL, V_0 10 mL, 75 beats a
-minute, R_M 0.005, R_A 0.001, R_C 0.0398, R_S 1.0 mmHg s/mL, C_S 1.33 mL/mmHg. Its closed loop is opened here: the atrium
-becomes a constant filling pressure, the one that loop has at the end of diastole (7.4 mmHg). L is of the size
+minute, R_M 0.005, R_A 0.001, R_C 0.0398, R_S 1.0 mmHg s/mL, C_S 1.33 mL/mmHg. Its closed loop is opened here: the
+atrium becomes a constant filling pressure, the one that loop has at the end of diastole (7.4 mmHg). L is of the size
 Stergiopulos et al. (1999) find in man.
 
 `failing` has E_max 0.5 mmHg/mL (Simaan's failing heart) and the raised filling pressure of decompensation, 14 mmHg,

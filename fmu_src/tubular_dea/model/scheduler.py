@@ -18,11 +18,11 @@ Rules, in the order in which they are applied at every sample (`_discretes`, one
    nothing is assisted before three of them are known.
 3. No R within `dropout_factor` of the predicted beat: rhythm lost, voltage off at once, until an R comes that follows
    another one within that time.
-4. An R sooner than `premature_factor` of the predicted beat is premature: its pulse is skipped (`premature_action` 0) or
-   shortened to `shortened` of its length (1).
+4. An R sooner than `premature_factor` of the predicted beat is premature: its pulse is skipped (`premature_action` 0)
+   or shortened to `shortened` of its length (1).
 5. Veto, with a hysteresis: where the field reaches `field_limit`, or the pressure comes within `margin_limit` of the
-   snap-through fold, the voltage goes off; it stays off for the rest of that beat and at least for `veto_hold`, and until
-   field and margin are on the other side of the hysteresis.
+   snap-through fold, the voltage goes off; it stays off for the rest of that beat and at least for `veto_hold`, and
+   until field and margin are on the other side of the hysteresis.
 6. The pulse begins `on_fraction` of the predicted beat after R and ends `off_fraction` of it after R, at the dicrotic
    notch if that is detected first, `max_on_time` after it began at the latest, and at once with the next R.
    Notch: the pressure has risen by `notch_upstroke` since R, has then fallen by `notch_drop` from its peak, and rises
@@ -76,7 +76,7 @@ QUANTITIES = (
     _real("refractory", "s", "Time after an R wave in which there is no other", 0.25, 0.0, 1.0, "ms"),
     _real("longest_rr", "s", "Longer intervals say nothing of the rhythm", 2.5, 0.3, 10.0),
     _real("dropout_factor", "1", "Predicted beats without R after which the rhythm is lost", 1.5, 1.05, 5.0),
-    _real("premature_factor", "1", "Intervals shorter than this part of the predicted beat are premature", 0.8, 0.0, 1.0),
+    _real("premature_factor", "1", "Shorter intervals, in predicted beats, are premature", 0.8, 0.0, 1.0),
     _real("shortened", "1", "Length of the pulse of a premature beat, of a whole one", 0.5, 0.0, 1.0),
     _real("field_limit", "V/m", "Largest field", 80e6, 1e5, 1e9, "V/um"),
     _real("field_hysteresis", "V/m", "Below the limit by this the field is safe again", 10e6, 0.0, 1e9, "V/um"),
@@ -101,7 +101,8 @@ VOLTAGE = Quantity("voltage", "V", "Voltage of the amplifier", nominal=5e3, disp
 
 COUNTS = ("beats", "pulses", "premature_beats", "skipped_pulses", "vetoes", "dropouts", "ignored_edges", "notches")
 OUTPUTS = (
-    "voltage", "target_voltage", "next_event", "state", "predicted_rr", "last_r", "pulse_on", "pulse_off", "on", "r_accepted",
+    "voltage", "target_voltage", "next_event", "state", "predicted_rr", "last_r", "pulse_on", "pulse_off", "on",
+    "r_accepted",
     "premature", "lost", "veto", "veto_cause", "notch", *COUNTS, "amplifier_current",
 )  # fmt: skip
 STATES = {0: "learning", 1: "waiting", 2: "delay", 3: "on", 4: "skipped", 5: "lost", 6: "veto"}
@@ -206,7 +207,8 @@ def _prediction(r: _Rules) -> None:
     names = [f"rr_{i}" for i in range(1, 6)]
     for i, name in enumerate(names):
         shifted = interval if i == 0 else r.old(names[i - 1])
-        r.add(name, "s", f"RR interval, {i} before the last", _if(first, interval, _if(_yes(taken), shifted, r.old(name))))
+        learned = _if(_yes(taken), shifted, r.old(name))
+        r.add(name, "s", f"RR interval, {i} before the last", _if(first, interval, learned))
     r.count("intervals", "RR intervals learned", _yes(taken))
     a, b, c, d, e = (r.s[name] for name in names)
     low = r.add("rr_low", "s", "Larger of the smaller ones of two pairs", Max(Min(a, b), Min(c, d)))
@@ -237,8 +239,8 @@ def _veto(r: _Rules) -> None:
                r.old("veto_since") + r.s["veto_hold"] - SOON <= TIME)
     veto = r.add("veto", "1", "Voltage is refused", _if(Or(field, margin), 1, _if(safe, 0, r.old("veto"))))
     began = And(_yes(veto), _no(r.old("veto")))
-    r.add("veto_since", "s", "Time the last veto began or was renewed", _if(Or(field, margin), TIME, r.old("veto_since")),
-          start=-NEVER)
+    since = _if(Or(field, margin), TIME, r.old("veto_since"))
+    r.add("veto_since", "s", "Time the last veto began or was renewed", since, start=-NEVER)
     r.add("veto_cause", "1", "Cause of the last veto: 1 field, 2 margin, 3 both",
           _if(began, _if(field, 1, 0) + _if(margin, 2, 0), r.old("veto_cause")))
     r.count("vetoes", "Vetoes", began)
@@ -251,7 +253,8 @@ def _notch(r: _Rules) -> None:
     systole = r.add("systole", "1", "The pressure has risen since R",
                     _if(begins, 0, _if(p >= foot + r.s["notch_upstroke"], 1, r.old("systole"))))
     peak = r.add("peak", "Pa", "Largest pressure in systole", _if(_no(systole), p, Max(r.old("peak"), p)), nominal=1e4)
-    lowest = r.add("lowest", "Pa", "Least pressure since the peak", _if(p >= peak, p, Min(r.old("lowest"), p)), nominal=1e4)
+    least = _if(p >= peak, p, Min(r.old("lowest"), p))
+    lowest = r.add("lowest", "Pa", "Least pressure since the peak", least, nominal=1e4)
     found = And(_yes(systole), peak >= lowest + r.s["notch_drop"], p >= lowest + r.s["notch_rise"])
     notch = r.add("notch", "1", "The dicrotic notch has passed", _if(begins, 0, _if(found, 1, r.old("notch"))))
     r.count("notches", "Dicrotic notches", And(_yes(notch), _no(r.old("notch"))))
@@ -276,10 +279,10 @@ def _pulse(r: _Rules) -> None:
     on = r.flag("on", "The pulse is on", And(_yes(open_), s["pulse_on"] - SOON <= TIME, s["pulse_off"] - SOON > TIME))
     r.count("pulses", "Pulses", And(_yes(on), Or(_no(r.old("on")), accepted)))
     r.add("target_voltage", "V", "What the amplifier is told", s["voltage_on"] * on, nominal=5e3)
-    waiting = _if(And(_yes(s["premature"]), skip), 4, 1)
+    ready = _if(_yes(on), 3, _if(_yes(open_), 2, _if(skip, 4, 1)))
     r.add("state", "1", "; ".join(f"{k} {v}" for k, v in STATES.items()),
-          _if(_yes(s["veto"]), 6, _if(_yes(s["lost"]), 5, _if(_no(s["learned"]), 0, _if(_yes(on), 3, _if(_yes(open_), 2,
-                                                                                                       waiting))))))
+          _if(_yes(s["veto"]), 6, _if(_yes(s["lost"]), 5, _if(_no(s["learned"]), 0, ready))))
     planned_event = _if(_yes(on), s["pulse_off"], _if(_yes(open_), s["pulse_on"], NEVER))
-    deadline = _if(And(_yes(s["learned"]), _no(s["lost"])), s["last_r"] + s["dropout_factor"] * s["predicted_rr"], NEVER)
+    latest = s["last_r"] + s["dropout_factor"] * s["predicted_rr"]
+    deadline = _if(And(_yes(s["learned"]), _no(s["lost"])), latest, NEVER)
     r.add("next_event", "s", "Time of the next decision that is known", Min(planned_event, deadline), start=NEVER)

@@ -211,7 +211,8 @@ def _definitions() -> list[Definition]:
 
     closed = 1 / s["R_closed"]
     drive = define("mitral_drive", "Pa", "Pressure that drives the mitral flow", s["filling_pressure"] - p_v, 1e3)
-    gate = define("mitral_opening", "1", "Opening of the mitral valve, 0 to 1", (1 + tanh(drive / s["valve_width"])) / 2)
+    gate = define("mitral_opening", "1", "Opening of the mitral valve, 0 to 1",
+                  (1 + tanh(drive / s["valve_width"])) / 2)
     define("mitral_flow", "m3/s", "Flow into the ventricle",
            drive * (closed + (1 / s["R_mitral"] - closed) * gate), 1e-4, "mL/s")
 
@@ -219,7 +220,8 @@ def _definitions() -> list[Definition]:
                s["Z_c"] * sympy.Piecewise((one, s["elements"] > sympy.Float(2.5)), (zero, True)), 1e6, "mmHg.s/mL")
     drive = define("aortic_drive", "Pa", "Pressure that drives the aortic flow",
                    p_v - s["arterial_pressure"] + z * (s["tube_flow"] + s["inertial_flow"]), 1e3)
-    gate = define("aortic_opening", "1", "Opening of the aortic valve, 0 to 1", (1 + tanh(drive / s["valve_width"])) / 2)
+    gate = define("aortic_opening", "1", "Opening of the aortic valve, 0 to 1",
+                  (1 + tanh(drive / s["valve_width"])) / 2)
     aortic_flow = define("aortic_flow", "m3/s", "Flow out of the ventricle",
                          drive * (closed + (1 / (s["R_aortic"] + z) - closed) * gate), 1e-4, "mL/s")
     define("aortic_pressure", "Pa", "Pressure of the aorta where the tube is",

@@ -25,8 +25,14 @@ GREY = "#9aa5b1"
 Curves = dict[str, tuple[np.ndarray, np.ndarray]]  # legend name -> (x, y)
 
 
-def write(out: Path, runs: Mapping[str, Run], table: Sequence[tuple[str, str, str, str]], title: str,
-          notes: Sequence[str], limits: Mapping[str, float]) -> list[Path]:
+def write(
+    out: Path,
+    runs: Mapping[str, Run],
+    table: Sequence[tuple[str, str, str, str]],
+    title: str,
+    notes: Sequence[str],
+    limits: Mapping[str, float],
+) -> list[Path]:
     """Write report.html, pressure_volume_loops.png and beats.png to `out`; `runs` are "without assist", "with assist".
 
     `limits` may hold `electric_field` [V/m] and `snap_through_margin` [Pa].
@@ -41,7 +47,9 @@ def write(out: Path, runs: Mapping[str, Run], table: Sequence[tuple[str, str, st
     page.figure(_plotly_loops(loops), "One beat each; the area is the stroke work.")
     panels = beats(runs, limits)
     page.heading("The last beats")
-    page.figure(_plotly_panels(panels), "Time since the start of the beats shown. Drag to zoom, double-click to go back.")
+    page.figure(
+        _plotly_panels(panels), "Time since the start of the beats shown. Drag to zoom, double-click to go back."
+    )
     paths = [out / "pressure_volume_loops.png", out / "beats.png"]
     write_atomically(paths[0], _png_loops(loops))
     write_atomically(paths[1], _png_panels(panels))
@@ -111,7 +119,8 @@ def _plotly_panels(panels: Sequence[tuple[str, Curves]]) -> go.Figure:
         for name, (x, y) in curves.items():
             colour, dash, width = _style(name)
             figure.add_trace(
-                go.Scattergl(x=x, y=y, name=name, showlegend=row == 1, line={"color": colour, "dash": dash, "width": width}),
+                go.Scattergl(x=x, y=y, name=name, showlegend=row == 1,
+                             line={"color": colour, "dash": dash, "width": width}),
                 row=row, col=1,
             )  # fmt: skip
         figure.update_yaxes(title_text=label.replace(" [", "<br>["), row=row, col=1)
