@@ -101,6 +101,13 @@ def test_divergence_is_refused_with_its_reason(scheme: str, order: int) -> None:
         run.completed()
 
 
+@pytest.mark.parametrize("step", [2e-3, 1e-2])
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+def test_stable_explicit_runs_are_not_refused(scheme: str, step: float) -> None:
+    for name in ("healthy", "failing"):
+        simulate(heart_assist(slaves(), patient(name)), 5.0, Options(scheme, step)).completed()
+
+
 def test_variable_steps_keep_their_tolerance() -> None:
     how = {"step": 0.02, "variable": True, "slave_tolerance": 1e-8}
     runs = {t: coupled("stiff", tolerance=t, **how) for t in (1e-3, 1e-4, 1e-5)}

@@ -13,6 +13,8 @@ from scipy.stats import norm
 from scenarios import MMHG
 from sweeps import steps
 from tubular_dea.cli import main
+from tubular_dea.kernel import Kernel
+from tubular_dea.protocol import Protocol
 from tubular_dea.sweep.axes import Joint
 from tubular_dea.sweep.expression import PlanError
 from tubular_dea.sweep.inputs import template
@@ -65,6 +67,8 @@ def rest(**vary: Any) -> dict[str, Any]:
         ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
         ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
+        ({"outputs": ["radius every 0.1 ms"]}, "at most 1000 samples"),
+        ({"outputs": "final radius"}, "outputs: expected a list or a table"),
         ({"outputs": {"row": "final radius"}}, "two columns 'row'"),
     ],
 )
@@ -142,6 +146,17 @@ def test_rows_out_of_bounds_or_order_are_rows() -> None:
     assert table["status"].tolist() == [0, 0, 0, -2], "an on-time of 2 s is behind the off-time of 1.5 s"
     assert table["message"][3] == "the times of voltage do not ascend"
     assert np.isnan(table["max_electric_field"][3])
+
+
+def test_samples_are_columns(kernel: Kernel) -> None:
+    vary = {"amplitude": ["4 kV"], "on": [0.5]}
+    plan = steps(outputs=["radius every 0.3 s", "final radius"], vary=vary, design={}, set={})
+    table = Study(plan).rows(0, 1)
+    samples = [name for name in table if name.startswith("radius_at_")]
+    assert samples == [f"radius_at_{t}_s" for t in ("0", "0.3", "0.6", "0.9", "1.2", "1.5", "1.8")]
+    protocol = Protocol.of([0, 0.5, 0.5, 1.5, 1.5, 2], pressure=[0.0] * 6, voltage=[0, 0, 4e3, 4e3, 0, 0])
+    alone = kernel.simulate(protocol, 0.3 * np.arange(7), tolerance=1e-8)["radius"]
+    np.testing.assert_allclose([table[name][0] for name in samples], alone, atol=2e-8)
 
 
 def test_patients_set_many_parameters(tmp_path: Path) -> None:

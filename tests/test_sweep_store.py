@@ -27,7 +27,7 @@ SLOW = """
 outputs = ["min snap_through_margin"]
 [design]
 kind = "random"
-points = 2000
+points = 1500
 [run]
 stop = "1 s"
 tolerance = 1e-5
@@ -88,7 +88,7 @@ def test_a_killed_sweep_goes_on(tmp_path: Path) -> None:
     victim.send_signal(signal.SIGKILL)
     victim.wait()
     before = parts(out)
-    assert 3 <= len(before) < 32, "killed on the way"
+    assert 3 <= len(before) < 24, "killed on the way"
     stamps = {p.name: p.stat().st_mtime_ns for p in out.glob("parts/*.parquet")}
     cut = next(iter(before))
     (out / "parts" / cut).write_bytes(before[cut][:100])  # as after a power failure
@@ -124,7 +124,7 @@ def test_too_large_is_said_before_starting(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="memory|disk"):
         carry_out(make_plan(many), tmp_path / "out")
     assert not (tmp_path / "out").exists()
-    assert [part_size(n) for n in (1, 100, 10_000, 1_000_000, 10**9)] == [64, 64, 128, 8192, 16384]
+    assert [part_size(n) for n in (1, 100, 10_000, 1_000_000, 10**9)] == [64, 64, 256, 16384, 16384]
 
 
 def test_a_grid_is_a_cube(tmp_path: Path) -> None:

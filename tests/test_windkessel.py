@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from coupled import needs, shared, slaves
+from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.compose import CouplingError, compose
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.model.patients import ML, MMHG, PATIENTS, RESISTANCE, PatientError
-from tubular_dea.model.windkessel import aortic_windkessel, checked_patient, patient
+from tubular_dea.model.scheduler import heartbeat_scheduler
+from tubular_dea.model.windkessel import aortic_windkessel, checked_patient, paced_windkessel, patient
 from tubular_dea.protocol import Protocol
 
 PERIOD = 0.8
@@ -178,6 +181,16 @@ def test_steady_values_are_those_of_the_published_closed_loop() -> None:
     assert pressure.mean() == pytest.approx(published["mean"], rel=0.04)
 
 
+@pytest.mark.parametrize(("name", "low", "high"), [("healthy", 1.4, 2.0), ("failing", 0.3, 0.5)])
+def test_ventricle_and_arteries_match_as_in_man(name: str, low: float, high: float) -> None:
+    """Asanoi et al. (1989): elastances nearly 2 to 1 in health, less than 1 to 2 in severe failure (EF below 40 %)."""
+    v = patient(name)
+    assert low < v["E_max"] / (v["R"] * v["heart_rate"]) < high
+    time = np.linspace(19 * PERIOD, 20 * PERIOD, 1001)
+    volume = kernel().simulate(Protocol.of([0, 20 * PERIOD], tube_flow=[0, 0]), time, v)["ventricular_volume"]
+    assert (np.ptp(volume) / volume.max() < 0.4) == (name == "failing")
+
+
 def read_beat() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     folder = shared("aorta/stergiopulos1999_data")
     flow, pressure = (np.loadtxt(folder / f"{n}.csv", delimiter=",") for n in ("aflow", "apressure"))
@@ -236,11 +249,13 @@ def test_r_waves_come_with_the_cycle() -> None:
     assert np.allclose(run["next_r_wave"], PERIOD * (np.floor(time / PERIOD + 1e-9) + 1), atol=1e-5)
 
 
-def test_fmus_are_valid() -> None:
+def test_fmus_are_valid(tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
     for path in slaves().values():
         assert validate_fmu(str(path)) == []
+    for model in (aortic_windkessel(), paced_windkessel(), heartbeat_scheduler()):
+        assert validate_fmu(str(native_fmu(model, 3, tmp_path / f"{model.name}.fmu"))) == []
 
 
 def test_patients_must_be_whole_and_known() -> None:
@@ -267,6 +282,8 @@ def test_composition_refuses_what_does_not_fit() -> None:
         compose(
             "X", parts, [("heart.aortic_pressure", "tube.pressure"), ("heart.ventricular_pressure", "tube.pressure")]
         )
+    with pytest.raises(DeclarationError, match="is sampled, or has pure delays"):
+        compose("X", {"scheduler": heartbeat_scheduler(), **parts}, [("scheduler.voltage", "tube.voltage")])
     with pytest.raises(DeclarationError, match="algebraic loop"):
         two = {"a": aortic_windkessel({"elements": 3}), "b": aortic_windkessel({"elements": 3})}
         compose("X", two, [("a.aortic_flow", "b.tube_flow"), ("b.aortic_flow", "a.tube_flow")])

@@ -15,6 +15,8 @@ COMMANDS = {
     "simulate": "drive the tube with pressure and voltage; CSV and a picture",
     "assist": "run a ventricle with the tube, with and without assist; loops, pressures, energies",
     "sweep": "compute a plan of many points: tables, maps, sensitivities; a laptop or a cluster",
+    "identify": "find the model's parameters from bench recordings",
+    "close-loop": "from bench recordings to the missing effect, and an FMU that has it",
 }
 
 

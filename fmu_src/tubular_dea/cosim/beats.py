@@ -94,7 +94,9 @@ def compare(passive: Mapping[str, float], assisted: Mapping[str, float]) -> list
             continue
         scale = factor(figure.si, figure.unit)
         a, b = passive[figure.name] * scale, assisted[figure.name] * scale
-        change = f"{b - a:+.2f}" + (f" ({100 * (b / a - 1):+.1f} %)" if abs(a) > 1e-9 else "")
+        # A percentage says something where both have the same sign and size.
+        alike = a * b > 0 and 0.1 < abs(b / a) < 10
+        change = f"{b - a + 0.0:+.2f}" + (f" ({100 * (b / a - 1):+.1f} %)" if alike else "")
         rows.append((f"{figure.label} [{figure.unit}]", f"{a:.2f}", f"{b:.2f}", change))
     augmentation = (assisted["early_diastolic_pressure"] - passive["early_diastolic_pressure"]) * factor("Pa", "mmHg")
     rows.append(("early-diastolic augmentation [mmHg]", "", f"{augmentation:+.2f}", ""))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..identify.fit import Fit, FitError, fit
+from ..identify.fit import PRECISION, Fit, FitError, fit
 from ..identify.problem import Free
 from ..model.effects import Effect, catalogue
 from .bank import Score
@@ -15,6 +15,7 @@ from .parameters import base_parameters, clipped, effect_parameters, switched_on
 from .study import Study
 
 FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
+ROUGH = 1e-4  # relative change of the cost at which the first steps end
 TINY = 1e-3  # of its typical size: no amplitude starts at its bound
 
 
@@ -24,7 +25,7 @@ def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]
     best: Fit | None = None
     for score in scored:
         try:
-            found = fit_effects(study, ids, start_values(fitted, score), FIRST)
+            found = fit_effects(study, ids, start_values(fitted, score), FIRST, precision=ROUGH)
         except FitError:
             continue
         if best is None or found.cost < best.cost:
@@ -33,7 +34,7 @@ def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]
 
 
 def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: int = FULL,
-                refined: Sequence[str] = ()) -> Fit:  # fmt: skip
+                refined: Sequence[str] = (), precision: float = PRECISION) -> Fit:  # fmt: skip
     """The model with effects `ids` fitted from `start` (SI); effects in `refined` with their finer form too."""
     free = [*base_parameters(study.compiled.base)]
     fixed: dict[str, float] = {}
@@ -45,7 +46,7 @@ def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: in
     fixed = {n: v for n, v in fixed.items() if n not in names}
     problem = study.problem(ids, free, fixed)
     return fit(problem, {f.name: clipped(f, start.get(f.name, fixed.get(f.name, 0.0))) for f in free}, 1,
-               evaluations=evaluations)  # fmt: skip
+               evaluations=evaluations, precision=precision)  # fmt: skip
 
 
 def start_values(fitted: Fit, score: Score) -> dict[str, float]:

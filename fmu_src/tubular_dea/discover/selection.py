@@ -147,7 +147,7 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
     reach = best + max(500.0, 0.3 * (chosen.fitted.cost - best))
     options = []
     for name, fitted in first.items():
-        done = fitted.converged or fitted.cost > reach
+        done = fitted.cost > reach
         tell(f"refit with {name}")
         full = fitted if done else fit_effects(study, (*chosen.ids, name), fitted.values)
         options.append(option(study, (*chosen.ids, name), full))

@@ -31,6 +31,7 @@ def page(model: Model) -> str:
         f"<pre>{html.escape(model.documentation.strip())}</pre>",
         "<h2>Equations</h2>", _equations(model),
         "<h2>State derivatives</h2>", _derivatives(model),
+        *(("<h2>Samples</h2>", _samples(model)) if model.discretes else ()),
         "<h2>Parameters</h2>", parameter_table(model),
         "<h2>Inputs and outputs</h2>", _interface(model),
     ]  # fmt: skip
@@ -98,6 +99,16 @@ def _derivatives(model: Model) -> str:
         for s in model.states
     )
     return f"<table>{rows}</table>"
+
+
+def _samples(model: Model) -> str:
+    """The discretes in the order they are sampled; `x_before` is x before the sample."""
+    rows = "".join(
+        f"<tr><td class=n><code>{d.quantity.name}</code></td><td>{html.escape(d.quantity.description)} "
+        f"[{d.quantity.unit}]</td></tr>"
+        for d in model.discretes
+    )
+    return f"<p>Sampled at the start of every communication step, in this order:</p><table>{rows}</table>"
 
 
 def _interface(model: Model) -> str:

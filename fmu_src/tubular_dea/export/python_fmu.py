@@ -67,6 +67,8 @@ def slave_source(model: Model) -> tuple[str, str]:
             f"{model.name}: expected a model without pure delays for pythonfmu but was given {names}; build "
             "the native FMU"
         )
+    if model.discretes:
+        raise DeclarationError(f"{model.name}: expected a continuous model for pythonfmu; build the native FMU")
     template = (resources.files("tubular_dea") / "export" / "slave_template.py").read_text(encoding="utf-8")
     code = DOCSTRING.sub("", template, count=1)
     code = _replaced(code, STAND_IN, _model_block(model))

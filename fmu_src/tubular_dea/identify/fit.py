@@ -13,9 +13,10 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 
 from ..errors import UserError
-from .problem import Problem
+from .problem import Free, Problem
 
 CHI2_95 = 3.841  # of one degree of freedom
+PRECISION = 1e-5  # relative change of the cost at which a search ends: less than one squared standard deviation
 UNDETERMINED = 0.5  # relative standard error above which a parameter is not determined by the data
 
 
@@ -36,10 +37,15 @@ class Fit:
     residual: np.ndarray
     jacobian: np.ndarray
     covariance: np.ndarray
-    names: list[str]
+    free: list[Free]
     stderr: dict[str, float]
     converged: bool
     spread: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """The fitted parameters, in the order of the Jacobian's columns."""
+        return [f.name for f in self.free]
 
     def undetermined(self) -> list[str]:
         """The parameters that this record does not determine."""
@@ -54,6 +60,7 @@ def fit(
     seed: int = 0,
     evaluations: int = 60,
     move: float = 0.0,
+    precision: float = PRECISION,
 ) -> Fit:
     """The best of `starts` searches: from `start` (moved by about `move`) and from points around it (about `spread`).
 
@@ -66,7 +73,7 @@ def fit(
         moved = first + (spread if number else move) * random.standard_normal(first.size)
         low, high = problem.bounds()
         inside = 1e-9 * (1 + np.abs(moved))
-        solution = _search(problem, np.clip(moved, low + inside, high - inside), evaluations)
+        solution = _search(problem, np.clip(moved, low + inside, high - inside), evaluations, precision)
         if solution is not None:
             found.append(solution)
     if not found:
@@ -80,13 +87,13 @@ def fit(
     return _described(problem, best.x, bool(best.status > 0), float(np.ptp(near)))
 
 
-def _search(problem: Problem, start: np.ndarray, evaluations: int):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
     """scipy's bounded least squares; each point is evaluated once for residual and Jacobian."""
     if not np.all(np.isfinite(problem.residuals(start))):
         return None
     return least_squares(
         problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
-        x_scale="jac", ftol=1e-6, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
+        x_scale="jac", ftol=precision, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
     )  # fmt: skip
 
 
@@ -96,7 +103,7 @@ def _described(problem: Problem, scaled: np.ndarray, converged: bool, spread: fl
     values = problem.values(scaled)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     stderr = {f.name: float(f.slope(values[f.name]) * d) for f, d in zip(problem.free, deviation, strict=True)}
-    return Fit(values, scaled, float(residual @ residual), residual, jacobian, covariance, problem.names, stderr,
+    return Fit(values, scaled, float(residual @ residual), residual, jacobian, covariance, list(problem.free), stderr,
                converged, spread)  # fmt: skip
 
 
@@ -135,6 +142,15 @@ def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, flo
             ends.append(one.to_si(float(end)))
         except ValueError:
             ends.append(side * np.inf if abs(far - limit) > 0 else one.to_si(far))
+    return ends[0], ends[1]
+
+
+def interval(fitted: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of a parameter (SI) from the covariance; not symmetric where the scale is logarithmic."""
+    i = fitted.names.index(name)
+    free = fitted.free[i]
+    half = 1.96 * float(np.sqrt(max(fitted.covariance[i, i], 0.0)))
+    ends = sorted([free.to_si(fitted.scaled[i] - half), free.to_si(fitted.scaled[i] + half)])
     return ends[0], ends[1]
 
 

@@ -34,6 +34,11 @@ def compose(name: str, parts: Mapping[str, Model], connections: Sequence[Connect
     Raises `CouplingError` for unknown or doubly connected variables and for units that differ,
     `DeclarationError` for an algebraic loop.
     """
+    for part, model in parts.items():
+        if model.discretes or model.delays:
+            raise DeclarationError(
+                f"{part}: {model.name} is sampled, or has pure delays; expected continuous models: couple it as an FMU"
+            )
     wires = _wires(parts, connections)
     renamed = {part: _Renamed(part, model) for part, model in parts.items()}
     definitions = [d for r in renamed.values() for d in r.definitions()]

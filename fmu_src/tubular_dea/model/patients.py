@@ -5,8 +5,10 @@ minute, R_M 0.005, R_A 0.001, R_C 0.0398, R_S 1.0 mmHg s/mL, C_S 1.33 mL/mmHg. I
 atrium becomes a constant filling pressure, the one that loop has at the end of diastole (7.4 mmHg). L is of the size
 Stergiopulos et al. (1999) find in man.
 
-`failing` has E_max 0.5 mmHg/mL (Simaan's failing heart) and the raised filling pressure of decompensation, 14 mmHg,
-which is what keeps the flow up at that contractility.
+`failing`: in severe heart failure (ejection fraction below 40 %) the ventricle's elastance is less than half of the
+arterial one, where in health it is nearly twice as large (Asanoi, Sasayama, Kameyama, Circ. Res. 65 (1989) 483-493).
+The arterial elastance R / T is 1.25 mmHg/mL here; E_max is 0.5 mmHg/mL (2.0 in health). The raised filling pressure of
+decompensation, 14 mmHg, keeps the flow up: end-diastolic volume 242 mL, ejection fraction 21 %, 91/62 mmHg.
 
 `stiff` is the healthy ventricle before stiff arteries: C 0.6 mL/mmHg and the characteristic impedance that belongs to
 it; Z_c ~ sqrt(L/C) rises as C falls (O'Rourke, Arterial Function in Health and Disease, 1982).

@@ -32,7 +32,7 @@ Rules, in the order in which they are applied at every sample (`_discretes`, one
 
 Times are exact where the master lands on `next_event`.
 
-Citation: N. Liu et al. (the tube, and the cycle of its assistance, Fig. 1).
+Citation: N. Liu et al. (the tube, and the cycle of its assistance, Section I).
 
 Parameters: `PARAMETERS`.
 

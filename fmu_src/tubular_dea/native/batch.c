@@ -9,16 +9,15 @@
 
 #define NX AT_LEAST_ONE(MODEL_NX)
 #define NU AT_LEAST_ONE(MODEL_NU)
-#define NP AT_LEAST_ONE(MODEL_NP)
 #define NQ AT_LEAST_ONE(MODEL_NQ)
 #define NY AT_LEAST_ONE(MODEL_NY)
 #define NO_REST_STATE (-1)
 #define PARTS 4 /* of a step, at whose ends probes look */
 
-/* The fold, kept as long as what moves it stays: all inputs but the load, and the parameters. */
+/* The fold, kept as long as what moves it stays: all inputs but the load. One `Fold` serves one set of parameters. */
 typedef struct {
     int known;
-    double u[NU], p[NP], place, load;
+    double u[NU], place, load;
 } Fold;
 
 /* The trajectory in one lane. */
@@ -34,7 +33,6 @@ typedef struct {
     const Batch *batch;
     Lanes lanes;
     Trip trips[LANES];
-    Fold start_fold;
     long next_row;
     int looks_inside, needs_outputs, needs_fold; /* what the probes ask for */
 } Run;
@@ -47,11 +45,10 @@ static void fold_update(Fold *fold, const double *u, const double *p)
     double key[NU];
     memcpy(key, u, sizeof key);
     key[CURVE_LOAD] = 0;
-    if (fold->known && !memcmp(key, fold->u, sizeof key) && !memcmp(p, fold->p, sizeof fold->p)) return;
-    const CurvePoint top = curve_fold(u, p);
+    if (fold->known && !memcmp(key, fold->u, sizeof key)) return;
+    const CurvePoint top = fold->known ? curve_fold_near(u, p, fold->place) : curve_fold(u, p);
     fold->known = 1, fold->place = top.unknown, fold->load = top.load;
     memcpy(fold->u, key, sizeof key);
-    memcpy(fold->p, p, sizeof fold->p);
 #else
     (void)u, (void)p, (void)fold;
 #endif
@@ -234,8 +231,9 @@ static int set_start(Run *run, int l)
 #if MODEL_HAS_CURVE
     if (p[CURVE_SWITCH] != 0) {
         double unknown;
-        fold_update(&run->start_fold, u, p);
-        if (!curve_rest(u, p, (CurvePoint){run->start_fold.place, run->start_fold.load}, &unknown, x)) return 0;
+        Fold *fold = &run->trips[l].fold;
+        fold_update(fold, u, p);
+        if (!curve_rest(u, p, (CurvePoint){fold->place, fold->load}, &unknown, x)) return 0;
     }
 #endif
     for (int i = 0; i < MODEL_NX; i++) lanes->x[i][l] = x[i];
@@ -356,10 +354,10 @@ void batch_trajectories(const Batch *batch)
 void batch_rest(long n, const double *p, const double *u, long n_probes, const Probe *probes, double *results, int *status)
 {
 #if MODEL_HAS_CURVE
-    Fold fold = {0};
     const double du[NU] = {0};
     for (long row = 0; row < n; row++, p += MODEL_NP, u += MODEL_NU, results += n_probes) {
         double x[NX], y[NY], unknown;
+        Fold fold = {0};
         fold_update(&fold, u, p);
         const int found = curve_rest(u, p, (CurvePoint){fold.place, fold.load}, &unknown, x);
         if (found) model_outputs(0, x, u, du, p, &fold.load, y);

@@ -66,6 +66,19 @@ CurvePoint curve_fold(const double *u, const double *p)
     return fold;
 }
 
+CurvePoint curve_fold_near(const double *u, const double *p, double place)
+{
+    const double width = (CURVE_UPPER - CURVE_FOLD_LOWER) / SCAN;
+    const double left = place - width, right = place + width;
+    CurvePoint fold;
+    double rise, x[AT_LEAST_ONE_STATE];
+    if (!(left > CURVE_FOLD_LOWER && right < CURVE_UPPER)) return curve_fold(u, p);
+    if (!(slope(left, u, p) > 0) || slope(right, u, p) > 0) return curve_fold(u, p);
+    fold.unknown = zero(slope, left, right, u, p);
+    model_equilibrium(fold.unknown, u, p, &fold.load, &rise, x);
+    return fold;
+}
+
 int curve_rest(const double *u, const double *p, CurvePoint fold, double *unknown, double *x)
 {
     double load, rise;

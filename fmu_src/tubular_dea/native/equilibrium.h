@@ -14,6 +14,9 @@ typedef struct {
 /* The first local maximum of the load from CURVE_FOLD_LOWER on; the end of the interval where there is none. */
 CurvePoint curve_fold(const double *u, const double *p);
 
+/* The same where inputs have changed a little since the fold was at `place`: found at once if it has not gone far. */
+CurvePoint curve_fold_near(const double *u, const double *p, double place);
+
 /* The rest state under the inputs `u` on the branch before `fold`; 0 where there is none. */
 int curve_rest(const double *u, const double *p, CurvePoint fold, double *unknown, double *x);
 

@@ -150,7 +150,7 @@ static inline __attribute__((always_inline)) void stage(Lanes *lanes, Work *work
 /* Accepted or not, and how the step size goes on; as solver_advance and growth in rosenbrock.c. */
 static void judge(Lanes *lanes, const Work *work)
 {
-    EVERY_LANE(l) {
+    for (int l = 0; l < LANES; l++) {
         double error = 0;
         for (int i = 0; i < MODEL_NX; i++) {
             const double scaled = work->k[STAGES - 1][i][l] * work->scale[i][l];

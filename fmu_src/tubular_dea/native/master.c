@@ -7,7 +7,7 @@
 #define SAME_TIME 1e-9    /* s: events closer than this to a communication point are on it */
 #define WATCHED 16        /* steps that are looked at for divergence ... */
 #define TURNS 7           /* ... in which a signal turns at least so often ... */
-#define LEAST_SWING 1e-2  /* ... by at least this part of its scale on the average, and does not calm down */
+#define LEAST_SWING 1e-2  /* ... by at least this part of its scale, and does not calm down */
 #define FINEST 0.04       /* of the step: fixed steps shorter than this are not divided */
 #define SHORT_STEP 1e-3   /* of the step: too short to tell a slope from */
 #define MAX_INPUTS 64
@@ -478,18 +478,20 @@ static MasterStatus advance(Master *m, double target, double *h, int *iterations
     }
 }
 
-/* Divergence: a signal that turns back and forth every step or two, by as much as before or more. */
-static int swings(const double *changes, long newest, double scale)
+/* Divergence: a signal that turns back and forth every step or two, by as much as before or more. Only turns that are
+ * no rounding count: by more than `least` on both sides. */
+static int swings(const double *changes, long newest, double least)
 {
     double older = 0, newer = 0;
     int turns = 0;
     for (long i = 0; i < WATCHED; i++) {
         const double change = changes[(newest + 1 + i) % WATCHED];
-        if (i > 0) turns += change * changes[(newest + i) % WATCHED] < 0;
+        const double last = i > 0 ? changes[(newest + i) % WATCHED] : 0;
+        turns += change * last < 0 && fmin(fabs(change), fabs(last)) > least;
         if (i < WATCHED / 2) older += fabs(change);
         else newer += fabs(change);
     }
-    return turns >= TURNS && newer >= 0.9 * older && older > LEAST_SWING * scale * WATCHED / 2;
+    return turns >= TURNS && newer >= 0.9 * older;
 }
 
 static int diverges(Master *m)
@@ -499,7 +501,7 @@ static int diverges(Master *m)
         double *changes = m->changes + WATCHED * k;
         changes[m->steps % WATCHED] = m->next[k] - m->now[k];
         m->where = k;
-        if (!isfinite(m->next[k]) || swings(changes, m->steps % WATCHED, m->scale[k])) return 1;
+        if (!isfinite(m->next[k]) || swings(changes, m->steps % WATCHED, LEAST_SWING * m->scale[k])) return 1;
     }
     return 0;
 }

@@ -21,6 +21,7 @@ from .page import Page
 SHOWN_BEATS = 3
 MMHG, ML, MICRO = factor("Pa", "mmHg"), factor("m3", "mL"), 1e-6
 GREY = "#9aa5b1"
+ENERGIES = {"into the electrodes": COLOURS[2], "to the blood": COLOURS[1]}
 
 Curves = dict[str, tuple[np.ndarray, np.ndarray]]  # legend name -> (x, y)
 
@@ -88,7 +89,21 @@ def beats(runs: Mapping[str, Run], limits: Mapping[str, float]) -> list[tuple[st
         if limit is not None:
             curves["limit"] = (time[[0, -1]], np.full(2, limit * scale))
         panels.append((label, curves))
+    panels.append(("energy [mJ]", _energies(runs["with assist"])))
     return panels
+
+
+def _energies(run: Run) -> Curves:
+    """What has gone into the electrodes and come out to the blood, since the start of the beats shown [mJ]."""
+    rows = last_beats(run, min(SHOWN_BEATS, _whole_beats(run)))
+    time = run.time[rows] - run.time[rows][0]
+    voltage, charge = run["scheduler.voltage"][rows], run["tube.charge"][rows]
+    electrical = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
+    given = run["heart.tube_work"][rows]
+    return {
+        "into the electrodes": (time, electrical * 1e3),
+        "to the blood": (time, (given[0] - given) * 1e3),
+    }
 
 
 def _whole_beats(run: Run) -> int:
@@ -99,6 +114,8 @@ def _whole_beats(run: Run) -> int:
 
 def _style(name: str) -> tuple[str, str, float]:
     """Colour, dash and width of a curve: without assist grey, limits dashed, the ventricle thin."""
+    if name in ENERGIES:
+        return ENERGIES[name], "solid", 2.0
     if name == "limit":
         return "#1b2733", "dash", 1.0
     colour = COLOURS[0] if "with assist" in name else GREY
@@ -119,7 +136,7 @@ def _plotly_panels(panels: Sequence[tuple[str, Curves]]) -> go.Figure:
         for name, (x, y) in curves.items():
             colour, dash, width = _style(name)
             figure.add_trace(
-                go.Scattergl(x=x, y=y, name=name, showlegend=row == 1,
+                go.Scattergl(x=x, y=y, name=name, showlegend=row in (1, len(panels)),
                              line={"color": colour, "dash": dash, "width": width}),
                 row=row, col=1,
             )  # fmt: skip
@@ -155,5 +172,6 @@ def _png_panels(panels: Sequence[tuple[str, Curves]]) -> bytes:
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].legend(frameon=False, fontsize=8, ncols=2, loc="upper right", bbox_to_anchor=(1, 1.45))
+    axes[-1].legend(frameon=False, fontsize=8, loc="upper left")
     axes[-1].set_xlabel("time [s]")
     return png(figure)

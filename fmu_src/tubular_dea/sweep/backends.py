@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
@@ -77,11 +77,14 @@ class Cluster:
             return made
 
         completed = distributed.as_completed(submit(AHEAD * self._workers()), with_results=True)
-        for future, rows in completed:
-            yield under_way.pop(future), rows
-            future.release()
-            for fresh in submit(AHEAD * self._workers() - len(under_way)):
-                completed.add(fresh)
+        try:
+            for future, rows in completed:
+                yield under_way.pop(future), rows
+                future.release()
+                for fresh in submit(AHEAD * self._workers() - len(under_way)):
+                    completed.add(fresh)
+        except (distributed.KilledWorker, CancelledError, OSError) as problem:
+            raise BackendError(f"the cluster gave up: {problem}; the rows so far are kept, run it again") from None
 
     def _workers(self) -> int:
         return max(1, sum(self.client.nthreads().values()))

@@ -49,7 +49,7 @@ from .expression import Number, PlanError, number
 from .inputs import Template, template
 from .models import ForeignFmu, resolve
 from .quantities import Quantities
-from .wanted import Wanted, wanted
+from .wanted import Wanted, spelled_out, wanted
 
 TABLES = ("name", "model", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
 RESERVED = ("row", "status", "message")
@@ -111,6 +111,7 @@ def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
     given = {name: template(name, text, quantities.input_unit(name), folder)
              for name, text in _table(content, "inputs").items()}  # fmt: skip
     inputs = _complete_inputs(given, made, quantities)
+    stop = number(run.get("stop", 1.0), "s", "[run] stop")
     plan = Plan(
         name=str(content.get("name", "sweep")),
         model=model,
@@ -118,9 +119,9 @@ def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
         design=made,
         fixed=tuple((n, quantities.parameter(n, v, "[set]")) for n, v in _table(content, "set").items()),
         inputs=tuple(sorted(inputs.items())),
-        stop=number(run.get("stop", 1.0), "s", "[run] stop"),
+        stop=stop,
         tolerance=_tolerance(run.get("tolerance", 1e-6)),
-        outputs=_outputs(content.get("outputs"), quantities, study),
+        outputs=_outputs(content.get("outputs"), quantities, study, stop),
     )
     _check(plan, quantities)
     return plan
@@ -171,13 +172,21 @@ def _complete_inputs(given: dict[str, Template], made: Design, quantities: Quant
     return given
 
 
-def _outputs(given: object, quantities: Quantities, study: str) -> tuple[Wanted, ...]:
-    items = given.items() if isinstance(given, Mapping) else [(None, text) for text in given or ()]  # type: ignore[attr-defined]
-    rest = study == "rest"
-    found = [wanted(str(text), quantities.variable_unit, rest, column) for column, text in items]
+def _outputs(given: object, quantities: Quantities, study: str, stop: Number) -> tuple[Wanted, ...]:
+    listed = given.items() if isinstance(given, Mapping) else [(None, text) for text in _list(given)]
+    found = []
+    for column, text in listed:
+        for one in spelled_out(str(text), stop):
+            found.append(wanted(one, quantities.variable_unit, study == "rest", column if one == text else None))
     if not found:
         raise PlanError('outputs: expected what is wanted of every row, for example ["final radial_displacement"]')
     return tuple(found)
+
+
+def _list(given: object) -> list[object]:
+    if given is not None and not isinstance(given, list | tuple):
+        raise PlanError(f"outputs: expected a list or a table but was given {given!r}")
+    return list(given or [])
 
 
 def _check(plan: Plan, quantities: Quantities) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from ..export.compile import write_atomically
 from ..model.declare import Model
 from ..report.page import Page
-from .axes import Axis, Levels
+from .axes import Axis, Joint, Levels, Normal
 from .equilibria import equilibrium_curves, snap_boundary
 from .pictures import Bars, Curves, Histogram, Line, Map, Picture
 from .plan import Plan
@@ -32,7 +32,7 @@ def write_report(store: Store, plan: Plan) -> list[Path]:
     written = [write_atomically_to(store.folder / f"{p.name}.png", p.png()) for p in pictures]
     page = Page(plan.name, f"{plan.design.rows} rows ({plan.design.kind}), {len(plan.design.axes)} axes, model "
                            f"{plan.model.name}.")  # fmt: skip
-    _describe(page, store, plan)
+    _describe(page, store, plan, shown(plan))
     statistics = _statistics(plan, values)
     if statistics:
         written.append(write_atomically_to(store.folder / "statistics.json", _json(statistics)))
@@ -51,8 +51,8 @@ def write_atomically_to(path: Path, data: bytes) -> Path:
 # Words and numbers ----------------------------------------------------------------------------------------------------
 
 
-def _describe(page: Page, store: Store, plan: Plan) -> None:
-    page.table(["varies", "over"], [(axis.name, _over(axis)) for axis in plan.design.axes])
+def _describe(page: Page, store: Store, plan: Plan, labels: dict[str, Shown]) -> None:
+    page.table(["varies", "over"], [(a.name, _over(a, labels)) for a in plan.design.axes])
     if plan.fixed:
         page.table(["set", "to (SI)"], plan.fixed)
     failed = failures({"status": store.column("status")})
@@ -61,11 +61,19 @@ def _describe(page: Page, store: Store, plan: Plan) -> None:
         page.table(["reason", "rows"], failed.items())
 
 
-def _over(axis: Axis) -> str:
+def _over(axis: Axis, labels: dict[str, Shown]) -> str:
+    """What an axis goes over, in words."""
+    if isinstance(axis, Joint):
+        return "jointly normal: " + ", ".join(name for name, _ in axis.columns)
     if isinstance(axis, Levels):
-        return ", ".join(axis.labels or [f"{row[0]:g}" for row in axis.table][:12])
-    text = {k: v for k, v in asdict(axis).items() if k not in ("name", "columns", "factor") and v is not None}
-    return ", ".join(f"{k} {v}" for k, v in text.items())
+        only = labels[axis.columns[0][0]]
+        names = axis.labels or [f"{only.scale * row[0]:g} {only.unit}" for row in axis.table]
+        return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    way = labels[axis.name]
+    if isinstance(axis, Normal):
+        return f"normal, {way.scale * axis.mean:g} +- {way.scale * axis.deviation:g} {way.unit}"
+    notes = (f", {axis.count} points" if axis.count else "") + (", logarithmic" if axis.log else "")
+    return f"{way.scale * axis.low:g} to {way.scale * axis.high:g} {way.unit}{notes}"
 
 
 def _statistics(plan: Plan, values: dict[str, np.ndarray]) -> list[Indices | Tornado | Spread]:

@@ -28,7 +28,7 @@ from .plan import Plan
 from .rows import Rows
 
 FORMAT = 1
-PARTS = 64  # about as many as a sweep has, between the limits below
+PARTS = 64  # a sweep has at most so many, and at least half of them, between the limits below
 SMALLEST_PART, LARGEST_PART = 64, 16384
 
 
@@ -133,9 +133,9 @@ class Store:
 
 
 def part_size(rows: int) -> int:
-    """Rows a part: a power of two that makes about PARTS of them."""
-    wanted = max(1, rows // PARTS)
-    return min(LARGEST_PART, max(SMALLEST_PART, 1 << (wanted.bit_length() - 1)))
+    """Rows a part: a power of two."""
+    wanted = max(1, -(-rows // PARTS))
+    return min(LARGEST_PART, max(SMALLEST_PART, 1 << (wanted - 1).bit_length()))
 
 
 def check_room(plan: Plan, folder: Path) -> None:

@@ -4,6 +4,7 @@ Of trajectories ("over the last T" and "from T" narrow the window; T in s or as 
 
     final NAME      min NAME      max NAME      mean NAME      swing NAME (max - min)      NAME at 2.5 s
     time NAME rises above 16 mm      time NAME falls below 16 mm      snapped      time of snap      steps
+    NAME every 0.1 s (a column for each of these times)
 
 Of rest states: the name of a variable alone.
 """
@@ -21,8 +22,10 @@ from .expression import Number, PlanError, Values, number
 
 FORMS = (
     '"final NAME", "min NAME", "max NAME", "mean NAME over the last 1 s", "swing NAME", "NAME at 2.5 s", '
-    '"time NAME rises above 16 mm", "time NAME falls below 16 mm", "snapped", "time of snap", "steps"'
+    '"NAME every 0.1 s", "time NAME rises above 16 mm", "time NAME falls below 16 mm", "snapped", "time of snap", '
+    '"steps"'
 )
+MOST_SAMPLES = 1000  # of one variable in a row
 Units = Callable[[str], str]  # the SI unit of a variable
 
 
@@ -73,6 +76,19 @@ def wanted(text: str, units: Units, rest: bool, column: str | None = None) -> Wa
     if made is None:
         raise PlanError(f"outputs: cannot read {text!r}; expected {FORMS}")
     return replace(made, column=column or made.column, description=text)
+
+
+def spelled_out(text: str, stop: Number) -> list[str]:
+    """`text`, or "NAME every T" as one "NAME at t" for each time from 0 to `stop` [s]."""
+    match = re.fullmatch(r"\s*(\S+) every (.+)", text)
+    if not match:
+        return [text]
+    step = number(match[2], "s", f"outputs: {text}").constant
+    if stop.constant is None or step is None or not 0 < step <= stop.constant <= MOST_SAMPLES * step:
+        expected = f"a stop that is the same for all rows, and at most {MOST_SAMPLES} samples"
+        raise PlanError(f"outputs: {text}: expected {expected}")
+    count = int(stop.constant / step * (1 + 1e-12))
+    return [f"{match[1]} at {min(k * step, stop.constant):.12g} s" for k in range(count + 1)]
 
 
 def _special(words: list[str]) -> Wanted | None:

@@ -6,9 +6,9 @@
           R         = C
        o-----------+---o
 
-Equation: dV_e/dt = (V - V_e) / tau - n V_e d(ln C)/dt, tau = tau_e (1 + n ((lambda_1 lambda_2)^2 - 1)). The field,
-the charge and the current are those of V_e. With n = 1 this is a resistance R in front of the capacitance C of the
-stretched tube: R d(C V_e)/dt = V - V_e, tau_e = R C at rest. n = 0 is a constant lag.
+Equation: dV_e/dt = (V - V_e) / tau, tau = tau_e (1 + n ((lambda_1 lambda_2)^2 - 1)). The field, the charge and the
+current are those of V_e. n = 1 is the capacitance of the stretched tube behind a constant resistance (the charge that
+the tube's own motion draws is left out), n = 0 a constant lag.
 
 Source: Graf and Maas, "A model of the electrodynamic field distribution for optimized electrode design for
 dielectric electroactive polymer transducers", Smart Mater. Struct. 21 (2012) 094001.
@@ -34,8 +34,7 @@ def _apply(model: Model) -> Model:
     slow = Quantity("lagging_voltage", "V", "Voltage behind the electrodes' resistance", nominal=5e3, display_unit="kV")
     share, n = model["electrode_share"], model["tau_e_stretch"]
     tau = model["tau_e"] * (1 + n * ((model["lambda_1"] * model["lambda_2"]) ** 2 - 1))
-    growth = 2 * (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
-    charging = (drive - slow.symbol) / tau - n * slow.symbol * growth
+    charging = (drive - slow.symbol) / tau
     state = State(slow, charging, at_start(model, drive), at_rest(model, drive))
     model = model.extend(states=[state])
     model = filtered(model, "electrode_voltage", share, slow.symbol, "voltage_before_electrodes")

@@ -1,0 +1,117 @@
+"""From recordings to a verdict: the steps of the discovery, in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..identify.data import Recordings
+from ..identify.fit import Fit
+from ..model.dea import tubular_dea
+from ..model.declare import Model
+from . import base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
+from .channels import Localisation
+from .next_experiment import Proposal
+from .residuals import Adequacy
+from .selection import Option, Search
+from .study import Study, study
+
+SEED = 20240
+ADEQUATE_RATIO = 1.1  # residual over noise up to which a model is taken for adequate
+EXPLAINED = 0.85  # of the excess that the effects have to explain
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """All that was found, and how: what result.json and the report are made from."""
+
+    recordings: Recordings
+    study: Study
+    verdict: str
+    search: Search
+    located: Localisation
+    left: Localisation | None
+    equivalent: dict[str, list[str]]
+    tests_before: dict[str, float]
+    tests_after: dict[str, float]
+    numeric: float
+    coloured: float
+    held_ratio: float
+    proposal: Proposal | None
+
+    @property
+    def base(self) -> Option:
+        """The recalibrated base model."""
+        return self.search.base
+
+    @property
+    def chosen(self) -> Option:
+        """The model with the effects that were accepted."""
+        return self.search.chosen
+
+
+def discover(recordings: Recordings, tell: Progress = lambda what: None, model: Model | None = None,
+             seed: int = SEED) -> Discovery:  # fmt: skip
+    """The discovery over some recordings of a tube; the same recordings and seed give the same result."""
+    tell("monitors and noise")
+    work = study(recordings, model or tubular_dea())
+    tell("recalibrate the base model")
+    work, fitted = _recalibrated(work, seed)
+    numeric = numerics.numeric_gain(work, fitted.values)
+    tell("locate the residual")
+    before = residuals.adequacy(work, fitted)
+    located = channels.localise(work, (), fitted, before.excess)
+    found = selection.search(work, fitted, numeric, seed, tell)
+    tell("verdict")
+    held = _held_ratio(work, found.chosen)
+    equivalent = equivalence.equivalents(found.base, found.chosen, found.rivals)
+    verdict = decide(found, held, equivalent)
+    left = None
+    if verdict == "unexplained" and found.chosen.ids:
+        left = channels.localise(work, found.chosen.ids, found.chosen.fitted, found.chosen.adequacy.excess)
+    return Discovery(
+        recordings, work, verdict, found, located, left, equivalent,
+        residuals.tests(work, (), found.base.fitted), residuals.tests(work, found.chosen.ids, found.chosen.fitted),
+        numeric, inputs_noise.coloured_rms(work, fitted.values), held,
+        next_experiment.propose(work, _competitors(found, equivalent)),
+    )  # fmt: skip
+
+
+def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -> str:
+    """no_effect, effect_found, ambiguous or unexplained."""
+    state, before = found.chosen.adequacy, found.base.adequacy
+    if not found.chosen.ids:
+        return "no_effect" if selection.clean(state) else "unexplained"
+    if not selection.clean(state) and not _nearly(state, before, held_ratio):
+        return "unexplained"
+    return "ambiguous" if any(equivalent.values()) else "effect_found"
+
+
+def _nearly(state: Adequacy, before: Adequacy, held_ratio: float) -> bool:
+    """What stands out of the noise is little, and little of what stood out before."""
+    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
+    return max(state.ratio, held_ratio) <= ADEQUATE_RATIO and explained >= EXPLAINED
+
+
+def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
+    """The base fitted, then again with the weights that the monitors' noise asks for there."""
+    first = base.recalibrate(work, seed=seed)
+    weighted = work.weighted(inputs_noise.weights(work, first.values))
+    return weighted, base.recalibrate(weighted, 1, seed, first.values)
+
+
+def _held_ratio(work: Study, chosen: Option) -> float:
+    if not work.held_out:
+        return 1.0
+    return float((chosen.held_out / residuals.expected_squares(work, work.held_out)) ** 0.5)
+
+
+def _competitors(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:
+    """The chosen model and its equivalents; without any, the nearest rival, or the base."""
+    others = [r for r in found.rivals if any(i in names for names in equivalent.values() for i in r.ids)]
+    nearest = others or found.rivals[:1] or ([found.base] if found.chosen.ids else [])
+    if not nearest and found.rounds and found.rounds[-1].options:
+        nearest = found.rounds[-1].options[:1]
+    return [found.chosen, *nearest]

@@ -1,0 +1,81 @@
+"""A model with its effects and parameter values as a readable JSON file, and back.
+
+::
+
+    {"format": 1, "model": "TubularDEA", "effects": ["electrode_resistance"],
+     "parameters": {"C_1": {"value": 331000.0, "unit": "Pa", "description": "..."}, ...}}
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from .dea import tubular_dea
+from .declare import Model, nearest
+from .effects import with_effects
+from .units import UnitError, factor
+
+FORMAT = 1
+
+
+class ModelFileError(UserError, ValueError):
+    """A model file that cannot be read; the text says what was expected where."""
+
+
+def bases() -> dict[str, Callable[[], Model]]:
+    """Models that a file may start from, by name."""
+    return {"TubularDEA": tubular_dea}
+
+
+def as_json(model: Model, note: str = "") -> str:
+    """The model as text: base, effects in their order, and every parameter's value."""
+    parameters = {
+        p.quantity.name: {"value": p.quantity.value, "unit": p.quantity.unit, "description": p.quantity.description}
+        for p in model.parameters
+    }
+    content = {"format": FORMAT, "model": model.name, "note": note, "effects": list(model.effects), "parameters": parameters}
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def load(path: Path) -> Model:
+    """The model of a file; `ModelFileError` that names what is wrong."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as problem:
+        raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ModelFileError(f'{path}: expected an object with "format": {FORMAT}, as `tubular-dea close-loop` writes it')
+    name, effects = content.get("model"), content.get("effects", [])
+    if name not in bases():
+        raise ModelFileError(f"{path}: there is no model {name!r}{nearest(str(name), bases())}")
+    if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
+        raise ModelFileError(f'{path}: expected "effects" to be a list of effect ids')
+    model = with_effects(bases()[name](), effects)
+    return model.with_values(_values(path, model, content.get("parameters", {})))
+
+
+def _values(path: Path, model: Model, given: Any) -> dict[str, float]:
+    if not isinstance(given, dict):
+        raise ModelFileError(f'{path}: expected "parameters" to be an object of name: {{"value": ..., "unit": ...}}')
+    declared = {p.quantity.name: p.quantity for p in model.parameters}
+    values = {}
+    for name, entry in given.items():
+        if name not in declared:
+            raise ModelFileError(f"{path}: {model.name} has no parameter {name!r}{nearest(name, declared)}")
+        value = entry.get("value") if isinstance(entry, dict) else entry
+        unit = entry.get("unit", declared[name].unit) if isinstance(entry, dict) else declared[name].unit
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ModelFileError(f"{path}: {name}: expected a finite number but found {value!r}")
+        try:
+            values[name] = value if unit == declared[name].unit else value * factor(unit, declared[name].unit)
+        except UnitError as problem:
+            raise ModelFileError(f"{path}: {name}: {problem}") from None
+        low, high = declared[name].minimum, declared[name].maximum
+        if (low is not None and values[name] < low) or (high is not None and values[name] > high):
+            raise ModelFileError(f"{path}: {name}: expected {low} to {high} {declared[name].unit} but found {values[name]:g}")
+    return values
