@@ -135,7 +135,7 @@ def test_on_it_shows_and_rests_where_its_curve_says(name: str, expected) -> None
     slow = Protocol.of([0, 20, 120], pressure=[0, 1e4, 1e4], voltage=[0, 4e3, 4e3])
     rest = kernel.simulate(slow, np.array([120.0]), values)["lambda_2"]
     load, _, _ = kernel.curve(rest, {"pressure": 1e4, "voltage": 4e3}, values)
-    memory = 2 * values["sigma_friction"] if name == "friction_hysteresis" else 0.0
+    memory = values.get("friction_pressure", 0.0)
     assert load[0] == pytest.approx(1e4, abs=20 + memory), f"{name} rests at {load[0]:.1f} Pa, not 10 kPa"
 
 

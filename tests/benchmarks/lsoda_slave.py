@@ -1,6 +1,6 @@
 """The tube as a pythonfmu slave is usually written: SciPy's LSODA, started anew at every communication step.
 
-Built by stock pythonfmu (see python_slave.py); the equations are those of tests/independent.py.
+Built by stock pythonfmu (see do_step.py); the equations are those of tests/independent.py.
 """
 
 import numpy as np

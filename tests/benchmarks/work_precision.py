@@ -18,12 +18,11 @@ import argparse
 import ctypes
 import functools
 
-import independent as tube
 import numpy as np
-import peers
-from casadi_peer import solve_casadi
 from scipy.integrate import solve_ivp
 
+import peers
+from casadi_peer import solve_casadi
 from tubular_dea.emit.python import compile_python
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
@@ -61,12 +60,12 @@ def solve_kernel(name: str, rtol: float) -> np.ndarray:
     return x[:, 0]
 
 
-def solve_lsoda_ivp(protocol: tube.Protocol, times: np.ndarray, rtol: float) -> np.ndarray:
+def solve_lsoda_ivp(protocol: peers.tube.Protocol, times: np.ndarray, rtol: float) -> np.ndarray:
     """lambda_2 by `solve_ivp(method="LSODA")`, piece by piece, on the equations as they are emitted in Python."""
     derivatives = compile_python(kernel().model).derivatives
     p = list(kernel().parameters())
     state, out = peers.start_of(protocol), np.full(times.size, np.nan)
-    for piece in tube.smooth_pieces(protocol):
+    for piece in peers.tube.smooth_pieces(protocol):
         start, stop, p_0, p_1, v_0, v_1 = peers.with_slopes(piece)
 
         def rhs(t: float, x: np.ndarray, a: tuple = (start, p_0, p_1, v_0, v_1)) -> list[float]:
@@ -94,7 +93,7 @@ def main() -> None:
     print(f"{'':22}{'kernel':>9}{''.join(f'{column:>20}' for column in columns)}")
     for name in cases:
         protocol, times = peers.experiment(name)
-        reference = tube.trajectory(protocol, times, x0=peers.start_of(protocol))["lambda_2"]
+        reference = peers.tube.trajectory(protocol, times, x0=peers.start_of(protocol))["lambda_2"]
         mine = lambda _protocol, _times, rtol, name=name: solve_kernel(name, rtol)  # noqa: E731
         solvers = (mine, peers.solve_cvode, solve_casadi, peers.solve_lsoda, solve_lsoda_ivp)
         seconds = [

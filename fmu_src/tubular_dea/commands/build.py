@@ -14,6 +14,7 @@ from ..export.package import native_fmu
 from ..export.python_fmu import python_fmu
 from ..model.dea import tubular_dea
 from ..model.declare import Model
+from ..model.saved import load
 from ..model.scheduler import heartbeat_scheduler
 from ..model.windkessel import aortic_windkessel, patient
 
@@ -22,13 +23,15 @@ COMPANIONS = (aortic_windkessel(), heartbeat_scheduler())
 
 EXAMPLE = """example:
   tubular-dea build --out build                      for this machine, a few seconds
-  tubular-dea build --out build --platforms all      Linux, Windows and macOS, about a minute the first time"""
+  tubular-dea build --out build --platforms all      Linux, Windows and macOS, about a minute the first time
+  tubular-dea build --model out/model.json           the tube with the effects that close-loop found"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea build`."""
     names = ", ".join(p.name for p in PLATFORMS)
     parser.add_argument("--out", type=Path, default=Path("build"), help="folder to write to (default: build)")
+    parser.add_argument("--model", type=Path, help="a model.json of `tubular-dea close-loop`, instead of the paper's model")
     parser.add_argument(
         "--platforms",
         nargs="+",
@@ -41,6 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Build every FMU into `options.out`."""
+    if options.model is not None:
+        for path in build([load(options.model)], options.out, platforms(options.platforms)):
+            print(f"wrote {path}")
+        return
     for path in build([tubular_dea(), *COMPANIONS], options.out, platforms(options.platforms)):
         print(f"wrote {path}")
     print(f"wrote {build_archive(options.out)}")

@@ -15,7 +15,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ..errors import UserError
-from ..export.compile import write_atomically
+from ..export.compile import PLATFORMS, Platform, write_atomically
+from ..model.declare import Model
 
 EXAMPLE = """example:
   tubular-dea close-loop cosim_examples/data/bench --out out
@@ -29,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", type=Path, metavar="DATA", help="folder of CSV files, one experiment each")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
     parser.add_argument("--model", choices=MODELS, default=MODELS[0], help="what was recorded (default: tubular-dea)")
-    parser.add_argument("--platforms", nargs="+", default=["host"], metavar="PLATFORM", help="of the FMU: host, all, or names")
+    choices = ["host", "all", *(p.name for p in PLATFORMS)]
+    parser.add_argument("--platforms", nargs="+", default=["host"], choices=choices, metavar="PLATFORM",
+                        help=f"of the FMU: {', '.join(choices)}")  # fmt: skip
     parser.add_argument("--seed", type=int, default=None, help="of the search's starts and the bootstrap")
 
 
@@ -78,7 +81,7 @@ def _tube(options: argparse.Namespace) -> None:
           f"{result['noise_floor_m'] * 1e6:.1f} um; wrote {options.out}")
 
 
-def _fmu(model, targets) -> bytes:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _fmu(model: Model, targets: list[Platform]) -> bytes:
     import tempfile
 
     from ..export.package import native_fmu

@@ -12,13 +12,10 @@ from ..model.declare import Model
 from . import base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
 from .channels import Localisation
 from .next_experiment import Proposal
-from .residuals import Adequacy
 from .selection import Option, Search
 from .study import Study, study
 
 SEED = 20240
-ADEQUATE_RATIO = 1.1  # residual over noise up to which a model is taken for adequate
-EXPLAINED = 0.85  # of the excess that the effects have to explain
 
 Progress = Callable[[str], None]
 
@@ -84,15 +81,9 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -
     state, before = found.chosen.adequacy, found.base.adequacy
     if not found.chosen.ids:
         return "no_effect" if selection.clean(state) else "unexplained"
-    if not selection.clean(state) and not _nearly(state, before, held_ratio):
+    if not selection.clean(state) and not selection.nearly(state, before, held_ratio):
         return "unexplained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
-
-
-def _nearly(state: Adequacy, before: Adequacy, held_ratio: float) -> bool:
-    """What stands out of the noise is little, and little of what stood out before."""
-    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
-    return max(state.ratio, held_ratio) <= ADEQUATE_RATIO and explained >= EXPLAINED
 
 
 def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:

@@ -34,6 +34,8 @@ REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this 
 MOST_REFITS = 8
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
+FORM_PART = 0.02  # the same, where what is left is so little that another form of the first may be all there is
+NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
 LITTLE = 12.0  # gain below which an effect is dropped again
 
 Progress = Callable[[str], None]
@@ -110,6 +112,12 @@ def clean(state: Adequacy) -> bool:
     return state.z_slow < 5.0 and state.z_total < 4.0
 
 
+def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
+    """What stands out of the noise is little, and little of what stood out `before`."""
+    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
+    return max(state.ratio, held_ratio) <= NEARLY_RATIO and explained >= NEARLY_EXPLAINED
+
+
 def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progress) -> Round:
     chosen = found.chosen
     tell("scores of the catalogue")
@@ -170,7 +178,7 @@ def _accept(found: Search, best: Option, threshold: float) -> tuple[bool, str]:
         return False, f"{best.ids[-1]} does not predict the held-out experiments"
     if before.ids:
         first = found.base.fitted.cost - before.fitted.cost
-        if gain < SECOND_PART * first:
+        if gain < (FORM_PART if nearly(before.adequacy, found.base.adequacy) else SECOND_PART) * first:
             return False, f"{best.ids[-1]} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
         if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
             return False, f"{best.ids[-1]} removes less than half of what is left"

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..identify import noise as noises
 from ..identify.data import Experiment, Recordings
-from ..identify.drive import Drive, drive
+from ..identify.drive import drive
 from ..identify.noise import Noise
 from ..identify.problem import Free, Problem
+from ..identify.procedure import sensor_noise
 from ..identify.response import Case, Response
 from ..model.declare import Model
 from ..model.effects import Effect
@@ -75,7 +75,7 @@ def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None =
     """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`."""
     bench = recordings.bench
     drives = [drive(e, bench, recordings.noise) for e in recordings.experiments]
-    noise = _noise(recordings, drives)
+    noise = sensor_noise(recordings, drives)
     names = choose_held_out(recordings) if held_out is None else list(held_out)
     pieces = []
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
@@ -118,17 +118,6 @@ def _features(experiment: Experiment) -> list[float]:
     smooth = np.convolve(output, np.ones(25) / 25, mode="valid")
     way = float(np.abs(np.diff(smooth[::25])).sum())
     return [*(float(np.abs(v).max()) for v in experiment.inputs.values()), float(smooth.max()), float(smooth.mean()), way]
-
-
-def _noise(recordings: Recordings, drives: Sequence[Drive]) -> Noise:
-    records = []
-    for experiment, driven in zip(recordings.experiments, drives, strict=True):
-        seen = experiment.seen
-        records.append((experiment.time[seen], experiment.output[seen], np.unique(driven.protocol.time)))
-    found = noises.estimate(records)
-    stated = next((recordings.noise[n] for n in recordings.bench.output_names if n in recordings.noise), None)
-    floor = 1e-6 * max(float(np.nanmax(np.abs(e.output))) for e in recordings.experiments)
-    return Noise(max(stated or found.rms, floor), found.correlation)
 
 
 def _split(piece: Piece) -> list[Piece]:

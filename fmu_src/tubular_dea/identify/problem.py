@@ -34,7 +34,7 @@ class Free:
 
     def to_si(self, scaled: float) -> float:
         """Back to SI units."""
-        return self.size * float(np.exp(scaled)) if self.logarithmic else scaled * self.size
+        return self.size * float(np.exp(np.clip(scaled, -60, 60))) if self.logarithmic else float(scaled) * self.size
 
     def slope(self, value: float) -> float:
         """d(SI value)/d(scaled)."""

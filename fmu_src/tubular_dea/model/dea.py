@@ -193,7 +193,8 @@ def _definitions() -> list[Definition]:
     define("tube_flow", "m3/s", "A_3 dR/dt", "Flow into the tube, conjugate to the wall's work",
            a_3 * r_o * s["lambda_2_rate"], 1e-4, "mL/s")
     define("tube_volume", "m3", "Integral of A_3 dR",
-           "Volume conjugate to the wall's work; the cylinder at lambda_2 = 1", _tube_volume(r_o, l_o, displacement, length), 1e-5, "mL")
+           "Volume conjugate to the wall's work; the cylinder at lambda_2 = 1",
+           _tube_volume(r_o, l_o, displacement, length), 1e-5, "mL")
     area = 2 * pi * r_o * 2 * l_o
     capacitance = define("capacitance", "F", "n_layers plates", "Capacitance of the active layers in parallel",
                          s["n_layers"] * eps_o * s["eps_r"] * area * (lambda_1 * lambda_2) ** 2 / h_ao, 1e-8, "nF")

@@ -29,8 +29,10 @@ def equilibrium_curves(plan: Plan) -> Curves:
     for number, level in enumerate(levels):
         y, slope, _ = kernel.curve(x, {other: level} if other else {}, dict(plan.fixed))
         lines += _branches(_named(model, other, level), x, scale * y, slope > 0, number)
-    caption = (f"{load.description} that holds the model at rest over {curve.unknown}. Solid: stable at constant load, "
-               "dashed: unstable, dots: folds, where it snaps through.")  # fmt: skip
+    caption = (
+        f"The {curve.load} that holds the model at rest, over {curve.unknown}. Solid: stable at constant {curve.load}, "
+        "dashed: unstable, dots: folds, where it snaps through."
+    )
     return Curves("equilibrium_curves", caption, tuple(lines), (f"{curve.unknown} [1]", f"{curve.load} [{unit}]"))
 
 

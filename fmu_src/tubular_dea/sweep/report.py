@@ -67,13 +67,13 @@ def _over(axis: Axis, labels: dict[str, Shown]) -> str:
         return "jointly normal: " + ", ".join(name for name, _ in axis.columns)
     if isinstance(axis, Levels):
         only = labels[axis.columns[0][0]]
-        names = axis.labels or [f"{only.scale * row[0]:g} {only.unit}" for row in axis.table]
+        names = axis.labels or [f"{only.scale * row[0]:g} {only.unit}".rstrip() for row in axis.table]
         return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
     way = labels[axis.name]
     if isinstance(axis, Normal):
         return f"normal, {way.scale * axis.mean:g} +- {way.scale * axis.deviation:g} {way.unit}"
     notes = (f", {axis.count} points" if axis.count else "") + (", logarithmic" if axis.log else "")
-    return f"{way.scale * axis.low:g} to {way.scale * axis.high:g} {way.unit}{notes}"
+    return f"{way.scale * axis.low:g} to {way.scale * axis.high:g} {way.unit}".rstrip() + notes
 
 
 def _statistics(plan: Plan, values: dict[str, np.ndarray]) -> list[Indices | Tornado | Spread]:

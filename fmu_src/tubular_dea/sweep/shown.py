@@ -41,4 +41,5 @@ def _shown(column: str, unit: str, target: str) -> Shown:
     except ValueError:  # an FMU's own unit
         scale, target = 1.0, unit
     text = column.replace("_", " ")
-    return Shown(f"{text} [{target}]" if target not in ("", "1") else text, target, scale)
+    target = "" if target == "1" else target
+    return Shown(f"{text} [{target}]" if target else text, target, scale)

@@ -128,3 +128,10 @@ def added(model: Model, name: str, term: sympy.Expr) -> Model:
 def scaled(model: Model, name: str, factor: sympy.Expr) -> Model:
     """The definition `name` times `factor`."""
     return model.replace(name, model.expression(name) * factor)
+
+
+def pushed(model: Model, pressure: sympy.Expr) -> Model:
+    """A radial pressure against the wall's stretching, in the equation of motion and at rest alike."""
+    names = [d.quantity.name for d in model.definitions]
+    surface = model["A_3"] if names.index("A_3") < names.index("F_cir") else model.expression("A_3")
+    return added(model, "F_cir", pressure * surface)

@@ -1,45 +1,49 @@
-"""Rate-independent friction between the layers or in the clamps.
+"""Rate-independent friction between the layers or in the clamps: the wall sticks until the load has turned far enough.
 
 ::
 
-    sigma |    .-------->     sigma_friction
-          |  .'
-          | /  travel
-    ------|/------- lambda_2
-          |
-        <-------'             -sigma_friction
+    p |      .--------->      friction_pressure
+      |     /       /
+      |    /       /          elastic over friction_travel, at every turn
+      |   /       /
+      |  <--------'           -friction_pressure
+      +------------------ lambda_2
 
-Equation: dz/dt = (d(lambda_2)/dt - |d(lambda_2)/dt| z) / friction_travel (Dahl); sigma_hoop += sigma_friction z.
+Equation: F_cir += friction_pressure z A_3; dz/dt = (v - [v z]+ z [z^2 - c]+ / (1 - c)) / friction_travel, where
+v = d(lambda_2)/dt, [ ]+ is the positive part and c = friction_onset: elastic up to z^2 = c and on every way back,
+sliding at z = 1. Unlike in Dahl's model small vibrations (the monitors' noise) do not wear the friction down.
 
-Source: Dahl, "A solid friction model", Aerospace Corp. TOR-0158(3107-18)-1 (1968).
+Source: Dupont, Hayward, Armstrong, Altpeter, "Single state elastoplastic friction models", IEEE Trans. Automat. Contr.
+47 (2002) 787.
 
-Typical: 1 to 10 kPa of hoop stress, 0.002 to 0.02 of stretch.
+Typical: 50 to 300 Pa, which is 10 to 60 um, built up over 0.005 to 0.02 of stretch.
 """
 
 import sympy
 
 from ..declare import Model, Quantity, State
-from ..smooth import magnitude
+from ..smooth import positive_part
 from . import Effect
-from ._signals import added
+from ._signals import pushed
 
 PARAMETERS = (
-    Quantity("sigma_friction", "Pa", "Hoop stress of the friction", 0.0, "Dahl 1968", 0.0, 1e6, 3e3, "kPa"),
-    Quantity("friction_travel", "1", "Hoop stretch after a reversal over which it builds up again", 5e-3, "Dahl 1968",
-             1e-4, 1.0, 5e-3),
+    Quantity("friction_pressure", "Pa", "Pressure that friction takes up", 0.0, "Dupont 2002", 0.0, 2e4, 150.0, "mmHg"),
+    Quantity("friction_travel", "1", "Stretch over which it builds up", 0.01, "Dupont 2002", 2e-4, 1.0, 0.01),
+    Quantity("friction_onset", "1", "Square of its share at which sliding begins", 0.95, "Dupont 2002", 0.0, 0.98),
 )
 
 
 def _apply(model: Model) -> Model:
     grip = Quantity("friction_state", "1", "Friction over its largest value")
-    speed, zero = model["lambda_2_rate"], sympy.Integer(0)
-    derivative = (speed - magnitude(speed) * grip.symbol) / model["friction_travel"]
-    model = model.extend(states=[State(grip, derivative, zero, zero)])
-    return added(model, "sigma_hoop", model["sigma_friction"] * grip.symbol)
+    z, v, c, zero = grip.symbol, model["lambda_2_rate"], model["friction_onset"], sympy.Integer(0)
+    sliding = positive_part(v * z) * z * positive_part(z**2 - c) / (1 - c)
+    model = model.extend(states=[State(grip, (v - sliding) / model["friction_travel"], zero, zero)])
+    return pushed(model, model["friction_pressure"] * z)
 
 
 EFFECT = Effect(
     "friction_hysteresis", "mechanical", "Rate-independent friction", _apply, PARAMETERS,
-    off={"sigma_friction": 0.0}, typical={"sigma_friction": 3e3, "friction_travel": 5e-3},
-    shapes={"friction_travel": (1e-3, 5e-3, 2e-2, 0.1)},
+    off={"friction_pressure": 0.0}, refine=("friction_onset",),
+    typical={"friction_pressure": 150.0, "friction_travel": 0.01, "friction_onset": 0.95},
+    shapes={"friction_travel": (2e-3, 1e-2, 5e-2)},
 )  # fmt: skip

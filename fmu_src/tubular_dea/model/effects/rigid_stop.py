@@ -17,7 +17,7 @@ Typical: 0.1 to 10 MPa per unit of stretch (10 MPa: 95 mmHg deflect it by 0.02 m
 from ..declare import Model, Quantity
 from ..smooth import ramp
 from . import Effect
-from ._signals import added
+from ._signals import pushed
 
 CORNER = 2e-4  # stretch over which contact begins
 PARAMETERS = (
@@ -28,10 +28,7 @@ PARAMETERS = (
 
 
 def _apply(model: Model) -> Model:
-    names = [d.quantity.name for d in model.definitions]
-    pressure = model["stop_stiffness"] * ramp(model["lambda_2"] - model["lambda_2_stop"], CORNER)
-    surface = model["A_3"] if names.index("A_3") < names.index("F_cir") else model.expression("A_3")
-    return added(model, "F_cir", pressure * surface)
+    return pushed(model, model["stop_stiffness"] * ramp(model["lambda_2"] - model["lambda_2_stop"], CORNER))
 
 
 EFFECT = Effect(

@@ -1,11 +1,12 @@
-"""Time of a 1 ms step in a heart beat: our pythonfmu FMU against one that calls SciPy's LSODA every time.
+"""Time of a 1 ms step in a heart beat: the native FMU from a C host, the pythonfmu FMU, and a slave on SciPy's LSODA.
 
-    python tests/benchmarks/python_slave.py            # two beats, three rounds in turn, the best of each
-    python tests/benchmarks/python_slave.py --beats 5
+    python tests/benchmarks/do_step.py            # two beats, three rounds in turn, the best of each
+    python tests/benchmarks/do_step.py --beats 5
 
-All are driven by FMPy in this process with the same inputs. `solve_ivp` is how such a slave is usually
-written; `odeint` is SciPy's fastest way to LSODA. At the same tolerance ours is more accurate by far, so it
-is run at one of like error as well; errors are the largest in lambda_2, against our FMU at 1e-11.
+The native FMU is stepped by tests/hosts/fmi2_host.c (set inputs, step, get the displacement). The others are driven
+by FMPy in this process with the same inputs. `solve_ivp` is how such a slave is usually written; `odeint` is SciPy's
+fastest way to LSODA. At the same tolerance ours is more accurate by far, so it is run at one of like error as well;
+errors are the largest in lambda_2, against our FMU at 1e-11.
 """
 
 from __future__ import annotations
@@ -25,10 +26,14 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from pythonfmu import FmuBuilder
 
-from tubular_dea.export.python_fmu import python_fmu
-from tubular_dea.model.dea import MMHG, tubular_dea
-
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from hosts.compile import compile_host, time_host  # noqa: E402
+from tubular_dea.export.package import native_fmu  # noqa: E402
+from tubular_dea.export.python_fmu import python_fmu  # noqa: E402
+from tubular_dea.model.dea import MMHG, tubular_dea  # noqa: E402
+
 STEP = 1e-3  # s
 BEAT = 0.8  # s
 
@@ -54,7 +59,6 @@ def beat(time: float) -> list[float]:
 def build(folder: Path) -> list[Contender]:
     """Our FMU, and the LSODA slave by stock pythonfmu."""
     ours = python_fmu(tubular_dea(), folder / "TubularDEA.fmu")
-    sys.path.insert(0, str(HERE.parent))  # for the script, which imports tests/independent.py
     with redirect_stdout(None):
         theirs = FmuBuilder.build_FMU(
             HERE / "lsoda_slave.py", folder / "LsodaTube.fmu", [HERE.parent / "independent.py"],
@@ -108,13 +112,25 @@ def compare(beats: int, rounds: int = 3) -> dict[str, tuple[float, float]]:
     }
 
 
+def native(beats: int) -> float:
+    """Seconds per step of the native FMU in the C host, best of twenty runs."""
+    grid = STEP * np.arange(round(beats * BEAT / STEP) + 1)
+    inputs = np.array([[time, *beat(time)] for time in grid])
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = native_fmu(tubular_dea(), 2, Path(folder) / "TubularDEA.fmu")
+        return 1e-9 * time_host(compile_host("host", Path(folder)), fmu, inputs, ["radial_displacement"], 20)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--beats", type=int, default=2, help="beats of 0.8 s to simulate (default: 2)")
-    best = compare(parser.parse_args().beats)
+    beats = parser.parse_args().beats
+    in_c = native(beats)
+    best = compare(beats)
     ours = best["ours"][0]
     print(f"{'':20}{'mean time of a 1 ms doStep':>28}{'ratio':>8}{'error':>10}")
+    print(f"{'native, C host':20}{in_c * 1e6:>25.2f} us{in_c / ours:>8.4f}")
     for name, (seconds, error) in best.items():
         print(f"{name:20}{seconds * 1e6:>25.0f} us{seconds / ours:>8.2f}{error:>10.0e}")
 
