@@ -55,7 +55,7 @@ def check(kernel: Kernel, values: dict[str, float], names: list[str], within: fl
         exact = seen.sensitivities["measured_displacement"][:, i]
         scale = np.max(np.abs(exact))
         error = np.max(np.abs(differences(kernel, values, name, seen.mesh, step)["measured_displacement"] - exact))
-        rounding = 1e-17 / (step * size(kernel, name))
+        rounding = 1e-16 / (step * size(kernel, name))
         assert error <= within * scale + rounding, f"{name}: off by {error:.1e}, the largest is {scale:.1e}"
 
 
@@ -78,7 +78,8 @@ def test_effects(name: str, state: str) -> None:
     values = dict(effect.typical) | ({"lambda_2_stop": 1.15} if name == "rigid_stop" else {})
     values |= dict(effect.off) if state == "off" else {}
     names = [*dict.fromkeys((*effect.fit, *effect.amplitudes, "C_1"))]
-    check(kernel_of(name), values, names, 1e-5, 1e-6 if name == "rigid_stop" else 1e-5)  # its corner is 2e-4 wide
+    corner = name == "rigid_stop"  # it is 2e-4 wide, which a difference sees
+    check(kernel_of(name), values, names, 1e-4 if corner else 1e-5, 1e-6 if corner else 1e-5)
 
 
 def test_values_are_those_of_the_adaptive_run() -> None:

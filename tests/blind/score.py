@@ -22,7 +22,12 @@ import numpy as np
 from blind import bench
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bench"
-DECLARED = {"set-1": ["electrode_resistance"], "set-2": ["friction_hysteresis"], "set-3": [], "set-4": ["mullins_softening"]}
+DECLARED = {
+    "set-1": ["electrode_resistance"],
+    "set-2": ["friction_hysteresis"],
+    "set-3": [],
+    "set-4": ["mullins_softening"],
+}
 
 
 @dataclass
@@ -89,7 +94,9 @@ def detectable(t: Trial) -> bool:
 
 def table(trials: list[Trial]) -> str:
     """One line a trial, then the shares by kind."""
-    lines = [f"{'trial':34s} {'hidden':44s} {'verdict':13s} {'found (equivalent)':70s} {'chan':10s} base  held  sec  cpu"]
+    lines = [
+        f"{'trial':34s} {'hidden':44s} {'verdict':13s} {'found (equivalent)':70s} {'chan':10s} base  held  sec  cpu"
+    ]
     for t in trials:
         found = ", ".join(f + (f" ({'/'.join(e)})" if e else "") for f, e in zip(t.found, t.equivalent, strict=True))
         mark = " " if right(t) else ("x" if detectable(t) or not t.hidden else "-")
@@ -118,7 +125,9 @@ def shares(trials: list[Trial]) -> list[str]:
         _share("two effects both found", [right(t) for t in doubles]),
         _share("in no library: unexplained", [right(t) for t in foreign]),
         _share("in no library: channel right", channel),
-        f"held-out error over noise, found effects: median {np.median(held):.3f}, worst {max(held):.3f}" if held else "",
+        f"held-out error over noise, found effects: median {np.median(held):.3f}, worst {max(held):.3f}"
+        if held
+        else "",
         f"verdicts: {dict(Counter(t.verdict for t in trials))}",
         f"not detectable and left out: {[t.name for t in trials if t.hidden and not detectable(t)]}",
     ]

@@ -76,9 +76,11 @@ def _tube(options: argparse.Namespace) -> None:
     write_atomically(options.out / "result.json", text.encode())
     print(f"{result['verdict']}: {report.headline(found)}")
     e = result["error"]
-    print(f"error {_um(e['recalibrated']['rmse_m'])} -> {_um(e['after']['rmse_m'])} um, held out "
-          f"{_um(e['recalibrated']['held_out_rmse_m'])} -> {_um(e['after']['held_out_rmse_m'])} um, noise "
-          f"{result['noise_floor_m'] * 1e6:.1f} um; wrote {options.out}")
+    print(
+        f"error {_um(e['recalibrated']['rmse_m'])} -> {_um(e['after']['rmse_m'])} um, held out "
+        f"{_um(e['recalibrated']['held_out_rmse_m'])} -> {_um(e['after']['held_out_rmse_m'])} um, noise "
+        f"{result['noise_floor_m'] * 1e6:.1f} um; wrote {options.out}"
+    )
 
 
 def _fmu(model: Model, targets: list[Platform]) -> bytes:

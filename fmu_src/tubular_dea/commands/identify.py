@@ -34,10 +34,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea identify`."""
     parser.add_argument("data", type=Path, metavar="DATA", help="folder of CSV files, one experiment each")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
-    parser.add_argument("--start", choices=("table-2", "table-3"), default="table-3", help="starting values (default: table-3)")
-    parser.add_argument("--staged", action="store_true", help="begin with the paper's stages (always done from table-2)")
-    parser.add_argument("--free", nargs="+", default=None, metavar="NAME", help="identify these only (default: all nine)")
-    parser.add_argument("--starts", type=int, default=3, help="searches of the joint fit, from places around (default: 3)")
+    parser.add_argument(
+        "--start", choices=("table-2", "table-3"), default="table-3", help="starting values (default: table-3)"
+    )
+    parser.add_argument(
+        "--staged", action="store_true", help="begin with the paper's stages (always done from table-2)"
+    )
+    parser.add_argument(
+        "--free", nargs="+", default=None, metavar="NAME", help="identify these only (default: all nine)"
+    )
+    parser.add_argument(
+        "--starts", type=int, default=3, help="searches of the joint fit, from places around (default: 3)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the places to start from")
     parser.add_argument("--profile", action="store_true", help="intervals from the profile of the likelihood (minutes)")
 

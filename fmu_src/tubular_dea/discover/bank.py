@@ -50,7 +50,9 @@ class Score:
         return self.candidate.effect.id
 
 
-def candidates(study: Study, fitted: Fit, present: Ids = (), effects: Iterable[Effect] | None = None) -> list[Candidate]:
+def candidates(
+    study: Study, fitted: Fit, present: Ids = (), effects: Iterable[Effect] | None = None
+) -> list[Candidate]:
     """All candidates with their columns at the present optimum; those the model has no answer for are left out."""
     listed = [e for e in (catalogue().values() if effects is None else effects) if e.id not in present]
     everything = study.compiled.everything() if effects is None else None

@@ -37,7 +37,9 @@ def _somewhere(problem: Problem, start: Mapping[str, float], seed: int) -> Fit:
     """From `start`, or from stiffer tubes where the model has no answer there (it bursts)."""
     for stiffer in (1.0, 1.2, 1.5):
         try:
-            return fit(problem, {n: v * (stiffer if n.startswith("C_") else 1.0) for n, v in start.items()}, 1, seed=seed)
+            return fit(
+                problem, {n: v * (stiffer if n.startswith("C_") else 1.0) for n, v in start.items()}, 1, seed=seed
+            )
         except FitError:
             continue
     return fit(problem, start, 4, 0.3, seed)

@@ -72,7 +72,13 @@ def errors(found: Discovery, ids: Ids, values: Mapping[str, float]) -> dict[str,
     try:
         outputs = found.study.response(ids, found.study.pieces).outputs(values)
     except KernelError:
-        return {"rmse_m": None, "fit_percent": None, "held_out_rmse_m": None, "held_out_fit_percent": None, "per_experiment": {}}
+        return {
+            "rmse_m": None,
+            "fit_percent": None,
+            "held_out_rmse_m": None,
+            "held_out_fit_percent": None,
+            "per_experiment": {},
+        }
     pairs = list(zip(found.study.pieces, outputs, strict=True))
     record = {p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y]), "held_out": p.held_out}
               for p, y in pairs}  # fmt: skip
@@ -88,9 +94,16 @@ def errors(found: Discovery, ids: Ids, values: Mapping[str, float]) -> dict[str,
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:
     """Every refitted option with its evidence over the base, best first."""
-    options = {o.ids: o for o in [*(o for r in found.search.rounds for o in r.options), found.chosen, *found.search.rivals] if o.ids}
+    options = {
+        o.ids: o
+        for o in [*(o for r in found.search.rounds for o in r.options), found.chosen, *found.search.rivals]
+        if o.ids
+    }
     ordered = sorted(options.values(), key=lambda o: -o.evidence)
-    return [{"effects": list(o.ids), "evidence": o.evidence - found.base.evidence, "ratio": o.adequacy.ratio} for o in ordered]
+    return [
+        {"effects": list(o.ids), "evidence": o.evidence - found.base.evidence, "ratio": o.adequacy.ratio}
+        for o in ordered
+    ]
 
 
 def advice(found: Discovery) -> str:
@@ -99,15 +112,23 @@ def advice(found: Discovery) -> str:
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the tube will be used beyond the recorded pressures and voltages."
     if found.verdict == "unexplained":
-        where = {"electrical": "with and without voltage at the same pressures", "pressure": "with a second pressure sensor at the tube",
-                 "sensor": "with a second displacement sensor", "mechanical": "at several rates without voltage"}
+        where = {
+            "electrical": "with and without voltage at the same pressures",
+            "pressure": "with a second pressure sensor at the tube",
+            "sensor": "with a second displacement sensor",
+            "mechanical": "at several rates without voltage",
+        }
         return f"{why}: repeat an experiment {where[found.located.channel]}, because the {found.located.channel} channel explains most."
     if proposal is None:
         return f"{why}: repeat the experiments on another tube to see whether the effect is the same."
-    names = " or ".join(dict.fromkeys(i for i in [*found.chosen.ids, *(n for ns in found.equivalent.values() for n in ns)]))
+    names = " or ".join(
+        dict.fromkeys(i for i in [*found.chosen.ids, *(n for ns in found.equivalent.values() for n in ns)])
+    )
     if found.verdict == "ambiguous":
-        return (f"{why}: record {proposal.words}, on which {names} differ by {proposal.discrimination:.0f} in log likelihood "
-                "where they are closest.")
+        return (
+            f"{why}: record {proposal.words}, on which {names} differ by {proposal.discrimination:.0f} in log likelihood "
+            "where they are closest."
+        )
     return (f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ by "
             f"{proposal.discrimination:.0f} in log likelihood.")  # fmt: skip
 

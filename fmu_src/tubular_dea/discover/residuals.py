@@ -86,7 +86,9 @@ def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     found["hysteresis"] = float(means[rising].mean() - means[falling].mean())
     if np.ptp(voltage) > 0:
         on = voltage > 0.1 * voltage.max()
-        found["asymmetry on/off"] = float(np.mean(means[on] ** 2) - np.mean(means[~on] ** 2)) if 0 < on.sum() < on.size else 0.0
+        found["asymmetry on/off"] = (
+            float(np.mean(means[on] ** 2) - np.mean(means[~on] ** 2)) if 0 < on.sum() < on.size else 0.0
+        )
     return found
 
 

@@ -179,7 +179,10 @@ def _accept(found: Search, best: Option, threshold: float) -> tuple[bool, str]:
     if before.ids:
         first = found.base.fitted.cost - before.fitted.cost
         if gain < (FORM_PART if nearly(before.adequacy, found.base.adequacy) else SECOND_PART) * first:
-            return False, f"{best.ids[-1]} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
+            return (
+                False,
+                f"{best.ids[-1]} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is",
+            )
         if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
             return False, f"{best.ids[-1]} removes less than half of what is left"
     return True, f"{best.ids[-1]} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
@@ -215,7 +218,9 @@ def _fitted_alone(found: Search, name: str) -> dict[str, float]:
     for step in found.rounds:
         for o in step.options:
             if o.ids[-1] == name:
-                return {q.name: o.fitted.values[q.name] for q in catalogue()[name].parameters if q.name in o.fitted.values}
+                return {
+                    q.name: o.fitted.values[q.name] for q in catalogue()[name].parameters if q.name in o.fitted.values
+                }
     return {}
 
 

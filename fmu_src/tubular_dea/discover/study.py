@@ -117,7 +117,12 @@ def _features(experiment: Experiment) -> list[float]:
     output = experiment.output[experiment.seen]
     smooth = np.convolve(output, np.ones(25) / 25, mode="valid")
     way = float(np.abs(np.diff(smooth[::25])).sum())
-    return [*(float(np.abs(v).max()) for v in experiment.inputs.values()), float(smooth.max()), float(smooth.mean()), way]
+    return [
+        *(float(np.abs(v).max()) for v in experiment.inputs.values()),
+        float(smooth.max()),
+        float(smooth.mean()),
+        way,
+    ]
 
 
 def _split(piece: Piece) -> list[Piece]:

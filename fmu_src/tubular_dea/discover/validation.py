@@ -22,7 +22,10 @@ def cross_validated(fitted: Fit, pieces: Sequence[Piece]) -> float:
         part, left = J[rows], r[rows]
         remaining = information - part.T @ part
         scale = np.sqrt(np.maximum(np.diag(remaining), 1e-12))
-        step = -np.linalg.lstsq(remaining / np.outer(scale, scale), (slope - part.T @ left) / scale, rcond=1e-10)[0] / scale
+        step = (
+            -np.linalg.lstsq(remaining / np.outer(scale, scale), (slope - part.T @ left) / scale, rcond=1e-10)[0]
+            / scale
+        )
         moved = left + part @ step
         total += float(moved @ moved)
     return total

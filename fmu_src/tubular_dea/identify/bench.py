@@ -48,7 +48,11 @@ class Bench:
 
     def example(self) -> str:
         """A header as it is expected."""
-        cells = ["time [s]", *(f"{s.name} [{s.unit}]" for s in self.inputs), f"{self.output_names[0]} [{self.output.unit}]"]
+        cells = [
+            "time [s]",
+            *(f"{s.name} [{s.unit}]" for s in self.inputs),
+            f"{self.output_names[0]} [{self.output.unit}]",
+        ]
         return ",".join(cells)
 
 

@@ -56,12 +56,18 @@ def _standstill(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[st
     equal = np.diff(values) == 0
     if equal.mean() > 0.5:
         return  # a noiseless or coarse record: standing still means nothing
+    for extreme in (values.max(), values.min()):
+        there = np.flatnonzero(values == extreme)
+        if there.size >= max(STANDSTILL, 0.03 * values.size):
+            yield (
+                f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} of "
+                f"{values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
+            )
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
-            kind = "has run into its stop (saturated)" if values[begin] in (values.max(), values.min()) else "is frozen"
             yield (
-                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor {kind}: {end - begin + 1} equal values "
+                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal values "
                 f"{values[begin]:g}; leave these cells empty or the experiment out"
             )
 

@@ -58,7 +58,9 @@ class Recordings:
 def read_folder(folder: Path, bench: Bench = TUBE) -> Recordings:
     """Every `*.csv` of a folder, in the order of their names, and its optional bench.toml."""
     if not folder.is_dir():
-        raise DataError(f"{folder}: expected a folder of CSV files but there is {'a file' if folder.exists() else 'nothing'}")
+        raise DataError(
+            f"{folder}: expected a folder of CSV files but there is {'a file' if folder.exists() else 'nothing'}"
+        )
     files = sorted(folder.glob("*.csv"))
     if not files:
         raise DataError(f"{folder}: no experiment usable: expected CSV files headed {bench.example()!r} but found none")
@@ -95,7 +97,9 @@ def read_experiment(path: Path, bench: Bench = TUBE, rest: float = TUBE.rest) ->
 
 def _columns(path: Path, header: list[str], bench: Bench) -> dict[str, tuple[int, float]]:
     """Place and factor to SI of time, inputs and the output, whichever of its names is there."""
-    units = {"time": "s"} | {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
+    units = (
+        {"time": "s"} | {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
+    )
     try:
         cells = headings(path, header, units)
     except TableError as problem:
@@ -184,4 +188,6 @@ def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> f
     try:
         return float(number) * (factor(unit, units[name]) if unit else 1.0)
     except (ValueError, UnitError) as problem:
-        raise DataError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found {value!r}: {problem}") from None
+        raise DataError(
+            f"{path}: {name}: expected a number with a unit like {units[name]!r} but found {value!r}: {problem}"
+        ) from None

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-INSERT = 16.0  # squared standard deviations by which one more corner must explain the record better
-REMOVE = 12.0  # and below which a corner is taken out again
+INSERT = 11.0  # squared standard deviations by which one more corner must explain the record better
+REMOVE = 8.0  # and below which a corner is taken out again
 ROUNDS = 40
 
 
@@ -52,15 +52,21 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float) -> Line:
     n = values.size
     if n <= 3 or noise <= 0:
         return Line(np.arange(n), values.copy())
-    corners = np.array([0, n - 1])
+    corners = _insert(time, values, np.array([0, n - 1]), noise)
+    corners = _move(time, values, _prune(time, values, corners, noise))
+    corners = _insert(time, values, corners, noise)
+    return Line(corners, _fit(time, values, corners))
+
+
+def _insert(time: np.ndarray, values: np.ndarray, corners: np.ndarray, noise: float) -> np.ndarray:
+    """With corners wherever one more explains the record better than chance."""
     for _ in range(ROUNDS):
         fitted = _fit(time, values, corners)
         added = _worst_places(time, (values - np.interp(time, time[corners], fitted)) / noise, corners)
         if not added:
             break
         corners = np.unique([*corners, *added])
-    corners = _move(time, values, _prune(time, values, corners, noise))
-    return Line(corners, _fit(time, values, corners))
+    return corners
 
 
 def _fit(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -109,7 +115,7 @@ def _prune(time: np.ndarray, values: np.ndarray, corners: np.ndarray, noise: flo
     while corners.size > 2:
         fitted, at = _fit(time, values, corners), time[corners]
         chord = fitted[:-2] + (fitted[2:] - fitted[:-2]) * (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
-        loss = ((fitted[1:-1] - chord) / noise) ** 2 * (corners[2:] - corners[:-2]) / 12.0
+        loss = ((fitted[1:-1] - chord) / noise) ** 2 * (corners[2:] - corners[:-2]) / 8.0
         chosen: list[int] = []
         for i in np.argsort(loss):
             if loss[i] < REMOVE and all(abs(i - j) > 1 for j in chosen):

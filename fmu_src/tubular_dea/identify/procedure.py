@@ -88,7 +88,9 @@ def free_parameters(model: Model, start: Mapping[str, float], names: Sequence[st
             for q in listed]  # fmt: skip
 
 
-def staged(ready: Prepared, model: Model, start: Mapping[str, float], tell: Progress = lambda what: None) -> dict[str, float]:
+def staged(
+    ready: Prepared, model: Model, start: Mapping[str, float], tell: Progress = lambda what: None
+) -> dict[str, float]:
     """The paper's procedure; returns all parameters (SI)."""
     low, high, step = stages(ready)
     values = dict(start)
@@ -108,7 +110,12 @@ def ordered(values: Mapping[str, float]) -> dict[str, float]:
     """Branches may be exchanged: the faster one is called the first, as in Table III."""
     if values["k_1"] / values["eta_1"] >= values["k_2"] / values["eta_2"]:
         return dict(values)
-    return dict(values) | {"k_1": values["k_2"], "eta_1": values["eta_2"], "k_2": values["k_1"], "eta_2": values["eta_1"]}
+    return dict(values) | {
+        "k_1": values["k_2"],
+        "eta_1": values["eta_2"],
+        "k_2": values["k_1"],
+        "eta_2": values["eta_1"],
+    }
 
 
 def joint(ready: Prepared, model: Model, start: Mapping[str, float], starts: int = 3, seed: int = 0,
@@ -128,7 +135,11 @@ def stages(ready: Prepared) -> tuple[list[int], list[int], list[int]]:
     voltages = [np.asarray(c.protocol.inputs["voltage"]) for c in ready.cases]
     top = max(float(v.max()) for v in voltages)
     driven = [i for i in everything if voltages[i].max() > 0.1 * top]
-    ramps = [i for i in driven if np.abs(np.diff(voltages[i])[np.diff(ready.cases[i].protocol.time) == 0]).max(initial=0) < JUMP * top]
+    ramps = [
+        i
+        for i in driven
+        if np.abs(np.diff(voltages[i])[np.diff(ready.cases[i].protocol.time) == 0]).max(initial=0) < JUMP * top
+    ]
     steps = [i for i in driven if i not in ramps]
     by_height = sorted(ramps, key=lambda i: float(voltages[i].max()))
     few = sorted(steps, key=lambda i: (len(ready.cases[i].protocol.time), float(voltages[i].max())))

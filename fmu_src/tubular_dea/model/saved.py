@@ -16,7 +16,7 @@ from typing import Any
 
 from ..errors import UserError
 from .dea import tubular_dea
-from .declare import Model, nearest
+from .declare import DeclarationError, Model, nearest
 from .effects import with_effects
 from .units import UnitError, factor
 
@@ -38,7 +38,13 @@ def as_json(model: Model, note: str = "") -> str:
         p.quantity.name: {"value": p.quantity.value, "unit": p.quantity.unit, "description": p.quantity.description}
         for p in model.parameters
     }
-    content = {"format": FORMAT, "model": model.name, "note": note, "effects": list(model.effects), "parameters": parameters}
+    content = {
+        "format": FORMAT,
+        "model": model.name,
+        "note": note,
+        "effects": list(model.effects),
+        "parameters": parameters,
+    }
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
@@ -49,13 +55,18 @@ def load(path: Path) -> Model:
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as problem:
         raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise ModelFileError(f'{path}: expected an object with "format": {FORMAT}, as `tubular-dea close-loop` writes it')
+        raise ModelFileError(
+            f'{path}: expected an object with "format": {FORMAT}, as `tubular-dea close-loop` writes it'
+        )
     name, effects = content.get("model"), content.get("effects", [])
     if name not in bases():
         raise ModelFileError(f"{path}: there is no model {name!r}{nearest(str(name), bases())}")
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise ModelFileError(f'{path}: expected "effects" to be a list of effect ids')
-    model = with_effects(bases()[name](), effects)
+    try:
+        model = with_effects(bases()[name](), effects)
+    except DeclarationError as problem:
+        raise ModelFileError(f"{path}: {problem}") from None
     return model.with_values(_values(path, model, content.get("parameters", {})))
 
 
@@ -77,5 +88,7 @@ def _values(path: Path, model: Model, given: Any) -> dict[str, float]:
             raise ModelFileError(f"{path}: {name}: {problem}") from None
         low, high = declared[name].minimum, declared[name].maximum
         if (low is not None and values[name] < low) or (high is not None and values[name] > high):
-            raise ModelFileError(f"{path}: {name}: expected {low} to {high} {declared[name].unit} but found {values[name]:g}")
+            raise ModelFileError(
+                f"{path}: {name}: expected {low} to {high} {declared[name].unit} but found {values[name]:g}"
+            )
     return values

@@ -57,7 +57,15 @@ def _errors(page: Page, outcome: dict[str, Any]) -> None:
     rows = []
     for name in ("published", "recalibrated", "after"):
         e = outcome["error"][name]
-        rows.append([name, _um(e["rmse_m"]), _percent(e["fit_percent"]), _um(e["held_out_rmse_m"]), _percent(e["held_out_fit_percent"])])
+        rows.append(
+            [
+                name,
+                _um(e["rmse_m"]),
+                _percent(e["fit_percent"]),
+                _um(e["held_out_rmse_m"]),
+                _percent(e["held_out_fit_percent"]),
+            ]
+        )
     page.table(["model", "error [um]", "fit [%]", "held-out error [um]", "held-out fit [%]"], rows)
     floor = outcome["noise_floor_m"] * 1e6
     held = ", ".join(outcome["held_out"]) or "none"
@@ -67,33 +75,53 @@ def _errors(page: Page, outcome: dict[str, Any]) -> None:
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause")
     noise, state = outcome["noise"], found.base.adequacy
-    page.text(f"1. Noise, from quiet stretches of the record and not from any misfit: {noise['sensor_rms_m'] * 1e6:.1f} um, "
-              f"correlation {noise['sensor_correlation']:.2f} between samples; the monitors' noise adds "
-              f"{noise['from_monitors_rms_m'] * 1e6:.1f} um through the model.")
-    page.text(f"2. Recalibrated base model: what is not noise in its residual has {state.structure * 1e6:.1f} um rms, "
-              f"{state.z_slow:.0f} standard deviations out of the noise in slow parts. A halved tolerance changes "
-              f"the cost by {found.numeric:.2g}.")
-    page.text("3. Latent inputs, one in each channel: their evidence is "
-              + ", ".join(f"{k} {v:.0f}" for k, v in sorted(found.located.evidence.items(), key=lambda kv: -kv[1])) + ".")
+    page.text(
+        f"1. Noise, from quiet stretches of the record and not from any misfit: {noise['sensor_rms_m'] * 1e6:.1f} um, "
+        f"correlation {noise['sensor_correlation']:.2f} between samples; the monitors' noise adds "
+        f"{noise['from_monitors_rms_m'] * 1e6:.1f} um through the model."
+    )
+    page.text(
+        f"2. Recalibrated base model: what is not noise in its residual has {state.structure * 1e6:.1f} um rms, "
+        f"{state.z_slow:.0f} standard deviations out of the noise in slow parts. A halved tolerance changes "
+        f"the cost by {found.numeric:.2g}."
+    )
+    page.text(
+        "3. Latent inputs, one in each channel: their evidence is "
+        + ", ".join(f"{k} {v:.0f}" for k, v in sorted(found.located.evidence.items(), key=lambda kv: -kv[1]))
+        + "."
+    )
     for number, step in enumerate(found.search.rounds, start=4):
         best = ", ".join(f"{s.id} {s.gain:.0f}" for s in step.scores[:5])
-        page.text(f"{number}. Scores" + (f" beside {', '.join(step.present)}" if step.present else "") +
-                  f": {best}. A score above {step.threshold:.0f} is no chance. "
-                  f"{'Accepted' if step.accepted else 'Nothing accepted'}: {step.reason}.")
+        page.text(
+            f"{number}. Scores"
+            + (f" beside {', '.join(step.present)}" if step.present else "")
+            + f": {best}. A score above {step.threshold:.0f} is no chance. "
+            f"{'Accepted' if step.accepted else 'Nothing accepted'}: {step.reason}."
+        )
     after = found.chosen.adequacy
-    page.text(f"{len(found.search.rounds) + 4}. What is left: {after.structure * 1e6:.1f} um rms that is not noise, "
-              f"{after.z_slow:.1f} standard deviations; held-out residual {found.held_ratio:.3f} times the noise.")
-    names = [n for n in found.tests_before if n.startswith("correlation") or n in ("whiteness", "hysteresis", "asymmetry on/off")]
-    page.table(["residual", "before", "after"],
-               [[n, f"{found.tests_before[n]:.3g}", f"{found.tests_after.get(n, 0.0):.3g}"] for n in names])
+    page.text(
+        f"{len(found.search.rounds) + 4}. What is left: {after.structure * 1e6:.1f} um rms that is not noise, "
+        f"{after.z_slow:.1f} standard deviations; held-out residual {found.held_ratio:.3f} times the noise."
+    )
+    names = [
+        n
+        for n in found.tests_before
+        if n.startswith("correlation") or n in ("whiteness", "hysteresis", "asymmetry on/off")
+    ]
+    page.table(
+        ["residual", "before", "after"],
+        [[n, f"{found.tests_before[n]:.3g}", f"{found.tests_after.get(n, 0.0):.3g}"] for n in names],
+    )
 
 
 def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     if not outcome["ranking"]:
         return
     page.heading("Ranking")
-    page.table(["effects", "log evidence over the base", "residual over noise"],
-               [[" + ".join(r["effects"]), f"{r['evidence']:.1f}", f"{r['ratio']:.3f}"] for r in outcome["ranking"]])
+    page.table(
+        ["effects", "log evidence over the base", "residual over noise"],
+        [[" + ".join(r["effects"]), f"{r['evidence']:.1f}", f"{r['ratio']:.3f}"] for r in outcome["ranking"]],
+    )
     for name, others in found.equivalent.items():
         if others:
             page.text(f"Not told apart from {name}: {', '.join(others)}.")
@@ -130,8 +158,12 @@ def _map(page: Page, found: Discovery) -> None:
                     "showscale": column == 2, "colorbar": {"title": "Pa"}},
             customdata=speed[rising], hovertemplate="lambda_2 %{x:.3f}, %{y:.2f} kV, rate %{customdata:.3f} 1/s<extra></extra>",
         ), row=1, col=column)  # fmt: skip
-    drawn.update_xaxes(title="lambda_2").update_yaxes(title="voltage [kV]", col=1).update_layout(showlegend=False, height=420)
-    page.figure(drawn, "The latent force: the residual as the pressure that would explain it, over stretch, rate and voltage.")
+    drawn.update_xaxes(title="lambda_2").update_yaxes(title="voltage [kV]", col=1).update_layout(
+        showlegend=False, height=420
+    )
+    page.figure(
+        drawn, "The latent force: the residual as the pressure that would explain it, over stretch, rate and voltage."
+    )
 
 
 def _runs(found: Discovery) -> list[tuple[np.ndarray, ...]]:

@@ -11,7 +11,7 @@ Equation: F_cir += stop_stiffness ramp(lambda_2 - lambda_2_stop) A_3.
 
 Source: a penalty spring; Wriggers, "Computational contact mechanics", 2nd ed.
 
-Typical: 0.1 to 10 MPa per unit of stretch (10 MPa: 95 mmHg deflect it by 0.02 mm).
+Typical: 0.03 to 10 MPa per unit of stretch (10 MPa: 95 mmHg deflect it by 0.02 mm; 0.03 MPa is a soft sleeve).
 """
 
 from ..declare import Model, Quantity
@@ -22,7 +22,7 @@ from ._signals import pushed
 CORNER = 2e-4  # stretch over which contact begins
 PARAMETERS = (
     Quantity("stop_stiffness", "Pa", "Pressure of the stop for a stretch of 1 beyond it", 0.0, "Wriggers 2006", 0.0,
-             1e9, 1e6, "MPa"),
+             1e9, 1e5, "kPa"),
     Quantity("lambda_2_stop", "1", "Hoop stretch at which the stop begins", 1.25, "Wriggers 2006", 0.7, 3.0),
 )
 
@@ -33,6 +33,6 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "rigid_stop", "mechanical", "A housing stops the tube", _apply, PARAMETERS,
-    off={"stop_stiffness": 0.0}, typical={"stop_stiffness": 1e6, "lambda_2_stop": 1.25},
+    off={"stop_stiffness": 0.0}, typical={"stop_stiffness": 5e4, "lambda_2_stop": 1.25},
     shapes={"lambda_2_stop": (1.1, 1.15, 1.2, 1.25, 1.3, 1.4)},
 )  # fmt: skip

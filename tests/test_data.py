@@ -1,0 +1,181 @@
+"""Recordings: units from headers, gaps, and checks that name file, line and column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tubular_dea.identify.data import DataError, read_experiment, read_folder
+from tubular_dea.identify.drive import drive
+from tubular_dea.identify.monitors import jumps, noise_level, polyline
+from tubular_dea.identify.noise import Noise, estimate
+
+HEADER = "time [s],pressure [Pa],voltage [V],radius [m]"
+
+
+def rows(n: int = 400, seed: int = 0) -> np.ndarray:
+    """A plausible recording: a pressure ramp, a voltage step, a radius that follows; time, Pa, V, m."""
+    random = np.random.default_rng(seed)
+    t = np.arange(n) * 0.004
+    pressure = 8000 * np.minimum(t / 0.8, 1) + 25 * random.standard_normal(n)
+    voltage = 4000.0 * (t >= 1.0) + 4 * random.standard_normal(n)
+    radius = 0.015 + 2e-7 * pressure + 4e-4 * (t >= 1.0) + 15e-6 * random.standard_normal(n)
+    return np.column_stack([t, pressure, voltage, radius])
+
+
+def written(
+    folder: Path, table: np.ndarray, header: str = HEADER, name: str = "a.csv", scale: tuple = (1, 1, 1, 1)
+) -> Path:
+    path = folder / name
+    lines = [",".join(f"{v:.9g}" for v in row) for row in table / np.array(scale, float)]
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("header", "scale"), [
+    ("time [ms],pressure [mmHg],voltage [kV],radius [mm]", (1e-3, 133.322, 1e3, 1e-3)),
+    ("time [s],pressure [kPa],voltage [V],radius [um]", (1, 1e3, 1, 1e-6)),
+])  # fmt: skip
+def test_units_come_from_the_header(tmp_path: Path, header: str, scale: tuple) -> None:
+    plain = read_experiment(written(tmp_path, rows()))
+    other = read_experiment(written(tmp_path, rows(), header, "b.csv", scale))
+    np.testing.assert_allclose(other.time, plain.time, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(other.output, plain.output, atol=1e-10)
+    for name in ("pressure", "voltage"):
+        np.testing.assert_allclose(other.inputs[name], plain.inputs[name], rtol=1e-7, atol=1e-5)
+
+
+def test_displacement_may_stand_for_radius(tmp_path: Path) -> None:
+    table = rows()
+    shifted = table - [0, 0, 0, 0.015]
+    a = read_experiment(written(tmp_path, table))
+    b = read_experiment(written(tmp_path, shifted, HEADER.replace("radius", "displacement"), "b.csv"))
+    np.testing.assert_allclose(a.output, b.output, atol=1e-9)
+
+
+def test_gaps_and_irregular_times_are_understood(tmp_path: Path) -> None:
+    path = written(tmp_path, np.delete(rows(), [50, 51, 90], axis=0))
+    lines = path.read_text().splitlines()
+    for i in (100, 101):
+        lines[i] = lines[i].rsplit(",", 1)[0] + ","
+    cells = lines[120].split(",")
+    lines[120] = ",".join([cells[0], "", *cells[2:]])
+    path.write_text("\n".join(lines) + "\n")
+    experiment = read_experiment(path)
+    assert experiment.time.size == 397
+    assert (~experiment.seen).sum() == 2
+    assert np.all(np.isfinite(experiment.inputs["pressure"]))
+
+
+def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
+    table = table.copy()
+    if kind == "time":
+        table[[200, 201]] = table[[201, 200]]
+    elif kind == "mmHg":
+        table[:, 1] /= 133.322
+    elif kind == "kV":
+        table[:, 2] /= 1e3
+    elif kind == "frozen":
+        table[150:230, 3] = table[150, 3]
+    elif kind == "saturated":
+        table[:, 3] = np.minimum(table[:, 3], np.quantile(table[:, 3], 0.7))
+    elif kind == "below":
+        table[:, 3] -= 0.004
+    elif kind == "constant":
+        table[:, 3] = 0.0162 + 15e-6 * np.random.default_rng(1).standard_normal(table.shape[0])
+    elif kind == "mm":
+        table[:, 3] *= 1e3
+    return table
+
+
+@pytest.mark.parametrize(("kind", "words"), [
+    ("time", ["line 203", "'time'", "sort the lines"]),
+    ("mmHg", ["line ", "'pressure'", "mmHg"]),
+    ("kV", ["line ", "'voltage'", "kV labelled V"]),
+    ("frozen", ["lines 152 to 231", "'radius'", "frozen"]),
+    ("saturated", ["'radius'", "saturated"]),
+    ("below", ["line ", "'radius'", "below the tube's own radius"]),
+    ("constant", ["'radius'", "constant record"]),
+    ("mm", ["'radius'", "labelled m"]),
+])  # fmt: skip
+def test_bad_recordings_are_refused_with_their_place(tmp_path: Path, kind: str, words: list[str]) -> None:
+    path = written(tmp_path, _spoil(kind, rows()))
+    with pytest.raises(DataError) as refusal:
+        read_experiment(path)
+    for word in [str(path), *words]:
+        assert word in str(refusal.value)
+
+
+def test_missing_columns_and_too_few_samples_are_refused(tmp_path: Path) -> None:
+    for column in ("pressure", "voltage"):
+        path = written(tmp_path, rows(), HEADER.replace(column, "something"))
+        with pytest.raises(DataError, match=rf"line 1: column '{column} .* is missing"):
+            read_experiment(path)
+    with pytest.raises(DataError, match="too few samples: 20 lines"):
+        read_experiment(written(tmp_path, rows()[:20]))
+    with pytest.raises(DataError, match="no experiment usable"):
+        empty = tmp_path / "empty"
+        empty.mkdir()
+        read_folder(empty)
+    bad = written(tmp_path, rows())
+    bad.write_text(bad.read_text().replace("0.4,", "0.4,x", 1))
+    with pytest.raises(DataError, match="line 102, column 'pressure': expected a number"):
+        read_experiment(bad)
+
+
+def test_bench_file_gives_geometry_and_noise(tmp_path: Path) -> None:
+    written(tmp_path, rows())
+    (tmp_path / "bench.toml").write_text('[geometry]\nr_o = "14.8 mm"\n[noise]\nradius = "20 um"\n')
+    recordings = read_folder(tmp_path)
+    assert recordings.geometry == {"r_o": pytest.approx(0.0148)}
+    assert recordings.noise == {"radius": pytest.approx(20e-6)}
+    (tmp_path / "bench.toml").write_text("[geometry]\nradius_of_the_tube = 3\n")
+    with pytest.raises(DataError, match="radius_of_the_tube"):
+        read_folder(tmp_path)
+
+
+def test_a_monitors_noise_is_told_from_its_signal() -> None:
+    random = np.random.default_rng(3)
+    t = np.arange(4000) * 0.004
+    truth = np.interp(t, [0, 1, 6, 6.02, 10, 16], [0, 8000, 8000, 12000, 12000, 5000])
+    noisy = truth + 25 * random.standard_normal(t.size)
+    line = polyline(t, noisy, noise_level(noisy))
+    error = np.interp(t, t[line.corners], line.values) - truth
+    assert line.corners.size < 15
+    assert np.sqrt(np.mean(error**2)) < 4
+    held = np.where((t > 2) & (t < 5), 4000.0, 0.0) + 4 * random.standard_normal(t.size)
+    np.testing.assert_array_equal(jumps(held, noise_level(held)), [501, 1250])
+
+
+def test_a_moving_signal_is_kept_as_it_is() -> None:
+    t = np.arange(2000) * 0.004
+    truth = 9000 + 2000 * np.sin(2 * np.pi * 1.3 * t) + 500 * np.sin(2 * np.pi * 9 * t)
+    noisy = truth + 25 * np.random.default_rng(0).standard_normal(t.size)
+    line = polyline(t, noisy, noise_level(noisy))
+    assert (
+        np.sqrt(np.mean((np.interp(t, t[line.corners], line.values) - truth) ** 2)) < 30
+    )  # as little as the noise itself
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5])
+def test_noise_is_estimated_from_the_record_alone(correlation: float) -> None:
+    random = np.random.default_rng(5)
+    t = np.arange(8000) * 0.004
+    truth = 3e-3 * (1 - np.exp(-t / 3))
+    record = truth + Noise(15e-6, correlation).sample(t, random)
+    found = estimate([(t, record, np.array([0.0, 10.0, 32.0]))])
+    assert found.rms == pytest.approx(15e-6, rel=0.04)
+    assert found.correlation == pytest.approx(correlation, abs=0.05)
+
+
+def test_drive_keeps_switching_where_it_was(tmp_path: Path) -> None:
+    experiment = read_experiment(written(tmp_path, rows()))
+    from tubular_dea.identify.bench import TUBE
+
+    protocol = drive(experiment, TUBE).protocol
+    doubled = protocol.time[1:][np.diff(protocol.time) == 0]
+    assert 1.0 in np.round(doubled, 9)
+    assert protocol.at(np.array([1.0]))["voltage"][0] == pytest.approx(4000, abs=5)
+    assert protocol.at(np.array([0.999]))["voltage"][0] == pytest.approx(0, abs=5)

@@ -1,0 +1,154 @@
+"""Discovery end to end on small data, and its parts; the long study is `python -m blind.score` in tests/."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+
+from blind import bench
+from tubular_dea.cli import main
+from tubular_dea.discover import bank, base, engine, outcome
+from tubular_dea.discover.bootstrap import null_scores
+from tubular_dea.discover.engine import Discovery
+from tubular_dea.discover.study import choose_held_out, study
+from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.drive import drive
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.saved import load
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "cosim_examples" / "data" / "bench"
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "bench"
+FEW = ["02_step_4kV", "03_step_6kV", "04_ramp_7kV", "05_pressure_steps", "08_heartbeat_5kV"]
+
+
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """OUT of `tubular-dea close-loop` on the example's recordings."""
+    out = tmp_path_factory.mktemp("closed") / "out"
+    assert main(["close-loop", str(EXAMPLE), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def nothing(tmp_path_factory: pytest.TempPathFactory) -> Discovery:
+    """The discovery on recordings in which nothing is missing."""
+    folder = tmp_path_factory.mktemp("null") / "data"
+    bench.write(bench.draw(11, "none"), folder, 11, FEW)
+    return engine.discover(read_folder(folder))
+
+
+def test_the_hidden_effect_is_found_and_the_error_falls_to_the_noise(closed: Path) -> None:
+    result = json.loads((closed / "result.json").read_text())
+    assert result["verdict"] == "effect_found"
+    assert [e["id"] for e in result["effects"]] == ["electrode_resistance"]
+    assert result["residual"]["channel"] == "electrical"
+    error = result["error"]
+    assert error["after"]["held_out_rmse_m"] <= 1.1 * result["noise_floor_m"]
+    assert error["after"]["rmse_m"] < error["recalibrated"]["rmse_m"] < error["published"]["rmse_m"]
+    assert result["noise_floor_m"] == pytest.approx(15e-6, rel=0.05)
+    tau = result["effects"][0]["parameters"]["tau_e"]
+    assert tau["ci95"][0] < tau["value"] < tau["ci95"][1]
+    assert tau["unit"] == "s"
+    assert isinstance(result["next_experiment"], str)
+    assert len(error["after"]["per_experiment"]) == 6
+
+
+def test_the_fmu_reproduces_the_records(closed: Path) -> None:
+    recordings = read_folder(EXAMPLE)
+    experiment = next(e for e in recordings.experiments if e.name == "07_voltage_steps")
+    protocol = drive(experiment, recordings.bench, recordings.noise).protocol
+    names = ["time", "pressure", "voltage"]
+    table = np.array(list(zip(protocol.time, protocol.inputs["pressure"], protocol.inputs["voltage"], strict=True)),
+                     dtype=[(n, float) for n in names])  # fmt: skip
+    run = simulate_fmu(str(closed / "fmi2" / "TubularDEA.fmu"), input=table, output=["measured_displacement"],
+                       stop_time=float(protocol.time[-1]), output_interval=0.004, step_size=0.004,
+                       fmi_type="CoSimulation")  # fmt: skip
+    modelled = np.interp(experiment.time, run["time"], run["measured_displacement"])
+    assert np.sqrt(np.mean((modelled - experiment.output) ** 2)) < 1.1 * 15e-6
+
+
+def test_the_model_file_reloads_and_builds(closed: Path, tmp_path: Path) -> None:
+    model = load(closed / "model.json")
+    assert model.effects == ("electrode_resistance",)
+    tunable = [p.quantity.name for p in model.parameters if p.tunable]
+    assert "tau_e" in tunable
+    assert main(["build", "--model", str(closed / "model.json"), "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "fmi2" / "TubularDEA.fmu").read_bytes() == (closed / "fmi2" / "TubularDEA.fmu").read_bytes()
+
+
+def test_the_report_is_self_contained(closed: Path) -> None:
+    page = (closed / "report.html").read_text(encoding="utf-8")
+    assert "electrode_resistance" in page
+    assert "From the residual to its cause" in page
+    assert 'src="http' not in page
+
+
+def test_the_same_recordings_and_seed_give_the_same_result(closed: Path, tmp_path: Path) -> None:
+    assert main(["close-loop", str(EXAMPLE), "--out", str(tmp_path / "again")]) == 0
+    for name in ("result.json", "model.json", "report.html", "fmi2/TubularDEA.fmu"):
+        assert (tmp_path / "again" / name).read_bytes() == (closed / name).read_bytes(), name
+
+
+def test_nothing_is_named_where_nothing_is_missing(nothing: Discovery) -> None:
+    result = outcome.result(nothing)
+    assert result["verdict"] == "no_effect"
+    assert result["effects"] == []
+    assert result["residual"]["channel"] is None
+    assert result["error"]["after"]["held_out_rmse_m"] <= 1.1 * result["noise_floor_m"]
+
+
+def test_linearised_nulls_stay_below_the_threshold(nothing: Discovery) -> None:
+    first = nothing.search.rounds[0]
+    assert np.mean(first.null.largest > first.threshold) <= 0.001
+
+
+def test_scores_point_to_the_refit(closed: Path) -> None:
+    work = study(read_folder(EXAMPLE), tubular_dea())
+    fitted = base.recalibrate(work, 1)
+    listed = bank.candidates(work, fitted)
+    scored = bank.best_of_each(bank.scores(listed, fitted.residual, fitted.jacobian))
+    assert scored[0].id in ("electrode_resistance", "amplifier_slew")
+    assert {s.candidate.effect.channel for s in scored} == {"electrical", "mechanical", "pressure", "sensor"}
+    null = null_scores(listed, fitted.jacobian, draws=500)
+    assert scored[0].gain > 100 * null.threshold(0.01)
+    assert null.probability(scored[0].gain) == 1 / 500
+
+
+def test_held_out_experiments_stay_inside_what_the_others_reach() -> None:
+    recordings = read_folder(EXAMPLE)
+    held = choose_held_out(recordings)
+    assert len(held) == 1
+    rest = [e for e in recordings.experiments if e.name not in held]
+    for experiment in recordings.experiments:
+        if experiment.name in held:
+            assert np.nanmax(experiment.output) < max(np.nanmax(e.output) for e in rest)
+
+
+def test_bad_recordings_leave_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    data = tmp_path / "data"
+    shutil.copytree(EXAMPLE, data)
+    spoilt = data / "04_ramp_7kV.csv"
+    lines = spoilt.read_text().splitlines()
+    lines[500], lines[501] = lines[501], lines[500]
+    spoilt.write_text("\n".join(lines))
+    assert main(["close-loop", str(data), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "04_ramp_7kV.csv, line 502, column 'time'" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("name", "ids"), [("set-2", ["friction_hysteresis"]), ("set-3", [])])
+def test_declared_sets_of_the_bench(name: str, ids: list[str]) -> None:
+    if not (SHARED / name).is_dir():
+        assert "CI" not in os.environ, f"{SHARED / name} is missing: CI has to check out the shared data"
+        pytest.skip(f"{SHARED / name} is not there: the bench sets lie beside the repository")
+    result = outcome.result(engine.discover(read_folder(SHARED / name)))
+    assert [e["id"] for e in result["effects"]] == ids
+    assert result["verdict"] == ("effect_found" if ids else "no_effect")
+    assert result["error"]["after"]["held_out_rmse_m"] <= 1.1 * result["noise_floor_m"]

@@ -1,0 +1,118 @@
+"""Identification: exact Jacobian, the truth recovered from Table II and Table III, intervals, what is not determined."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind import bench
+from tubular_dea.cli import main
+from tubular_dea.identify import procedure
+from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.fit import fit, goodness, interval, profile_interval
+from tubular_dea.model.dea import IDENTIFIED, tubular_dea
+from tubular_dea.model.saved import ModelFileError, as_json, load
+
+RAMPS_AND_STEPS = ["01_ramp_4kV", "02_step_4kV", "04_ramp_7kV", "05_pressure_steps"]
+
+
+@pytest.fixture(scope="module")
+def null(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bench.Tube]:
+    """Recordings of the independent bench in which nothing is missing, and the tube that made them."""
+    folder = tmp_path_factory.mktemp("null") / "data"
+    tube = bench.draw(3, "none")
+    return bench.write(tube, folder, 3, RAMPS_AND_STEPS), tube
+
+
+@pytest.fixture(scope="module")
+def ready(null: tuple[Path, bench.Tube]) -> procedure.Prepared:
+    return procedure.prepare(read_folder(null[0]), tubular_dea())
+
+
+def test_jacobian_is_that_of_the_residuals(ready: procedure.Prepared) -> None:
+    start = tubular_dea().parameter_values()
+    problem = ready.problem(procedure.free_parameters(tubular_dea(), start), start, [1])
+    at = problem.scaled(start)
+    _, jacobian = problem.linearised(at)
+    for i in range(len(problem.free)):
+        step = np.zeros(at.size)
+        step[i] = 3e-3
+        slope = (problem.residuals(at + step) - problem.residuals(at - step)) / 6e-3
+        assert np.linalg.norm(slope - jacobian[:, i]) < 0.02 * np.linalg.norm(jacobian[:, i])
+
+
+def test_joint_fit_finds_the_tube_and_its_intervals_hold(
+    ready: procedure.Prepared, null: tuple[Path, bench.Tube]
+) -> None:
+    model = tubular_dea()
+    problem, best = procedure.joint(ready, model, model.parameter_values(), starts=1)
+    assert best.converged
+    assert best.cost / best.residual.size == pytest.approx(1, abs=0.05)
+    truth = dict(zip([q.name for q in IDENTIFIED], null[1].identified, strict=True))
+    apart = [abs(best.values[n] - truth[n]) / best.stderr[n] for n in truth]
+    assert max(apart) < 5
+    assert sum(a < 1.96 for a in apart) >= 6
+    outputs = problem.response.outputs(best.values)
+    assert goodness(problem.records, outputs) > 98
+
+
+def test_table_2_leads_to_the_answer(ready: procedure.Prepared, null: tuple[Path, bench.Tube]) -> None:
+    model = tubular_dea()
+    start = procedure.staged(ready, model, model.parameter_values() | procedure.TABLE_II)
+    _, best = procedure.joint(ready, model, start, starts=1)
+    assert best.cost / best.residual.size == pytest.approx(1, abs=0.05)
+    truth = dict(zip([q.name for q in IDENTIFIED], null[1].identified, strict=True))
+    for name in ("C_1", "eps_r", "eta_o"):
+        assert best.values[name] == pytest.approx(truth[name], rel=0.05)
+
+
+def test_profile_agrees_with_the_covariance_where_the_data_determine(ready: procedure.Prepared) -> None:
+    start = tubular_dea().parameter_values()
+    problem = ready.problem(procedure.free_parameters(tubular_dea(), start, ["C_1", "eps_r", "eta_o"]), start, [1])
+    best = fit(problem, start)
+    for near, far in zip(interval(best, "C_1"), profile_interval(problem, best, "C_1"), strict=True):
+        assert abs(near - best.values["C_1"]) == pytest.approx(abs(far - best.values["C_1"]), rel=0.15)
+
+
+def test_what_is_not_determined_is_named(ready: procedure.Prepared) -> None:
+    start = tubular_dea().parameter_values()
+    pressure_only = [i for i, e in enumerate(ready.experiments) if e.name == "05_pressure_steps"]
+    problem = ready.problem(procedure.free_parameters(tubular_dea(), start, ["C_1", "eps_r"]), start, pressure_only)
+    assert fit(problem, start, evaluations=5).undetermined() == ["eps_r"]
+
+
+def test_command_writes_parameters_and_a_model(null: tuple[Path, bench.Tube], tmp_path: Path) -> None:
+    assert (
+        main(["identify", str(null[0]), "--starts", "1", "--free", "C_1", "eps_r", "eta_o", "--out", str(tmp_path)])
+        == 0
+    )
+    content = json.loads((tmp_path / "parameters.json").read_text())
+    assert set(content["parameters"]) == {"C_1", "eps_r", "eta_o"}
+    model = load(tmp_path / "model.json")
+    assert model.parameter_values()["C_1"] == pytest.approx(content["parameters"]["C_1"]["value"])
+
+
+def test_a_model_file_that_means_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    content = json.loads(as_json(tubular_dea()))
+    for spoil, words in (
+        ({"effects": ["friktion"]}, "friktion"),
+        ({"parameters": {"C_9": 1.0}}, "C_9"),
+        ({"parameters": {"C_1": {"value": 3.0, "unit": "V"}}}, "C_1"),
+        ({"format": 7}, "format"),
+    ):
+        path.write_text(json.dumps(content | spoil))
+        with pytest.raises(ModelFileError, match=words):
+            load(path)
+
+
+def test_command_refuses_what_it_cannot_use(
+    null: tuple[Path, bench.Tube], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert main(["identify", str(null[0]), "--free", "C_7", "--out", str(tmp_path / "o")]) == 2
+    assert "C_7" in capsys.readouterr().err
+    assert main(["identify", str(tmp_path / "nowhere"), "--out", str(tmp_path / "o")]) == 2
+    assert not (tmp_path / "o").exists()
