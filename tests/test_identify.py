@@ -1,4 +1,4 @@
-"""Identification: exact Jacobian, the truth recovered from Table II and Table III, intervals, what is not determined."""
+"""Identification: exact Jacobian, the truth recovered from Tables II and III, intervals, what is not determined."""
 
 from __future__ import annotations
 

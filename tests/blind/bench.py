@@ -187,8 +187,14 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
         grid = np.unique(np.concatenate([time, np.minimum(time + late, stop)]))
         grid = np.sort(np.concatenate([grid, time[1:][np.diff(time) == 0]]))
         doubled = np.append(False, np.diff(grid) == 0)
-        left = np.array([voltage[np.searchsorted(time, t, "right") - 1] if d or t not in time else
-                         voltage[np.searchsorted(time, t, "left")] for t, d in zip(grid, doubled, strict=True)])  # fmt: skip
+        left = np.array(
+            [
+                voltage[np.searchsorted(time, t, "right") - 1]
+                if d or t not in time
+                else voltage[np.searchsorted(time, t, "left")]
+                for t, d in zip(grid, doubled, strict=True)
+            ]
+        )
         between = ~np.isin(grid, time)
         left[between] = [_between(time, voltage, t) for t in grid[between]]
         pressure = np.interp(grid - late, time, pressure)
@@ -203,8 +209,16 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
     constants = np.array([*TABLE_I, *tube.identified])
     stride = round(1 / RATE / STEP)
     arrays = [np.ascontiguousarray(a, float) for a in (time, pressure, voltage)]
-    good = _library().trajectory(_ptr(constants), _ptr(on), ctypes.c_long(len(arrays[0])), *map(_ptr, arrays),
-                                 ctypes.c_double(STEP), ctypes.c_long(n), ctypes.c_long(stride), _ptr(lambda_2))  # fmt: skip
+    good = _library().trajectory(
+        _ptr(constants),
+        _ptr(on),
+        ctypes.c_long(len(arrays[0])),
+        *map(_ptr, arrays),
+        ctypes.c_double(STEP),
+        ctypes.c_long(n),
+        ctypes.c_long(stride),
+        _ptr(lambda_2),
+    )
     if not good:
         raise ValueError(f"the tube bursts under {tube}")
     return _sensed(tube, TABLE_I[0] * lambda_2)

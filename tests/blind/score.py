@@ -59,9 +59,11 @@ def trial(name: str, folder: Path, hidden: list[str]) -> Trial:
     result = outcome.result(found)
     error, floor = result["error"], result["noise_floor_m"]
     tests = result["residual"]["tests"]
+    effects = result["effects"]
     return Trial(
-        name, hidden, result["verdict"], [e["id"] for e in result["effects"]], [e["equivalent"] for e in result["effects"]],
-        result["residual"]["channel"], error["after"]["held_out_rmse_m"] / floor, error["recalibrated"]["rmse_m"] / floor,
+        name, hidden, result["verdict"], [e["id"] for e in effects], [e["equivalent"] for e in effects],
+        result["residual"]["channel"], error["after"]["held_out_rmse_m"] / floor,
+        error["recalibrated"]["rmse_m"] / floor,
         tests["largest_score"], tests["threshold"], time.time() - started, time.process_time() - cpu,
         list(found.search.rounds[0].null.largest[::40]),
     )  # fmt: skip
@@ -100,8 +102,11 @@ def table(trials: list[Trial]) -> str:
     for t in trials:
         found = ", ".join(f + (f" ({'/'.join(e)})" if e else "") for f, e in zip(t.found, t.equivalent, strict=True))
         mark = " " if right(t) else ("x" if detectable(t) or not t.hidden else "-")
-        lines.append(f"{mark}{t.name:33s} {', '.join(t.hidden) or '(nothing)':44s} {t.verdict:13s} {found:70s} {t.channel!s:10s} "
-                     f"{t.base_over_noise:5.2f} {t.held_out_over_noise:5.3f} {t.seconds:4.0f} {t.cpu:4.0f}")  # fmt: skip
+        hidden = ", ".join(t.hidden) or "(nothing)"
+        lines.append(
+            f"{mark}{t.name:33s} {hidden:44s} {t.verdict:13s} {found:70s} {t.channel!s:10s} "
+            f"{t.base_over_noise:5.2f} {t.held_out_over_noise:5.3f} {t.seconds:4.0f} {t.cpu:4.0f}"
+        )
     return "\n".join([*lines, "", *shares(trials)])
 
 

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea build`."""
     names = ", ".join(p.name for p in PLATFORMS)
     parser.add_argument("--out", type=Path, default=Path("build"), help="folder to write to (default: build)")
-    parser.add_argument("--model", type=Path, help="a model.json of `tubular-dea close-loop`, instead of the paper's model")
+    parser.add_argument("--model", type=Path, help="a model.json of close-loop, instead of the paper's model")
     parser.add_argument(
         "--platforms",
         nargs="+",

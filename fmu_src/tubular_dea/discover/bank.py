@@ -97,8 +97,8 @@ def best_of_each(listed: Iterable[Score]) -> list[Score]:
 
 
 def _candidate(
-    response: Response, problem: Problem, base: list[np.ndarray], rows: int, values: Mapping[str, float], effect: Effect,
-    shape: dict[str, float],
+    response: Response, problem: Problem, base: list[np.ndarray], rows: int, values: Mapping[str, float],
+    effect: Effect, shape: dict[str, float],
 ) -> Candidate | None:  # fmt: skip
     off = dict(values) | switched_off(effect) | shape
     names = tuple(n for n in effect.off if n not in effect.refine)

@@ -140,7 +140,8 @@ def _mechanical(model: Model) -> Model:
     model, behind = _lagging(model, "mechanical", stretch, "1", model["lambda_2_start"], stretch, 0.1)
     model, below = _below_largest(model)
     fast = [sympy.tanh(magnitude(speed) / sympy.Float(v)) for v in VISCOUS_RATES]
-    laws = [(600.0, "sigma_hoop", [*_waves(stretch - 1, FULL_STRETCH), speed, sympy.tanh(speed / sympy.Float(0.02)), *behind]),
+    hoop = [*_waves(stretch - 1, FULL_STRETCH), speed, sympy.tanh(speed / sympy.Float(0.02)), *behind]
+    laws = [(600.0, "sigma_hoop", hoop),
             (0.05 * 745e3, "sigma_eta", [model["dlambda_1_dlambda_2"] * speed * f for f in (*fast, stretch - 1)]),
             (0.01 * 333e3, "dW_dI_1", [sympy.tanh(below / sympy.Float(w)) for w in MEMORIES])]  # fmt: skip
     first = 0

@@ -23,7 +23,7 @@ def equivalents(base: Option, chosen: Option, rivals: Sequence[Option]) -> dict[
     for rival in rivals:
         missing = [i for i in chosen.ids if i not in rival.ids]
         extra = [i for i in rival.ids if i not in chosen.ids]
-        if len(missing) == len(extra) == 1 and -2 * (rival.evidence - chosen.evidence) < reach:
-            if extra[0] not in found[missing[0]]:
-                found[missing[0]].append(extra[0])
+        near = -2 * (rival.evidence - chosen.evidence) < reach
+        if near and len(missing) == len(extra) == 1 and extra[0] not in found[missing[0]]:
+            found[missing[0]].append(extra[0])
     return found

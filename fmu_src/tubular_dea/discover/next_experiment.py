@@ -59,7 +59,8 @@ def feasible(study: Study) -> dict[str, Protocol]:
         f"slow pressure triangles of growing height up to {mmhg:.0f} mmHg without voltage": _triangles(p, 0.0),
         f"slow pressure triangles of growing height up to {mmhg:.0f} mmHg at {0.6 * kv:.1f} kV": _triangles(p, 0.6 * v),
         f"{kv:.1f} kV held for 15 s at {0.6 * mmhg:.0f} mmHg and then taken off for 10 s": _hold(0.6 * p, v),
-        f"voltage triangles up to {kv:.1f} kV of 1 s and of 6 s at {0.6 * mmhg:.0f} mmHg": _voltage_triangles(0.6 * p, v),
+        f"voltage triangles up to {kv:.1f} kV of 1 s and of 6 s at {0.6 * mmhg:.0f} mmHg":
+            _voltage_triangles(0.6 * p, v),
     }  # fmt: skip
 
 

@@ -22,6 +22,12 @@ WHY = {
     "ambiguous": "The record cannot tell these effects apart",
     "unexplained": "A residual remains that no effect of the catalogue explains",
 }
+REPEAT = {
+    "electrical": "with and without voltage at the same pressures",
+    "mechanical": "at several rates without voltage",
+    "pressure": "with a second pressure sensor at the tube",
+    "sensor": "with a second displacement sensor",
+}
 
 
 def result(found: Discovery) -> dict[str, Any]:
@@ -49,7 +55,7 @@ def result(found: Discovery) -> dict[str, Any]:
 
 
 def channel(found: Discovery) -> str | None:
-    """Where the residual arises: the first effect's channel, or that of the best latent input; None without residual."""
+    """Where the residual arises: the first effect's channel, or the best latent input's; None without residual."""
     if found.verdict == "no_effect":
         return None
     if found.chosen.ids and found.verdict != "unexplained":
@@ -80,8 +86,10 @@ def errors(found: Discovery, ids: Ids, values: Mapping[str, float]) -> dict[str,
             "per_experiment": {},
         }
     pairs = list(zip(found.study.pieces, outputs, strict=True))
-    record = {p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y]), "held_out": p.held_out}
-              for p, y in pairs}  # fmt: skip
+    record = {
+        p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y]), "held_out": p.held_out}
+        for p, y in pairs
+    }
     train = [(p.record, y) for p, y in pairs if not p.held_out]
     held = [(p.record, y) for p, y in pairs if p.held_out]
     of = {"": train, "held_out_": held}
@@ -108,29 +116,19 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
-    why, proposal = WHY[found.verdict], found.proposal
+    why, proposal, channel_ = WHY[found.verdict], found.proposal, found.located.channel
     if found.verdict == "no_effect":
-        return f"{why}: no further experiment is needed unless the tube will be used beyond the recorded pressures and voltages."
+        return f"{why}: no further experiment is needed unless the tube will go beyond what was recorded."
     if found.verdict == "unexplained":
-        where = {
-            "electrical": "with and without voltage at the same pressures",
-            "pressure": "with a second pressure sensor at the tube",
-            "sensor": "with a second displacement sensor",
-            "mechanical": "at several rates without voltage",
-        }
-        return f"{why}: repeat an experiment {where[found.located.channel]}, because the {found.located.channel} channel explains most."
+        return f"{why}: repeat an experiment {REPEAT[channel_]}, because the {channel_} channel explains most of it."
     if proposal is None:
         return f"{why}: repeat the experiments on another tube to see whether the effect is the same."
-    names = " or ".join(
-        dict.fromkeys(i for i in [*found.chosen.ids, *(n for ns in found.equivalent.values() for n in ns)])
-    )
+    listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
+    names = " or ".join(dict.fromkeys(listed))
+    apart = f"{proposal.discrimination:.0f} in log likelihood"
     if found.verdict == "ambiguous":
-        return (
-            f"{why}: record {proposal.words}, on which {names} differ by {proposal.discrimination:.0f} in log likelihood "
-            "where they are closest."
-        )
-    return (f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ by "
-            f"{proposal.discrimination:.0f} in log likelihood.")  # fmt: skip
+        return f"{why}: record {proposal.words}, on which {names} differ by {apart} where they are closest."
+    return f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ by {apart}."
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:
@@ -165,15 +163,19 @@ def _unit(found: Discovery, name: str) -> str:
 
 
 def _tests(found: Discovery) -> dict[str, Any]:
-    a, b = found.base.adequacy, found.chosen.adequacy
+    sides = {"before": (found.tests_before, found.base.adequacy), "after": (found.tests_after, found.chosen.adequacy)}
+    first = found.search.rounds[0]
     return {
-        "before": {k: _finite(v) for k, v in found.tests_before.items()} | {"z_slow": a.z_slow, "z_total": a.z_total, "structure_m": a.structure},
-        "after": {k: _finite(v) for k, v in found.tests_after.items()} | {"z_slow": b.z_slow, "z_total": b.z_total, "structure_m": b.structure},
+        name: {k: _finite(v) for k, v in tests.items()}
+        | {"z_slow": state.z_slow, "z_total": state.z_total, "structure_m": state.structure}
+        for name, (tests, state) in sides.items()
+    } | {
         "latent_evidence": {k: _finite(v) for k, v in found.located.evidence.items()},
         "disturbance": found.located.disturbance,
-        "largest_score": float(found.search.rounds[0].scores[0].gain) if found.search.rounds[0].scores else 0.0,
-        "threshold": float(found.search.rounds[0].threshold),
-    }  # fmt: skip
+        "largest_score": float(first.scores[0].gain) if first.scores else 0.0,
+        "threshold": float(first.threshold),
+        "numeric_gain": found.numeric,
+    }
 
 
 def _finite(value: float) -> float | None:

@@ -36,6 +36,9 @@ SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
 FORM_PART = 0.02  # the same, where what is left is so little that another form of the first may be all there is
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
+ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
+HELD_OUT_SLACK = 4.0  # by which the held-out sum of squares of a strong effect may rise by chance
+STRONG = 3.0  # times the threshold
 LITTLE = 12.0  # gain below which an effect is dropped again
 
 Progress = Callable[[str], None]
@@ -60,7 +63,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Round:
-    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), the choice."""
+    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), choice."""
 
     present: Ids
     scores: list[Score]
@@ -115,7 +118,9 @@ def clean(state: Adequacy) -> bool:
 def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
     """What stands out of the noise is little, and little of what stood out `before`."""
     explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
-    return max(state.ratio, held_ratio) <= NEARLY_RATIO and explained >= NEARLY_EXPLAINED
+    if held_ratio > NEARLY_RATIO or explained < NEARLY_EXPLAINED:
+        return False
+    return state.ratio <= (ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO)
 
 
 def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progress) -> Round:
@@ -174,7 +179,10 @@ def _accept(found: Search, best: Option, threshold: float) -> tuple[bool, str]:
         return False, f"refitted, {best.ids[-1]} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
     if best.cross_validated >= before.cross_validated:
         return False, f"{best.ids[-1]} does not predict the blocks left out"
-    if best.held_out > before.held_out + 4.0:
+    if (
+        best.held_out >= before.held_out + (HELD_OUT_SLACK if gain > STRONG * threshold else 0.0)
+        and before.held_out > 0
+    ):
         return False, f"{best.ids[-1]} does not predict the held-out experiments"
     if before.ids:
         first = found.base.fitted.cost - before.fitted.cost
@@ -250,5 +258,5 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
         except FitError:
             continue
         finer = option(study, found.chosen.ids, fitted, refined)
-        if finer.evidence > found.chosen.evidence + 10 and finer.held_out < found.chosen.held_out + 4.0:
+        if finer.evidence > found.chosen.evidence + 10 and finer.held_out < found.chosen.held_out + HELD_OUT_SLACK:
             found.chosen = finer

@@ -69,3 +69,13 @@ TUBE = Bench(
     rest=15e-3,
     geometry={q.name: q.unit for q in GEOMETRY if q.type == "Real"},
 )
+
+AORTA = Bench(
+    model="AorticAfterload",
+    inputs=(Signal("flow", "m3/s", False, 0.0, 0.1, ("", "mL/s or L/min labelled m3/s")),),
+    output=Signal("pressure", "Pa", False, 1000.0, 1e5, ("mmHg or kPa labelled Pa", "Pa labelled mmHg or kPa")),
+    absolute_names=("pressure",),
+    relative_names=(),
+    measured="aortic_pressure",
+    least_samples=100,
+)

@@ -46,8 +46,8 @@ def _wrong_unit(values: np.ndarray, signal: Signal, lines: np.ndarray) -> Iterat
 def _constant(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:
     if np.ptp(values) <= 12.0 * noise_level(values) or np.ptp(values) == 0:
         yield (
-            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines nothing; "
-            "expected one in which the output moves"
+            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
+            "nothing; expected one in which the output moves"
         )
 
 
@@ -60,15 +60,15 @@ def _standstill(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[st
         there = np.flatnonzero(values == extreme)
         if there.size >= max(STANDSTILL, 0.03 * values.size):
             yield (
-                f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} of "
-                f"{values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
+                f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} "
+                f"of {values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
             )
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
             yield (
-                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal values "
-                f"{values[begin]:g}; leave these cells empty or the experiment out"
+                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
+                f"values {values[begin]:g}; leave these cells empty or the experiment out"
             )
 
 

@@ -168,6 +168,6 @@ def _from_anywhere(problem: Problem, start: Mapping[str, float]) -> dict[str, fl
         if best.converged and best.cost < 4 * best.residual.size:
             break
     if best is None:
-        raise FitError("the model has no answer at the starting values; expected parameters under which the tube carries "
-                       "the recorded pressures: try a larger C_1")  # fmt: skip
+        raise FitError("the model has no answer at the starting values; expected parameters under which the tube "
+                       "carries the recorded pressures: try a larger C_1")  # fmt: skip
     return dict(start) | best.values

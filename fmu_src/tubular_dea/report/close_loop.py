@@ -156,7 +156,7 @@ def _map(page: Page, found: Discovery) -> None:
             x=stretch[rising], y=voltage[rising] / 1e3, mode="markers",
             marker={"color": left[rising], "colorscale": "RdBu", "cmin": -limit, "cmax": limit, "size": 6,
                     "showscale": column == 2, "colorbar": {"title": "Pa"}},
-            customdata=speed[rising], hovertemplate="lambda_2 %{x:.3f}, %{y:.2f} kV, rate %{customdata:.3f} 1/s<extra></extra>",
+            customdata=speed[rising], hovertemplate="%{x:.3f}, %{y:.2f} kV, rate %{customdata:.3f} 1/s<extra></extra>",
         ), row=1, col=column)  # fmt: skip
     drawn.update_xaxes(title="lambda_2").update_yaxes(title="voltage [kV]", col=1).update_layout(
         showlegend=False, height=420

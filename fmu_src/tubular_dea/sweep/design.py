@@ -15,7 +15,7 @@ from .expression import PlanError
 
 KINDS = ("grid", "random", "latin_hypercube", "sobol", "sobol_indices", "one_at_a_time")
 WHOLE = ("latin_hypercube", "sobol_indices")  # drawn as a whole, and so held in memory
-BLOCK = 1024  # rows of a random design that share a seed
+BLOCK = 4096  # rows of a random design that share a seed
 
 
 @dataclass(frozen=True)

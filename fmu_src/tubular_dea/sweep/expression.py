@@ -6,6 +6,7 @@ import ast
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -63,6 +64,7 @@ def number(text: str | float, unit: str, place: str) -> Number:
         raise PlanError(f"{place}: {problem}") from None
 
 
+@cache
 def _tree(text: str) -> ast.expr:
     return ast.parse(text, mode="eval").body
 
