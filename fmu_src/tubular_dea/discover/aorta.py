@@ -30,6 +30,7 @@ from ..identify.data import Experiment, read_folder
 from ..identify.monitors import noise_level
 from ..model.afterload import aortic_afterload
 from ..model.patients import ML, MMHG
+from ..model.saved import as_json
 from ..report.page import Page
 
 HELD_SHARE = 0.25  # of every record, at its end
@@ -262,9 +263,9 @@ def close_loop(data: Path, out: Path) -> None:
         model = aortic_afterload(_si(final[0].values))
     fmu = out / "fmi2" / f"{model.name}.fmu"
     native_fmu(model, 2, fmu)
-    saved = {"format": 1, "model": model.name, "effects": list(loop.chosen),
-             "parameters": {f.record.name: _si(f.values) for f in final}}  # fmt: skip
-    write_atomically(out / "model.json", (json.dumps(saved, indent=2) + "\n").encode())
+    names = ", ".join(loop.chosen) or "none"
+    note = f"identified from {recordings.source}, record {final[0].record.name}; effects: {names}"
+    write_atomically(out / "model.json", as_json(model, note).encode())
     _page(loop, outcome, recordings.source).write(out / "report.html")
     write_atomically(out / "result.json", (json.dumps(outcome, indent=2, allow_nan=False) + "\n").encode())
     before, after = outcome["error"]["recalibrated"]["fit_percent"], outcome["error"]["after"]["fit_percent"]
@@ -285,17 +286,32 @@ def result(loop: Loop) -> dict[str, Any]:
                         "parameters": _parameters(loop, candidate)})  # fmt: skip
     verdict = "no_effect" if not effects else "ambiguous" if any(e["equivalent"] for e in effects) else "effect_found"
     noise = float(np.median([noise_level(f.record.pressure) for f in loop.base])) * PRESSURE
-    errors = {"published": None, "recalibrated": _errors(loop.base, ()), "after": _errors(loop.after, loop.chosen)}
-    ratio = errors["after"]["rmse_pa"] / noise if noise > 0 else 0.0
+    after = _errors(loop.after, loop.chosen)
+    errors = {"published": None, "recalibrated": _errors(loop.base, ()), "after": after}
+    tests = {
+        "residual_over_noise": after["rmse_pa"] / noise if noise > 0 else 0.0,
+        "independent_samples": [f.independent() for f in loop.after],
+    }
     return {
         "verdict": verdict, "effects": effects, "error": errors, "noise_floor_pa": noise,
-        "residual": {"channel": effects[0]["channel"] if effects else None,
-                     "tests": {"residual_over_noise": ratio, "independent_samples": [f.independent() for f in loop.after]}},
-        "ranking": [{"effects": list(ids), "evidence": sum(loop.evidence(ids)), "evidence_per_record": loop.evidence(ids),
-                     "fit_percent": [f.fit_percent(np.full(f.residual.size, True)) for f in fits]}
-                    for ids, fits in sorted(loop.tried.items(), key=lambda kv: -sum(loop.evidence(kv[0])))],
+        "residual": {"channel": effects[0]["channel"] if effects else None, "tests": tests},
+        "ranking": _ranking(loop),
         "next_experiment": _advice(loop),
     }  # fmt: skip
+
+
+def _ranking(loop: Loop) -> list[dict[str, Any]]:
+    """Everything that was tried, the largest evidence over three elements first."""
+    listed = [
+        {
+            "effects": list(ids),
+            "evidence": sum(loop.evidence(ids)),
+            "evidence_per_record": loop.evidence(ids),
+            "fit_percent": [f.fit_percent(np.full(f.residual.size, True)) for f in fits],
+        }
+        for ids, fits in loop.tried.items()
+    ]
+    return sorted(listed, key=lambda entry: -float(np.sum(entry["evidence"])))
 
 
 def _parameters(loop: Loop, candidate: Candidate) -> dict[str, Any]:
@@ -343,8 +359,10 @@ def _advice(loop: Loop) -> str:
     if not loop.chosen:
         return "No candidate convinces on every record: record more beats at other loads before adding elements."
     if "flow_delay" in loop.chosen:
-        return ("Measure the flow probe's own delay (a step of flow on the bench, or the probe's filter setting), because the "
-                "recorded flow is late against the pressure.")  # fmt: skip
+        return (
+            "Measure the flow probe's own delay (a step of flow on the bench, or the probe's filter setting), because "
+            "the recorded flow is late against the pressure."
+        )
     names = " or ".join(dict.fromkeys([*loop.chosen, *(n for ns in loop.equivalent.values() for n in ns)]))
     return f"Record at another heart rate, because {names} act differently over frequency."
 

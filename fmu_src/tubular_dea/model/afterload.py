@@ -2,7 +2,7 @@
 
 ::
 
-     flow    Z_c      L          aortic_pressure at the left; measured_flow: what a flow probe reports, `flow_delay` late
+     flow    Z_c      L          aortic_pressure at the left; measured_flow: what a probe reports, `flow_delay` late
       o-----[===]---(( ))--+---[ R ]---o outflow_pressure
                            |
                           === C

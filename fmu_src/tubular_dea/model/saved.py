@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from .afterload import aortic_afterload
 from .dea import tubular_dea
 from .declare import DeclarationError, Model, nearest
 from .effects import with_effects
@@ -29,7 +30,7 @@ class ModelFileError(UserError, ValueError):
 
 def bases() -> dict[str, Callable[[], Model]]:
     """Models that a file may start from, by name."""
-    return {"TubularDEA": tubular_dea}
+    return {"TubularDEA": tubular_dea, "AorticAfterload": aortic_afterload}
 
 
 def as_json(model: Model, note: str = "") -> str:
