@@ -16,7 +16,7 @@ from tubular_dea.cosim.heart_assist import fmus
 from tubular_dea.cosim.heartbeats import detect, r_waves, read_ecg
 from tubular_dea.cosim.master import Options, simulate
 from tubular_dea.cosim.system import Connection, System
-from tubular_dea.export.compile import write_atomically
+from tubular_dea.files import write_atomically
 from tubular_dea.report.figures import time_panels
 
 RECORD = Path(__file__).resolve().parents[2] / "shared" / "data" / "ecg" / "100.hea"

@@ -17,8 +17,8 @@ import fmpy
 import numpy as np
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from tubular_dea.export.compile import write_atomically
 from tubular_dea.export.package import native_fmu
+from tubular_dea.files import write_atomically
 from tubular_dea.model.dea import MMHG, tubular_dea
 from tubular_dea.protocol import ProtocolError, read_csv
 from tubular_dea.report.figures import time_panels

@@ -14,7 +14,7 @@ import numpy as np
 
 from tubular_dea.cosim.heart_assist import fmus, heart_assist
 from tubular_dea.cosim.master import Run, simulate
-from tubular_dea.export.compile import write_atomically
+from tubular_dea.files import write_atomically
 from tubular_dea.model.patients import MMHG
 from tubular_dea.model.windkessel import patient
 from tubular_dea.report.figures import time_panels

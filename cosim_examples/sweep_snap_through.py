@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tubular_dea.model.dea import MMHG
+from tubular_dea.report.sweep import write_report
 from tubular_dea.sweep.plan import read_plan
-from tubular_dea.sweep.report import write_report
 from tubular_dea.sweep.run import carry_out
 
 PLAN = Path(__file__).with_suffix(".toml")

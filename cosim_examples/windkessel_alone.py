@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tubular_dea.export.compile import write_atomically
+from tubular_dea.files import write_atomically
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patients import ML, MMHG, PATIENTS
 from tubular_dea.model.windkessel import aortic_windkessel, patient

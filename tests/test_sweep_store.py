@@ -15,9 +15,9 @@ import pytest
 
 from sweeps import parts, steps
 from tubular_dea.cli import main
+from tubular_dea.report.sweep import write_report
 from tubular_dea.sweep.backends import Threads
 from tubular_dea.sweep.plan import make_plan, read_plan
-from tubular_dea.sweep.report import write_report
 from tubular_dea.sweep.run import carry_out
 from tubular_dea.sweep.store import Store, StoreError, cube, part_size, write_cube
 

@@ -12,17 +12,16 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import sympy
 
-from .emit import c
 from .emit.functions import layout
-from .emit.variables import variables
 from .errors import UserError
-from .export.compile import cached_library, host, native_source
-from .export.package import CORE_HEADERS, CORE_SOURCES
+from .export.package import core_sources
+from .export.remembered import remembered_library
 from .model.declare import Model, nearest
 from .model.delays import input_delays, punctual
 from .protocol import Protocol
-from .tangents import TangentLibrary
+from .tangents import TangentLibrary, pointer
 
 DEFAULT_TOLERANCE = 1e-6
 
@@ -71,7 +70,7 @@ class Kernel:
         self.outputs = [str(s) for s in arrays.y]
         self.defaults = model.parameter_values()
         self._library = ctypes.CDLL(str(_library(self._punctual)))
-        self._need_fold = [v.name for v in variables(model) if v.needs_fold]
+        self._need_fold = _needs_fold(model)
 
     def parameters(self, values: Mapping[str, float] | None = None) -> np.ndarray:
         """The parameter array with some values changed by name (SI units); `KernelError` for unknown names."""
@@ -114,9 +113,9 @@ class Kernel:
         points, u = self._drive(protocol, values)
         counts, reached = (ctypes.c_long * 2)(), ctypes.c_double()
         status = self._library.kernel_trajectory(
-            _pointer(values), ctypes.c_long(points.size), _pointer(points), _pointer(u),
-            ctypes.c_double(tolerance), ctypes.c_long(sampled.size), _pointer(sampled), ctypes.c_int(with_fold),
-            _pointer(x), _pointer(y), counts, ctypes.byref(reached),
+            pointer(values), ctypes.c_long(points.size), pointer(points), pointer(u),
+            ctypes.c_double(tolerance), ctypes.c_long(sampled.size), pointer(sampled), ctypes.c_int(with_fold),
+            pointer(x), pointer(y), counts, ctypes.byref(reached),
         )  # fmt: skip
         if status:
             raise KernelError(_failure(status, reached.value))
@@ -212,8 +211,8 @@ class Kernel:
         """State derivatives at states `x` and inputs `u` (SI units, in the model's order)."""
         dx, du = np.empty(len(self.states)), np.zeros(len(self._driven))
         x, u = np.ascontiguousarray(x, float), self._with_delayed(u)
-        self._library.kernel_derivatives(ctypes.c_double(time), _pointer(x), _pointer(u), _pointer(du),
-                                         _pointer(self.parameters(parameters)), _pointer(dx))  # fmt: skip
+        self._library.kernel_derivatives(ctypes.c_double(time), pointer(x), pointer(u), pointer(du),
+                                         pointer(self.parameters(parameters)), pointer(dx))  # fmt: skip
         return dx
 
     def jacobian(
@@ -223,8 +222,8 @@ class Kernel:
         n = len(self.states)
         J, dx_dt, du = np.empty((n, n)), np.empty(n), np.zeros(len(self._driven))
         x, u = np.ascontiguousarray(x, float), self._with_delayed(u)
-        self._library.kernel_jacobian(ctypes.c_double(time), _pointer(x), _pointer(u), _pointer(du),
-                                      _pointer(self.parameters(parameters)), _pointer(J), _pointer(dx_dt))  # fmt: skip
+        self._library.kernel_jacobian(ctypes.c_double(time), pointer(x), pointer(u), pointer(du),
+                                      pointer(self.parameters(parameters)), pointer(J), pointer(dx_dt))  # fmt: skip
         return J
 
     def curve(
@@ -234,13 +233,12 @@ class Kernel:
         unknown = np.ascontiguousarray(unknown, float)
         load, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
         u = self._with_delayed(np.array([float(inputs.get(name, 0.0)) for name in self.inputs]))
-        failed = self._library.kernel_curve(_pointer(u), _pointer(self.parameters(parameters)),
-                                            ctypes.c_long(unknown.size), _pointer(unknown), _pointer(load),
-                                            _pointer(slope), _pointer(fold))  # fmt: skip
+        failed = self._library.kernel_curve(pointer(u), pointer(self.parameters(parameters)),
+                                            ctypes.c_long(unknown.size), pointer(unknown), pointer(load),
+                                            pointer(slope), pointer(fold))  # fmt: skip
         if failed:
             raise KernelError(f"{self.model.name} has no equilibrium curve")
         return load, slope, (float(fold[0]), float(fold[1]))
-
 
     def _with_delayed(self, u: np.ndarray) -> np.ndarray:
         """Inputs, and behind them what is delayed, at rest."""
@@ -248,14 +246,20 @@ class Kernel:
         return np.array([*u, *late], dtype=float)
 
 
+def _needs_fold(model: Model) -> list[str]:
+    """The outputs that cannot be had without the fold."""
+    if model.curve is None:
+        return []
+    reached = {model.curve.fold.symbol}
+    for definition in model.definitions:
+        if sympy.sympify(definition.expression).free_symbols & reached:
+            reached.add(definition.quantity.symbol)
+    return [name for name in model.outputs if model.quantity(name).symbol in reached]
+
+
 def _library(model: Model) -> Path:
-    code = {"model.c": c.source(model), "model.h": c.header(model)}
-    code |= {name: native_source(name) for name in (*CORE_SOURCES, *CORE_HEADERS, "kernel.c", "kernel.h")}
-    return cached_library(code, host())
-
-
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
-    return array.ctypes.data_as(ctypes.c_void_p)
+    native = ("kernel.c", "kernel.h", "pieces.c", "pieces.h")
+    return remembered_library(model, "kernel", lambda: core_sources(model, *native))
 
 
 def _failure(status: int, time: float) -> str:

@@ -38,7 +38,9 @@ class Protocol:
         grid = np.array(time, dtype=float)
         columns = {name: np.array(values, dtype=float) for name, values in inputs.items()}
         if grid.size < 2 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) < 0) or grid[-1] <= grid[0]:
-            raise ProtocolError("time: expected at least two finite times that do not descend, the last above the first")
+            raise ProtocolError(
+                "time: expected at least two finite times that do not descend, the last above the first"
+            )
         for name, values in columns.items():
             if values.shape != grid.shape:
                 raise ProtocolError(f"{name}: expected {grid.size} values but was given {values.size}")

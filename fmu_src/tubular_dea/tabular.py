@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from .errors import UserError
 
@@ -26,11 +29,21 @@ class Cell:
 def rows(path: Path) -> list[tuple[int, list[str]]]:
     """The lines of a CSV file that are not empty, each with its number in the file (from 1), cells stripped."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as problem:
         raise TableError(f"{path}: cannot be read as a text file: {problem}") from None
-    reader = csv.reader(text.splitlines())
+    reader = csv.reader(content.splitlines())
     return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+
+
+def text(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> str:
+    """A table over `time` [s] as CSV: `columns` by name, each with its unit ("1" where `units` has none), 12 digits."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["time [s]", *(f"{name} [{units.get(name, '1')}]" for name in columns)])
+    for row in np.column_stack([time, *columns.values()]):
+        writer.writerow([f"{value:.12g}" for value in row])
+    return out.getvalue()
 
 
 def headings(path: Path, header: list[str], known: Mapping[str, str]) -> dict[str, Cell]:
@@ -39,8 +52,8 @@ def headings(path: Path, header: list[str], known: Mapping[str, str]) -> dict[st
     Raises `TableError` for a name without a unit or one that stands there twice.
     """
     found: dict[str, Cell] = {}
-    for place, text in enumerate(header):
-        name, _, rest = text.partition("[")
+    for place, heading in enumerate(header):
+        name, _, rest = heading.partition("[")
         name, unit = name.strip(), rest.rstrip("] ").strip()
         if name not in known:
             continue

@@ -10,15 +10,17 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from .emit import c, sensitivities
+from .emit import sensitivities
 from .emit.functions import layout
 from .emit.variables import variables
 from .errors import UserError
-from .export.compile import cached_library, host, native_source, processor_flags
-from .export.package import CORE_HEADERS, CORE_SOURCES
+from .export.compile import processor_flags
+from .export.package import core_sources
+from .export.remembered import remembered_library
 from .model.declare import Model, nearest
 
 DEFAULT_OBSERVED = "measured_displacement"
@@ -54,12 +56,7 @@ class TangentLibrary:
         self.places |= {by_delay[name]: i for i, name in enumerate(self.columns) if name in by_delay}
         self._sizes = {p.quantity.name: max(abs(p.quantity.value or 0.0), p.quantity.nominal) for p in model.parameters}
         self._n_states, self._n_outputs = len(model.states), len(layout(model).y)
-        code = {"model.c": c.source(model), "model.h": c.header(model)}
-        code |= {"gradients.h": sensitivities.header(model, self.observed)}
-        code |= {"gradients.c": sensitivities.source(model, self.observed)}
-        names = (*CORE_SOURCES, *CORE_HEADERS, "rodas5p.h", "kernel.h", "tangent.c", "tangent.h")
-        code |= {name: native_source(name) for name in names}
-        self._library = ctypes.CDLL(str(cached_library(code, host(), processor_flags())))
+        self._library = ctypes.CDLL(str(_library(model, self.observed)))
         self._library.kernel_mesh.restype = ctypes.c_long
 
     def check(self, names: Sequence[str]) -> None:
@@ -77,8 +74,8 @@ class TangentLibrary:
         while True:
             mesh = np.empty(room)
             n = self._library.kernel_mesh(
-                _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u),
-                ctypes.c_double(tolerance), ctypes.c_long(room), _pointer(mesh), ctypes.byref(reached),
+                pointer(parameters), ctypes.c_long(points.size), pointer(points), pointer(u),
+                ctypes.c_double(tolerance), ctypes.c_long(room), pointer(mesh), ctypes.byref(reached),
             )  # fmt: skip
             if n < 0:
                 return np.empty(0), int(n) + (10 if n == -11 else 20), reached.value
@@ -88,7 +85,7 @@ class TangentLibrary:
 
     def run(
         self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, mesh: np.ndarray, names: Sequence[str],
-        times: np.ndarray, with_states: bool = True,
+        times: np.ndarray,
     ) -> Tangent:  # fmt: skip
         """The trajectory over `mesh` at `times`, with its derivatives to the parameters `names`."""
         self.check(names)
@@ -97,15 +94,24 @@ class TangentLibrary:
         columns = np.array([self.places[name] for name in names], dtype=np.intc)
         sizes = np.array([self._sizes[name] for name in names])
         x, y, reached = np.empty((n, self._n_states)), np.empty((n, self._n_outputs + 1)), ctypes.c_double()
-        x_tangent = np.empty((n, m, self._n_states)) if with_states else np.empty((0, m, self._n_states))
+        x_tangent = np.empty((n, m, self._n_states))
         observed, rate = np.empty((n, m, len(self.observed))), np.empty((n, len(self.observed)))
         status = self._library.kernel_tangents(
-            _pointer(parameters), ctypes.c_long(points.size), _pointer(points), _pointer(u), ctypes.c_long(mesh.size),
-            _pointer(mesh), ctypes.c_long(m), _pointer(columns), _pointer(sizes), ctypes.c_long(n), _pointer(times),
-            _pointer(x), _pointer(y), _pointer(x_tangent) if with_states else None, _pointer(observed),
-            _pointer(rate), ctypes.byref(reached),
+            pointer(parameters), ctypes.c_long(points.size), pointer(points), pointer(u), ctypes.c_long(mesh.size),
+            pointer(mesh), ctypes.c_long(m), pointer(columns), pointer(sizes), ctypes.c_long(n), pointer(times),
+            pointer(x), pointer(y), pointer(x_tangent), pointer(observed),
+            pointer(rate), ctypes.byref(reached),
         )  # fmt: skip
         return Tangent(x, y, x_tangent, observed, rate, status, reached.value)
+
+
+def _library(model: Model, observed: tuple[str, ...]) -> Path:
+    def sources() -> dict[str, str]:
+        code = core_sources(model, "kernel.h", "tangent.c", "tangent.h", "pieces.c", "pieces.h")
+        code |= {"gradients.h": sensitivities.header(model, observed)}
+        return code | {"gradients.c": sensitivities.source(model, observed)}
+
+    return remembered_library(model, f"tangents of {observed}", sources, processor_flags())
 
 
 def _measured(model: Model) -> tuple[str, ...]:
@@ -117,5 +123,6 @@ def _measured(model: Model) -> tuple[str, ...]:
     return tuple(name for name in model.outputs if name in defined and name not in late)
 
 
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """The address of a contiguous array, as a C function takes it; the caller keeps the array alive."""
     return array.ctypes.data_as(ctypes.c_void_p)

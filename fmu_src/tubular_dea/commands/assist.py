@@ -20,10 +20,10 @@ from ..cosim.heartbeats import HeartbeatError, detect, pace, read_ecg
 from ..cosim.master import SCHEMES, Options, Run, simulate
 from ..cosim.system import System
 from ..errors import UserError
-from ..export.compile import write_atomically
+from ..files import write_atomically
 from ..model.declare import Model, Quantity, nearest
 from ..model.patients import PATIENTS
-from ..model.units import factor
+from ..model.units import UnitError, quantity
 from ..model.windkessel import PARAMETERS, checked_patient, patient
 from ..protocol import Protocol
 
@@ -94,18 +94,11 @@ def read_patient(text: str) -> dict[str, float]:
 
 
 def _number(text: str, unit: str, what: str) -> float:
-    """ "5.5 kV" or "5500" in SI units."""
-    digits = text.strip()
-    for end in range(len(digits), 0, -1):
-        try:
-            value = float(digits[:end])
-        except ValueError:
-            continue
-        rest = digits[end:].strip()
-        if not np.isfinite(value):
-            break
-        return value * (factor(rest, unit) if rest else 1.0)
-    raise UserError(f"{what}: expected a number, with a unit like {unit!r} or without, but was given {text!r}")
+    """ "5.5 kV" or "5500" in SI units; `what` is at the head of the error."""
+    try:
+        return quantity(text, unit)
+    except UnitError as problem:
+        raise UserError(f"{what}: {problem}") from None
 
 
 def _settings(texts: list[str], parts: Mapping[str, Model]) -> dict[str, float]:

@@ -8,15 +8,14 @@ A time listed twice is a jump; between rows the inputs run straight.
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
+from .. import tabular
 from ..emit.tables import shown
 from ..errors import UserError
-from ..export.compile import write_atomically
+from ..files import write_atomically
 from ..kernel import Kernel, Trajectory
 from ..model.dea import tubular_dea
 from ..model.declare import Model, nearest
@@ -112,14 +111,10 @@ def _times(protocol: Protocol, interval: float) -> np.ndarray:
 
 
 def _csv(model: Model, response: Trajectory) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     inputs = [q.name for q in model.inputs]
     names = [*inputs, *(name for name in response.values if name not in inputs)]
-    writer.writerow(["time [s]", *(f"{name} [{model.quantity(name).unit}]" for name in names)])
-    for row in np.column_stack([response.time, *(response[name] for name in names)]):
-        writer.writerow([f"{value:.12g}" for value in row])
-    return text.getvalue()
+    columns = {name: response[name] for name in names}
+    return tabular.text(response.time, columns, {name: model.quantity(name).unit for name in names})
 
 
 def _png(response: Trajectory) -> bytes:

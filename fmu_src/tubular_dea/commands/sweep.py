@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> None:
         store = carry_out(plan, options.out, workers)
     written = [write_cube(store, plan)] if options.cube else []
     if not options.no_report:
-        from ..sweep.report import write_report
+        from ..report.sweep import write_report
 
         written += write_report(store, plan)
     failed = int((store.column("status") != 0).sum())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from ..errors import UserError
 from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
+from ..tabular import rows
 
 SLOWEST, FASTEST = 15.0, 300.0  # beats per minute that can be a heart's
 
@@ -100,11 +100,11 @@ def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     if path.suffix in (".hea", ".dat", ""):
         return _read_wfdb(path.with_suffix(""), lead)
     try:
-        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
-        names = [cell.partition("[")[0].strip() for cell in rows[0]]
+        table = [cells for _, cells in rows(path)]
+        names = [cell.partition("[")[0].strip() for cell in table[0]]
         place = names.index(lead) if lead else 1
-        time, signal = (np.array([float(row[i] or "nan") for row in rows[1:]]) for i in (names.index("time"), place))
-    except (OSError, ValueError, IndexError) as problem:
+        time, signal = (np.array([float(row[i] or "nan") for row in table[1:]]) for i in (names.index("time"), place))
+    except (ValueError, IndexError) as problem:
         raise HeartbeatError(f"{path}: expected the columns 'time [s]' and '{lead or 'ecg'} [mV]': {problem}") from None
     if time.size < 2 or not np.all(np.diff(time) > 0):
         raise HeartbeatError(f"{path}: expected ascending times but found {time.size} rows that are not")

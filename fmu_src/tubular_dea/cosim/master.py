@@ -9,9 +9,7 @@ roll-back with step control, events hit exactly and watched stability are what i
 
 from __future__ import annotations
 
-import csv
 import ctypes
-import io
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -19,8 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import tabular
 from ..errors import UserError
-from ..export.compile import cached_library, host, native_source, write_atomically
+from ..export.compile import cached_library, host, native_source
+from ..files import write_atomically
 from ..model.declare import nearest
 from ..protocol import Protocol
 from .slaves import Slave, initialise
@@ -86,13 +86,7 @@ class Run:
 
     def write(self, path: Path) -> Path:
         """All values as a CSV file with units in its header."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["time [s]", *(f"{name} [{self.units.get(name, '1')}]" for name in self.values)])
-        for row in np.column_stack([self.time, *self.values.values()]):
-            writer.writerow([f"{value:.12g}" for value in row])
-        write_atomically(path, text.getvalue().encode())
-        return path
+        return write_atomically(path, tabular.text(self.time, self.values, self.units).encode())
 
 
 Progress = Callable[[float], None]

@@ -15,7 +15,6 @@ Usage::
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ import numpy as np
 from ..model.compose import CouplingError, check_units, end
 from ..model.declare import nearest
 from ..protocol import Protocol
+from ..tabular import TableError, rows
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,18 @@ class Wiring:
 def read_connections(path: Path) -> list[Connection]:
     """A table of connections from a CSV file with the columns source, target and (may be left out) sampled."""
     try:
-        rows = [r for r in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if any(c.strip() for c in r)]
-    except (OSError, UnicodeDecodeError) as problem:
-        raise CouplingError(f"{path}: cannot be read as a table of connections: {problem}") from None
-    header = [cell.strip() for cell in rows[0]] if rows else []
+        table = rows(path)
+    except TableError as problem:
+        raise CouplingError(str(problem)) from None
+    header = table[0][1] if table else []
     if header[:2] != ["source", "target"]:
         raise CouplingError(
             f"{path}, line 1: expected the columns source,target[,sampled] but found {','.join(header)!r}"
         )
     connections = []
-    for line, row in enumerate(rows[1:], start=2):
-        cells = [cell.strip() for cell in row]
+    for line, cells in table[1:]:
         if len(cells) < 2 or not cells[0] or not cells[1]:
-            raise CouplingError(f"{path}, line {line}: expected a source and a target but found {','.join(row)!r}")
+            raise CouplingError(f"{path}, line {line}: expected a source and a target but found {','.join(cells)!r}")
         connections.append(Connection(cells[0], cells[1], len(cells) > 2 and cells[2].lower() in ("1", "true", "yes")))
     return connections
 

@@ -28,7 +28,7 @@ class Discovery:
     study: Study
     verdict: str
     search: Search
-    located: Localisation
+    located: Localisation | None
     left: Localisation | None
     equivalent: dict[str, list[str]]
     tests_before: dict[str, float]
@@ -57,10 +57,11 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed)
     numeric = numerics.numeric_gain(work, fitted.values)
-    tell("locate the residual")
-    before = residuals.adequacy(work, fitted)
-    located = channels.localise(work, (), fitted, before.excess)
     found = selection.search(work, fitted, numeric, seed, tell)
+    located = None
+    if found.chosen.ids or not selection.clean(found.base.adequacy):
+        tell("locate the residual")
+        located = channels.localise(work, (), fitted, found.base.adequacy.excess)
     tell("verdict")
     held = _held_ratio(work, found.chosen)
     equivalent = equivalence.equivalents(found.base, found.chosen, found.rivals)

@@ -60,7 +60,7 @@ def channel(found: Discovery) -> str | None:
         return None
     if found.chosen.ids and found.verdict != "unexplained":
         return catalogue()[found.chosen.ids[0]].channel
-    return found.located.channel
+    return found.located.channel if found.located else None
 
 
 def final_model(found: Discovery) -> Model:
@@ -116,11 +116,11 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
-    why, proposal, channel_ = WHY[found.verdict], found.proposal, found.located.channel
+    why, proposal, where = WHY[found.verdict], found.proposal, channel(found)
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the tube will go beyond what was recorded."
     if found.verdict == "unexplained":
-        return f"{why}: repeat an experiment {REPEAT[channel_]}, because the {channel_} channel explains most of it."
+        return f"{why}: repeat an experiment {REPEAT[str(where)]}, because the {where} channel explains most of it."
     if proposal is None:
         return f"{why}: repeat the experiments on another tube to see whether the effect is the same."
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
@@ -170,8 +170,8 @@ def _tests(found: Discovery) -> dict[str, Any]:
         | {"z_slow": state.z_slow, "z_total": state.z_total, "structure_m": state.structure}
         for name, (tests, state) in sides.items()
     } | {
-        "latent_evidence": {k: _finite(v) for k, v in found.located.evidence.items()},
-        "disturbance": found.located.disturbance,
+        "latent_evidence": {k: _finite(v) for k, v in found.located.evidence.items()} if found.located else {},
+        "disturbance": bool(found.located and found.located.disturbance),
         "largest_score": float(first.scores[0].gain) if first.scores else 0.0,
         "threshold": float(first.threshold),
         "numeric_gain": found.numeric,

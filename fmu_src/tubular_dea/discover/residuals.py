@@ -38,8 +38,8 @@ def adequacy(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -
     residual = fitted.residual[:n]
     expected = max(expected_squares(study, pieces) - len(fitted.names), 1.0)
     excess = float(residual @ residual) - expected
-    means = block_means(residual, pieces)
-    z_slow = (float(means @ means) - means.size) / np.sqrt(2.0 * means.size)
+    means, variance = block_means(residual, pieces), _block_variance(pieces)
+    z_slow = float(means @ means - variance.sum()) / np.sqrt(2.0 * float(variance @ variance))
     doubt = np.sqrt(2.0 * n + (0.012 * n) ** 2)  # of the noise's own estimate
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))
     gained = excess / n / share * (study.noise.innovation / (1 - study.noise.correlation)) ** 2
@@ -48,12 +48,26 @@ def adequacy(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -
 
 
 def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
-    """The sum of squares that noise leaves: the sensor's in full, the monitors' up to the tube's bandwidth."""
-    total = 0.0
-    for piece in pieces:
-        share = min(1.0, 2 * BANDWIDTH * float(np.median(np.diff(piece.case.times))))
-        total += float(np.sum(piece.weight**2 + share * (1 - piece.weight**2)))
-    return total
+    """The sum of squares that noise leaves: the sensor's in full, the monitors' as far as it came through."""
+    return float(sum(np.sum(p.weight**2 + _through(p, 1) * (1 - p.weight**2)) for p in pieces))
+
+
+def _through(piece: Piece, block: int) -> float:
+    """The share of the monitors' noise that is in averages over `block` samples.
+
+    A monitor drawn as straight lines keeps the noise slower than its corners; the tube keeps what is in its bandwidth.
+    """
+    corners = np.unique(piece.case.protocol.time).size
+    tube = 2 * BANDWIDTH * float(np.median(np.diff(piece.case.times)))
+    return min(1.0, block * corners / piece.record.size, block * tube)
+
+
+def _block_variance(pieces: Sequence[Piece]) -> np.ndarray:
+    """The variance of `block_means` under noise alone."""
+    weights = [p.weight[: p.weight.size // BLOCK * BLOCK].reshape(-1, BLOCK) ** 2 for p in pieces]
+    return np.concatenate([
+        (w + _through(p, BLOCK) * (1 - w)).mean(axis=1) for w, p in zip(weights, pieces, strict=True)
+    ])  # fmt: skip
 
 
 def block_means(residual: np.ndarray, pieces: Sequence[Piece]) -> np.ndarray:

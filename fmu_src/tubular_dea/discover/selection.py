@@ -38,6 +38,7 @@ FORM_PART = 0.02  # the same, where what is left is so little that another form 
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
 HELD_OUT_SLACK = 4.0  # by which the held-out sum of squares of a strong effect may rise by chance
+LONG = 120  # evaluations until a search that converges slowly is given up
 STRONG = 3.0  # times the threshold
 LITTLE = 12.0  # gain below which an effect is dropped again
 
@@ -99,7 +100,7 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
         found.rounds.append(step)
         if not step.accepted:
             break
-        found.chosen = step.options[0]
+        found.chosen = _converged(study, step.options[0], tell)
         found.rivals = [o for o in step.options[1:]]
         if len(found.chosen.ids) > 1:
             _exchange(study, found, tell)
@@ -108,6 +109,15 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
         if clean(found.chosen.adequacy):
             break
     return found
+
+
+def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
+    """The option, searched on until it has converged: what is left of it must not be a search cut short."""
+    if chosen.fitted.converged:
+        return chosen
+    tell(f"converge {', '.join(chosen.ids)}")
+    fitted = fit_effects(study, chosen.ids, dict(chosen.fitted.values), LONG, chosen.refined)
+    return option(study, chosen.ids, fitted, chosen.refined)
 
 
 def clean(state: Adequacy) -> bool:

@@ -15,7 +15,7 @@ from ..model.declare import Model
 from . import c
 from .functions import Function, layout
 from .jacobian import ZERO, assignments, forward, needed, real
-from .solver import _arranged, _cheap, _derivatives, _Hoisted, _Tangent
+from .solver import Hoisted, Tangent, arranged_rates, cheapened, rate_tangents
 
 Entry = tuple[int, int]
 
@@ -69,13 +69,13 @@ def columns(model: Model) -> tuple[sympy.Symbol, ...]:
 @lru_cache(maxsize=8)
 def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Function], list[Entry], list[Entry]]:
     """prepare and gradients, and the (row, column) of each entry of J and of d(dx)/d(seeds) that is not zero."""
-    body, rates = _arranged(model)
-    states, _ = _derivatives(model, body, rates)
+    body, rates = arranged_rates(model)
+    states, _ = rate_tangents(model, body, rates)
     along = [_along(body, rates, seed) for seed in seeds]
     n = len(rates)
     places = [(i, j) for i in range(n) for j in range(n) if states[j].values[i] != ZERO]
     entries = [(i, j) for i in range(n) for j in range(len(seeds)) if along[j].values[i] != ZERO]
-    hoisted = _Hoisted(set(layout(model).p), set(model.quantities()))
+    hoisted = Hoisted(set(layout(model).p), set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
     results = {
         "dx": rates,
@@ -91,7 +91,7 @@ def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Func
         "J": [f"d_der_{x[i]}_d_{x[j]}" for i, j in places],
         "P": [f"d_der_{x[i]}_d_{seeds[j]}" for i, j in entries],
     }
-    cheap = _cheap(function, names, hoisted)
+    cheap = cheapened(function, names, hoisted)
     q = hoisted.symbols()
     prepare = hoisted.prepare(layout(model).p)
     return [
@@ -100,8 +100,8 @@ def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Func
     ], places, entries
 
 
-def _along(body: list[tuple[str, sympy.Expr]], rates: Sequence[sympy.Expr], seed: sympy.Symbol) -> _Tangent:
-    return _Tangent(*forward(body, rates, {seed: sympy.Integer(1)}, f"d_{{}}_d_{seed}"))
+def _along(body: list[tuple[str, sympy.Expr]], rates: Sequence[sympy.Expr], seed: sympy.Symbol) -> Tangent:
+    return Tangent(*forward(body, rates, {seed: sympy.Integer(1)}, f"d_{{}}_d_{seed}"))
 
 
 def _observed(

@@ -36,14 +36,14 @@ class SolverFunctions:
 
 def solver_functions(model: Model) -> SolverFunctions:
     """prepare, slopes, linearise, multiply, factorise and solve of a model."""
-    body, rates = _arranged(model)
-    columns, along_time = _derivatives(model, body, rates)
+    body, rates = arranged_rates(model)
+    columns, along_time = rate_tangents(model, body, rates)
     n = len(rates)
     places = [(i, j) for i in range(n) for j in range(n) if columns[j].values[i] != ZERO]
     entries = [columns[j].values[i] for i, j in places]
     added = [a for part in [*columns, along_time] for a in part.added]
 
-    hoisted = _Hoisted(set(layout(model).p), set(model.quantities()))
+    hoisted = Hoisted(set(layout(model).p), set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
     plain = Function("slopes", "State derivatives.", arguments, body, {"dx": rates})
     full = Function("linearise", "State derivatives, the non-zero entries of d(dx)/dx, and d(dx)/dt at fixed states.",
@@ -54,7 +54,7 @@ def solver_functions(model: Model) -> SolverFunctions:
         "J": [f"d_der_{x[i]}_d_{x[j]}" for i, j in places],
         "dx_dt": [f"d_der_{a}_d_time" for a in x],
     }
-    frequent = [_cheap(f, names, hoisted) for f in (plain, full)]
+    frequent = [cheapened(f, names, hoisted) for f in (plain, full)]
     q = hoisted.symbols()
     frequent = [Function(f.name, f.description, f.arguments | {"prepared": q}, f.body, f.results) for f in frequent]
     linear, size = linear_algebra(n, places)
@@ -68,12 +68,14 @@ def solver_functions(model: Model) -> SolverFunctions:
 
 
 @dataclass(frozen=True)
-class _Tangent:
+class Tangent:
+    """Derivatives of the rates along something: the assignments that are `added` to get them, and their values."""
+
     added: list[Assignment]
     values: list[sympy.Expr]
 
 
-def _arranged(model: Model) -> tuple[list[Assignment], list[sympy.Expr]]:
+def arranged_rates(model: Model) -> tuple[list[Assignment], list[sympy.Expr]]:
     """The assignments that lead to the state derivatives, with products folded and roots squared."""
     rates = [sympy.sympify(s.derivative) for s in model.states]
     arranged = _Arranged()
@@ -148,17 +150,17 @@ def _with_squares(expression: sympy.Expr, squares: dict[sympy.Symbol, sympy.Symb
     return sympy.Mul(*(rule(factor) for factor in sympy.Mul.make_args(expression)))
 
 
-def _derivatives(
+def rate_tangents(
     model: Model, body: Sequence[Assignment], rates: Sequence[sympy.Expr]
-) -> tuple[list[_Tangent], _Tangent]:
+) -> tuple[list[Tangent], Tangent]:
     """The columns of d(dx)/dx, and d(dx)/dt; roots in them by name."""
     arrays = layout(model)
     one = sympy.Integer(1)
     roots = {e.base: real(name) for name, e in body if e.is_Pow and e.exp == sympy.Rational(1, 2)}
 
-    def along(seeds: dict[sympy.Symbol, sympy.Expr], name: str) -> _Tangent:
+    def along(seeds: dict[sympy.Symbol, sympy.Expr], name: str) -> Tangent:
         added, values = forward(body, rates, seeds, name)
-        return _Tangent([(n, _by_root(e, roots)) for n, e in added], [_by_root(e, roots) for e in values])
+        return Tangent([(n, _by_root(e, roots)) for n, e in added], [_by_root(e, roots) for e in values])
 
     time = dict(zip(arrays.u, arrays.du, strict=True)) | {arrays.arrays()["time"][0]: one}
     return [along({s: one}, f"d_{{}}_d_{s}") for s in arrays.x], along(time, "d_{}_d_time")
@@ -176,7 +178,7 @@ def _by_root(expression: sympy.Expr, roots: dict[sympy.Symbol, sympy.Symbol]) ->
     return rule(expression)
 
 
-def _cheap(function: Function, names: dict[str, list[str]], hoisted: _Hoisted) -> Function:
+def cheapened(function: Function, names: dict[str, list[str]], hoisted: Hoisted) -> Function:
     """`function` with named inverses, and with what depends on parameters alone taken out; `names` of results."""
     body, results = _with_inverses(function, hoisted.parameters, hoisted.names)
     body = [(name, hoisted.take(expression, name)) for name, expression in body]
@@ -211,7 +213,7 @@ def _with_inverses(
 
 
 @dataclass
-class _Hoisted:
+class Hoisted:
     """What depends on parameters alone, by name: the array `prepared`."""
 
     parameters: set[sympy.Symbol]
@@ -255,6 +257,7 @@ class _Hoisted:
         return self.taken[e]
 
     def symbols(self) -> list[sympy.Symbol]:
+        """The entries of `prepared`, in order."""
         return list(self.taken.values())
 
     def prepare(self, p: list[sympy.Symbol]) -> Function:

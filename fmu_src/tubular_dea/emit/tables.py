@@ -51,15 +51,6 @@ def parameter_table(model: Model) -> str:
     return f"<table>{head}{''.join(rows)}</table>"
 
 
-def parameter_markdown(model: Model) -> str:
-    """The parameters as a Markdown table, for the README."""
-    lines = ["| name | value | | meaning | source |", "|---|---|---|---|---|"]
-    for p in model.parameters:
-        q, kind = p.quantity, "tunable" if p.tunable else "fixed"
-        lines.append(f"| `{q.name}` | {shown(q)} | {kind} | {q.description} | {q.source} |")
-    return "\n".join(lines)
-
-
 def shown(q: Quantity) -> str:
     """A quantity's value as people read it: in its display unit, without "1" for what has no unit."""
     value = q.value or 0.0

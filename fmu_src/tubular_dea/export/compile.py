@@ -18,6 +18,7 @@ from importlib import resources
 from pathlib import Path
 
 from ..errors import UserError
+from ..files import write_atomically as write_atomically  # noqa: PLC0414
 
 
 class CompileError(UserError, RuntimeError):
@@ -87,8 +88,7 @@ def cached_library(sources: Mapping[str, str], target: Platform, processor: tupl
             (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
         library = Path(folder) / f"library{target.suffix}"
         _zig_cc(target, [name for name in sources if name.endswith(".c")], library, folder, flags)
-        write_atomically(cached, library.read_bytes())
-    return cached
+        return write_atomically(cached, library.read_bytes())
 
 
 def processor_flags() -> tuple[str, ...]:
@@ -126,20 +126,6 @@ def cache_folder() -> Path:
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "tubular-dea"
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tubular-dea"
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file that is there whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
 
 
 def _zig_version() -> str:

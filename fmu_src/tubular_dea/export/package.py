@@ -11,8 +11,9 @@ from pathlib import Path
 import fmpy
 
 from ..emit import c, model_description, tables
+from ..files import write_atomically
 from ..model.declare import Model
-from .compile import Platform, host, native_source, shared_library, universal, write_atomically
+from .compile import Platform, host, native_source, shared_library, universal
 
 CORE_SOURCES = ("instance.c", "values.c", "step.c", "exchange.c", "saved_state.c", "sensitivity.c", "equilibrium.c",
                 "delay.c", "rosenbrock.c")  # fmt: skip
@@ -33,10 +34,15 @@ Progress = Callable[[str], None]
 def sources(model: Model, version: int) -> dict[str, str]:
     """All C files of the FMU: the emitted model, the integrator, the FMI interface and its headers."""
     headers = Path(fmpy.__file__).parent / "c-code"
-    files = {"model.c": c.source(model), "model.h": c.header(model)}
-    files |= {name: native_source(name) for name in (*CORE_SOURCES, *CORE_HEADERS, f"fmi{version}.c")}
+    files = core_sources(model, f"fmi{version}.c")
     files |= {name: (headers / name).read_text(encoding="utf-8") for name in FMI_HEADERS[version]}
     return files
+
+
+def core_sources(model: Model, *native: str) -> dict[str, str]:
+    """What every library of `model` is compiled from: the emitted C, the integrator, and the `native` files named."""
+    files = {"model.c": c.source(model), "model.h": c.header(model)}
+    return files | {name: native_source(name) for name in (*CORE_SOURCES, *CORE_HEADERS, *native)}
 
 
 def native_fmu(
@@ -63,8 +69,7 @@ def native_fmu(
         progress(target.name)
     if version == 2:
         files |= _darwin64(model, libraries)
-    write_atomically(path, archive(files))
-    return path
+    return write_atomically(path, archive(files))
 
 
 def archive(files: dict[str, bytes]) -> bytes:

@@ -26,8 +26,8 @@ from ..emit import model_description, tables
 from ..emit.functions import functions, layout
 from ..emit.python import HELPERS, definition, integrator_functions, sources, tuple_lines, unpacked, wrapped
 from ..emit.variables import Variable, guid, variables
+from ..files import write_atomically
 from ..model.declare import DeclarationError, Model
-from .compile import write_atomically
 from .package import archive, icon, licence
 from .slave_template import STAGES, Stage
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from ..files import write_atomically
 from ..model import units
 from ..model.declare import Model, Quantity
-from .compile import write_atomically
 from .package import archive
 
 NAMESPACES = {
@@ -37,8 +37,7 @@ def ssp(
     files = {f"resources/{fmus[part].name}": fmus[part].read_bytes() for part in models}
     files["resources/start.ssv"] = _parameter_file(models, parameters).encode()
     files["SystemStructure.ssd"] = description(name, models, fmus, connections, parameters, stop).encode()
-    write_atomically(path, archive(files))
-    return path
+    return write_atomically(path, archive(files))
 
 
 def description(

@@ -2,8 +2,6 @@
 
 #if MODEL_HAS_CURVE
 
-#include <math.h>
-
 /* Scanning steps along the curve: two folds closer than (UPPER - LOWER) / SCAN are not told apart. */
 #define SCAN 100
 #define AT_LEAST_ONE_STATE (MODEL_NX > 0 ? MODEL_NX : 1)

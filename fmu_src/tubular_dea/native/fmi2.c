@@ -1,6 +1,4 @@
 /* FMI 2.0 for an Instance: types, modes and memory; what the calls mean is in instance.c. */
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fmi2Functions.h"

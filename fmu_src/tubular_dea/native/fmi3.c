@@ -1,6 +1,4 @@
 /* FMI 3.0 for an Instance: types, modes and callbacks; what the calls mean is in instance.c and its neighbours. */
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fmi3Functions.h"

@@ -1,14 +1,11 @@
 #include "kernel.h"
 
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "equilibrium.h"
-#include "instance.h"
+#include "pieces.h"
 
 #define NU AT_LEAST_ONE(MODEL_NU)
-#define MAX_STEPS 10000000 /* in one trajectory */
 
 /* Where the trajectory is being written. */
 typedef struct {
@@ -50,33 +47,6 @@ static int sample(void *context, const Step *step)
     return 0;
 }
 
-static void set_piece(Solver *solver, const double *points, const double *u, long k)
-{
-    const double length = points[k + 1] - points[k];
-    memset(solver->inputs.u, 0, sizeof solver->inputs.u);
-    solver->inputs.time = points[k];
-    for (int i = 0; i < MODEL_NU; i++) {
-        const double left = u[k * MODEL_NU + i], right = u[(k + 1) * MODEL_NU + i];
-        solver->inputs.u[i][0] = left;
-        solver->inputs.u[i][1] = (right - left) / length;
-    }
-}
-
-/* The initial states for parameters and first inputs, by way of an instance; 0 where there are none. */
-static int start_states(const double *p, const double *u, double time, double *x)
-{
-    char problem[PROBLEM_SIZE];
-    Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
-    if (!instance) return 0;
-    memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
-    for (int i = 0; i < MODEL_NU; i++) instance->now.u[i][0] = u[i];
-    instance->now.time = time;
-    instance_enter_initialization(instance);
-    const int found = instance_get_states(instance, x, MODEL_NX) == STATUS_OK;
-    instance_free(instance);
-    return found;
-}
-
 int kernel_trajectory(const double *p, long n_points, const double *points, const double *u, double tolerance,
                       long n_samples, const double *samples, int with_fold, double *x, double *y, long *counts,
                       double *reached)
@@ -85,8 +55,8 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y};
     SolverStatus status = SOLVER_OK;
-    long first = 0, last = n_points - 2;
-    while (first < last && points[first + 1] <= points[first]) first++;
+    const long first = piece_first(n_points, points);
+    long last = n_points - 2;
     while (last > first && points[last + 1] <= points[last]) last--;
     solver.p = p;
     solver.tolerance = tolerance;
@@ -94,10 +64,12 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     solver.observer = sample;
     solver.context = &recorder;
     *reached = time;
-    if (!start_states(p, u + first * MODEL_NU, time, state)) return -1;
+    Instance *start = piece_start(p, u + first * MODEL_NU, time, state);
+    if (!start) return -1;
+    instance_free(start);
     for (long k = first; k <= last && status == SOLVER_OK; k++) {
         if (points[k + 1] <= points[k]) continue;
-        set_piece(&solver, points, u, k);
+        piece_inputs(&solver.inputs, points, u, k);
         recorder.piece_end = points[k + 1];
         recorder.last_piece = k == last;
         if (!(h > 0)) h = solver_first_step(&solver, time, state, points[k + 1] - time);

@@ -14,8 +14,8 @@
  * values in `u`); a time listed twice is a jump. `p` are the parameters.
  *
  * Writes states (n_samples x MODEL_NX) and outputs (n_samples x MODEL_NY + 1, the fold last; it is computed only if
- * `with_fold`; none at all where `y` is NULL) at the ascending times `samples`; at a jump they carry the values after it. `counts` receives internal
- * steps and rejected ones, `reached` the time at which the integration ended.
+ * `with_fold`; none at all where `y` is NULL) at the ascending times `samples`; at a jump they carry the values after
+ * it. `counts` receives internal steps and rejected ones, `reached` the time at which the integration ended.
  * Returns 0, a SolverStatus, or -1 where there is no rest state to start at. */
 KERNEL_EXPORT int kernel_trajectory(const double *p, long n_points, const double *points, const double *u,
                                     double tolerance, long n_samples, const double *samples, int with_fold, double *x,

@@ -14,7 +14,7 @@
 #include <string.h>
 
 #include "gradients.h"
-#include "instance.h"
+#include "pieces.h"
 #include "rodas5p.h"
 
 #define NX AT_LEAST_ONE(MODEL_NX)
@@ -23,7 +23,6 @@
 #define NJ AT_LEAST_ONE(MODEL_NJ)
 #define NL AT_LEAST_ONE(MODEL_NL)
 #define NP AT_LEAST_ONE(GRADIENTS_NP)
-#define MAX_STEPS 10000000
 #define DIFFERENCE 1e-6 /* of the columns' sizes, for J' */
 #define WIDTH 8         /* columns that are worked on at once */
 
@@ -61,18 +60,7 @@ typedef struct {
     double *x, *y, *x_tangent, *observed_tangent, *observed_rate;
 } Run;
 
-/* Pieces and starts ------------------------------------------------------------------------------------------- */
-
-static void set_piece(Inputs *inputs, const double *points, const double *u, long k)
-{
-    const double length = points[k + 1] - points[k];
-    memset(inputs->u, 0, sizeof inputs->u);
-    inputs->time = points[k];
-    for (int i = 0; i < MODEL_NU; i++) {
-        inputs->u[i][0] = u[k * MODEL_NU + i];
-        inputs->u[i][1] = (u[(k + 1) * MODEL_NU + i] - u[k * MODEL_NU + i]) / length;
-    }
-}
+/* Starts ------------------------------------------------------------------------------------------------------ */
 
 static unsigned reference_of(Kind kind, int index)
 {
@@ -84,14 +72,9 @@ static unsigned reference_of(Kind kind, int index)
 /* The start states, and how they move with the columns of the blocks; 0 where there are none. */
 static int start(const double *p, const double *u, double time, double *x, Block *blocks, long n_blocks)
 {
-    char problem[PROBLEM_SIZE];
-    Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
+    Instance *instance = piece_start(p, u, time, x);
+    int found = 1;
     if (!instance) return 0;
-    memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
-    for (int i = 0; i < MODEL_NU; i++) instance->now.u[i][0] = u[i];
-    instance->now.time = time;
-    instance_enter_initialization(instance);
-    int found = instance_get_states(instance, x, MODEL_NX) == STATUS_OK;
     for (long b = 0; found && b < n_blocks; b++)
         for (int l = 0; l < WIDTH; l++)
             for (int i = 0; i < MODEL_NX && blocks[b].parameter[l] >= 0; i++) {
@@ -384,7 +367,7 @@ static int walk(Run *run, long n_points, const double *points, const double *u, 
         const double end = points[k + 1];
         double time = points[k];
         if (!(end > time)) continue;
-        set_piece(&run->inputs, points, u, k);
+        piece_inputs(&run->inputs, points, u, k);
         while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v);
         while (time < end) {
             const double closest = 1e-9 * (end - points[k]);
@@ -407,8 +390,7 @@ int kernel_tangents(const double *p, long n_points, const double *points, const 
     double state[NX];
     Run run = {0};
     int status = -2;
-    long first = 0;
-    while (first < n_points - 2 && points[first + 1] <= points[first]) first++;
+    const long first = piece_first(n_points, points);
     run.p = p, run.samples = samples, run.n_samples = n_samples, run.n_columns = n_columns;
     run.n_blocks = (n_columns + WIDTH - 1) / WIDTH;
     run.x = x, run.y = y, run.x_tangent = x_tangent, run.observed_tangent = observed_tangent;
@@ -449,15 +431,14 @@ long kernel_mesh(const double *p, long n_points, const double *points, const dou
     Notes notes = {mesh, room, 0};
     Solver solver = {0};
     SolverStatus status = SOLVER_OK;
-    long first = 0;
-    while (first < n_points - 2 && points[first + 1] <= points[first]) first++;
+    const long first = piece_first(n_points, points);
     solver.p = p, solver.tolerance = tolerance, solver.max_steps = MAX_STEPS;
     solver.observer = note, solver.context = &notes;
     *reached = time;
     if (!start(p, u + first * MODEL_NU, time, x, NULL, 0)) return -11;
     for (long k = first; k < n_points - 1 && status == SOLVER_OK; k++) {
         if (points[k + 1] <= points[k]) continue;
-        set_piece(&solver.inputs, points, u, k);
+        piece_inputs(&solver.inputs, points, u, k);
         if (!(h > 0)) h = solver_first_step(&solver, time, x, points[k + 1] - time);
         status = solver_advance(&solver, &time, points[k + 1], x, &h);
     }

@@ -13,7 +13,7 @@ from plotly.subplots import make_subplots
 
 from ..cosim.beats import last_beats
 from ..cosim.master import Run
-from ..export.compile import write_atomically
+from ..files import write_atomically
 from ..model.units import factor
 from .figures import COLOURS, png
 from .page import Page

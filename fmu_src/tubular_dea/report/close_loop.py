@@ -85,11 +85,15 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"{state.z_slow:.0f} standard deviations out of the noise in slow parts. A halved tolerance changes "
         f"the cost by {found.numeric:.2g}."
     )
-    page.text(
-        "3. Latent inputs, one in each channel: their evidence is "
-        + ", ".join(f"{k} {v:.0f}" for k, v in sorted(found.located.evidence.items(), key=lambda kv: -kv[1]))
-        + "."
-    )
+    if found.located:
+        listed = sorted(found.located.evidence.items(), key=lambda entry: -entry[1])
+        page.text(
+            "3. Latent inputs, one in each channel: their evidence is "
+            + ", ".join(f"{k} {v:.0f}" for k, v in listed)
+            + "."
+        )
+    else:
+        page.text("3. No channel is searched for: the residual does not stand out of the noise.")
     for number, step in enumerate(found.search.rounds, start=4):
         best = ", ".join(f"{s.id} {s.gain:.0f}" for s in step.scores[:5])
         page.text(

@@ -9,7 +9,8 @@ from pathlib import Path
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from ..export.compile import write_atomically
+from ..files import write_atomically
+from .figures import COLOURS as COLOURS  # noqa: PLC0414
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
@@ -18,7 +19,6 @@ table { border-collapse: collapse; margin: 1rem 0; } td, th { text-align: left; 
 border-bottom: 1px solid #dde3e8; vertical-align: top; font-variant-numeric: tabular-nums; }
 .note { color: #5b6b7a; } .lead { font-size: 1.15em; } figure { margin: 1rem 0; }
 """
-COLOURS = ("#c8402f", "#2a6f97", "#e8a200", "#3a7d44", "#7b4f9d", "#5b6b7a")
 
 
 class Page:
@@ -55,5 +55,4 @@ class Page:
             f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(self.title)}</title>'
             f"<style>{_STYLE}</style><script>{get_plotlyjs()}</script></head><body>{''.join(self._parts)}</body></html>\n"
         )
-        write_atomically(path, text.encode("utf-8"))
-        return path
+        return write_atomically(path, text.encode("utf-8"))

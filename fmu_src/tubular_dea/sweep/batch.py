@@ -10,16 +10,16 @@ import ctypes
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import sympy
 
-from ..emit import c
 from ..emit.functions import layout
 from ..emit.jacobian import needed
 from ..errors import UserError
-from ..export.compile import cached_library, host, native_source, processor_flags
-from ..export.package import CORE_HEADERS, CORE_SOURCES
+from ..export.compile import cached_library, host, processor_flags
+from ..export.package import core_sources
 from ..model.declare import Model, nearest
 from ..model.delays import input_delays, output_delays
 
@@ -248,8 +248,6 @@ def _uses_fold(model: Model) -> bool:
     return any(model.curve.fold.symbol in d.expression.free_symbols for d in needed(model, outputs))
 
 
-def _library(model: Model) -> object:
-    code = {"model.c": c.source(model), "model.h": c.header(model)}
-    native = (*CORE_SOURCES, *CORE_HEADERS, "kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h", "rodas5p.h")
-    code |= {name: native_source(name) for name in native}
+def _library(model: Model) -> Path:
+    code = core_sources(model, "kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
     return cached_library(code, host(), processor_flags())

@@ -59,9 +59,8 @@ def quantities(fmu: ForeignFmu) -> Quantities:
 def _number(text: object) -> float | None:
     if text is None:
         return None
-    return {"true": 1.0, "false": 0.0}.get(str(text).lower()) or float(
-        str(text).replace("true", "1").replace("false", "0")
-    )
+    word = str(text).lower()
+    return float(word == "true") if word in ("true", "false") else float(word)
 
 
 class ForeignRows:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
-from ..model.units import NUMBER, UnitError, parse
+from ..model.units import NUMBER
 from ..protocol import read_csv
 from .batch import Breakpoints
 from .expression import Number, PlanError, Values, number
@@ -122,11 +122,3 @@ def _pulses(low: np.ndarray, high: np.ndarray, at: dict[str, np.ndarray], stop: 
     value = np.stack(np.broadcast_arrays(low, high, high, low), axis=-1)
     n = first.shape[1]
     return Breakpoints(time.reshape(first.shape[0], -1), np.tile(value.reshape(value.shape[0], -1), (1, n)))
-
-
-def check_unit(text: str, place: str) -> None:
-    """`PlanError` where `text` is no unit."""
-    try:
-        parse(text)
-    except UnitError as problem:
-        raise PlanError(f"{place}: {problem}") from None

@@ -1,4 +1,4 @@
-"""Carrying out a plan: what is missing is computed, written as it comes, and summed up in a report."""
+"""Carrying out a plan: what is missing is computed, and written as it comes."""
 
 from __future__ import annotations
 

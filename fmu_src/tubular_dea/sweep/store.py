@@ -12,17 +12,14 @@ from __future__ import annotations
 import io
 import json
 import shutil
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import UserError
-from ..export.compile import write_atomically
-from .axes import Levels
+from ..files import write_atomically
 from .extra import load
 from .plan import Plan
 from .rows import Rows
@@ -97,13 +94,6 @@ class Store:
         pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), buffer, compression="zstd")
         write_atomically(self._part(start), buffer.getvalue())
 
-    def batches(self) -> Iterator[Rows]:
-        """The columns of one part after another, in order of rows."""
-        _, pq = _arrow()
-        for start, _ in self.pieces:
-            table = pq.read_table(self._part(start))
-            yield {name: table[name].to_numpy() for name in self.manifest.columns}
-
     def column(self, name: str) -> np.ndarray:
         """One column of all rows."""
         _, pq = _arrow()
@@ -125,11 +115,6 @@ class Store:
             return bool(pq.read_metadata(self._part(start)).num_rows == stop - start)
         except Exception:  # not there, or cut off by a power failure: it is computed again
             return False
-
-    @cached_property
-    def done(self) -> int:
-        """How many rows were there when this was first asked."""
-        return self.manifest.rows - sum(stop - start for start, stop in self.missing())
 
 
 def part_size(rows: int) -> int:
@@ -191,11 +176,6 @@ def write_cube(store: Store, plan: Plan) -> Path:
     shutil.rmtree(path, ignore_errors=True)
     fresh.rename(path)
     return path
-
-
-def labels(plan: Plan) -> list[str]:
-    """The columns that hold names."""
-    return [axis.name for axis in plan.design.axes if isinstance(axis, Levels) and axis.labels]
 
 
 def _arrow() -> tuple[Any, Any]:

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ..export.compile import write_atomically
+from ..files import write_atomically
 from ..model.declare import Model
-from ..report.page import Page
-from .axes import Axis, Joint, Levels, Normal
+from ..sweep.axes import Axis, Joint, Levels, Normal
+from ..sweep.plan import Plan
+from ..sweep.rows import failures
+from ..sweep.sensitivity import Indices, Spread, Tornado, sobol_indices, spread, tornado
+from ..sweep.shown import Shown, shown
+from ..sweep.store import Store
 from .equilibria import equilibrium_curves, snap_boundary
+from .page import Page
 from .pictures import Bars, Curves, Histogram, Line, Map, Picture
-from .plan import Plan
-from .rows import failures
-from .sensitivity import Indices, Spread, Tornado, sobol_indices, spread, tornado
-from .shown import Shown, shown
-from .store import Store
 
 MANY = 24  # outputs beyond these are in the table, not in pictures
 
@@ -28,24 +28,18 @@ def write_report(store: Store, plan: Plan) -> list[Path]:
     """Write DIR/report.html, DIR/*.png and, for sampled designs, DIR/statistics.json; returns their paths."""
     numeric = [w.column for w in plan.outputs]
     values = {name: store.column(name) for name in numeric}
-    pictures = list(_pictures(store, plan, values))
-    written = [write_atomically_to(store.folder / f"{p.name}.png", p.png()) for p in pictures]
+    pictures = list(_pictures(plan, values))
+    written = [write_atomically(store.folder / f"{p.name}.png", p.png()) for p in pictures]
     page = Page(plan.name, f"{plan.design.rows} rows ({plan.design.kind}), {len(plan.design.axes)} axes, model "
                            f"{plan.model.name}.")  # fmt: skip
     _describe(page, store, plan, shown(plan))
     statistics = _statistics(plan, values)
     if statistics:
-        written.append(write_atomically_to(store.folder / "statistics.json", _json(statistics)))
+        written.append(write_atomically(store.folder / "statistics.json", _json(statistics)))
         _spreads(page, statistics, shown(plan))
     for picture in pictures:
         page.figure(picture.plotly(), picture.caption)
     return [*written, page.write(store.folder / "report.html")]
-
-
-def write_atomically_to(path: Path, data: bytes) -> Path:
-    """`write_atomically`, and the path."""
-    write_atomically(path, data)
-    return path
 
 
 # Words and numbers ----------------------------------------------------------------------------------------------------
@@ -110,7 +104,7 @@ def _spreads(page: Page, statistics: list[Indices | Tornado | Spread], labels: d
 # Pictures -------------------------------------------------------------------------------------------------------------
 
 
-def _pictures(store: Store, plan: Plan, values: dict[str, np.ndarray]) -> Iterator[Picture]:
+def _pictures(plan: Plan, values: dict[str, np.ndarray]) -> Iterator[Picture]:
     labels = shown(plan)
     if plan.design.kind == "grid":
         yield from _grid_pictures(plan, values, labels)

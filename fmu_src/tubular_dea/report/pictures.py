@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import plotly.graph_objects as go
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..report.figures import COLOURS, png
+from .figures import COLOURS, png
 
 BOUNDARY = "#1b2733"
 
@@ -181,11 +180,3 @@ def _axes(height: float = 4.6) -> tuple[Figure, Any]:
 
 def _ends(values: np.ndarray) -> list[float]:
     return [float(np.min(values)), float(np.max(values))]
-
-
-def level_curve(x: np.ndarray, y: np.ndarray, z: np.ndarray, level: float) -> Sequence[tuple[np.ndarray, np.ndarray]]:
-    """Where z (shape (y, x)) passes a level: pieces of a curve."""
-    import contourpy
-
-    lines = contourpy.contour_generator(x, y, np.ma.masked_invalid(z)).lines(level)
-    return [(line[:, 0], line[:, 1]) for line in lines]  # type: ignore[call-overload]

@@ -8,10 +8,10 @@ from ..emit.jacobian import at_rest, real
 from ..kernel import Kernel
 from ..model.declare import Model
 from ..model.units import factor
-from .axes import Axis, Levels, Range
+from ..sweep.axes import Axis, Levels, Range
+from ..sweep.plan import Plan
+from ..sweep.shown import Shown
 from .pictures import Curves, Line
-from .plan import Plan
-from .shown import Shown
 
 MOST = 6  # curves in one picture
 

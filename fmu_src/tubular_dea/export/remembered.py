@@ -1,0 +1,53 @@
+"""Libraries of models that were compiled before, found without printing the model's C again.
+
+Printing C from a declaration takes longer than anything else about a library that is in the cache already. The place
+of a library is remembered under a hash of the declaration and of everything in this package that turns declarations
+into libraries.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from ..emit.variables import guid
+from ..model.declare import Model
+from .compile import cache_folder, cached_library, host, write_atomically
+
+MAKERS = ("emit", "native", "export", "model", "kernel.py", "tangents.py")
+
+
+def remembered_library(
+    model: Model, kind: str, sources: Callable[[], Mapping[str, str]], flags: Sequence[str] = ()
+) -> Path:
+    """The library of `model` for this machine; `sources` (file name to text) is called where it is not known yet."""
+    key = hashlib.sha256(repr((guid(model, kind), tuple(flags), fingerprint())).encode()).hexdigest()
+    note = cache_folder() / f"{key}.place"
+    if note.exists():
+        place = cache_folder() / note.read_text(encoding="utf-8")
+        if place.is_file():
+            return place
+    made = cached_library(sources(), host(), tuple(flags))
+    write_atomically(note, made.name.encode())
+    return made
+
+
+@cache
+def fingerprint() -> str:
+    """A hash of the files of this package that libraries are made from and by."""
+    found = hashlib.sha256()
+    root = resources.files("tubular_dea")
+    for name in MAKERS:
+        for path, data in sorted(_files(root / name, name)):
+            found.update(path.encode() + b"\0" + data + b"\0")
+    return found.hexdigest()
+
+
+def _files(place: Traversable, path: str) -> list[tuple[str, bytes]]:
+    if place.is_file():
+        return [(path, place.read_bytes())] if path.endswith((".py", ".c", ".h")) else []
+    return [entry for child in place.iterdir() for entry in _files(child, f"{path}/{child.name}")]
