@@ -1,8 +1,9 @@
 """The scheduler on a recorded ECG: which beats are assisted, and which are refused.
 
-    python cosim_examples/heartbeat_on_ecg.py [record.hea]        default: MIT-BIH record 100 of ../shared/data
+    python cosim_examples/heartbeat_on_ecg.py record.hea         a WFDB record, or CSV: time [s],ecg [mV]
 
-Only the scheduler runs, as an FMU; writes heartbeat_on_ecg.png with the first premature beat.
+Only the scheduler runs, as an FMU; writes heartbeat_on_ecg.png with the first premature beat. Without a record it takes
+MIT-BIH record 100 from ../shared/data, if that is there. Needs the extra `ecg`: pip install '.[ecg]'.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from tubular_dea.cosim.heart_assist import fmus
 from tubular_dea.cosim.heartbeats import detect, r_waves, read_ecg
 from tubular_dea.cosim.master import Options, simulate
 from tubular_dea.cosim.system import Connection, System
+from tubular_dea.errors import UserError
 from tubular_dea.files import write_atomically
 from tubular_dea.report.figures import time_panels
 
@@ -25,7 +27,13 @@ SAFE = {"scheduler.aortic_pressure": 0.0, "scheduler.electric_field": 0.0, "sche
 
 def main() -> None:
     """Detect, schedule, count, plot."""
-    ecg = read_ecg(Path(sys.argv[1]) if len(sys.argv) > 1 else RECORD)
+    record = Path(sys.argv[1]) if len(sys.argv) > 1 else RECORD
+    if not record.exists():
+        raise SystemExit(f"heartbeat_on_ecg.py: there is no {record}; give a recorded ECG")
+    try:
+        ecg = read_ecg(record)
+    except UserError as problem:
+        raise SystemExit(f"heartbeat_on_ecg.py: {problem}") from None
     trigger = r_waves(detect(ecg), ecg.duration)
     system = System({"scheduler": fmus()["scheduler"]}, [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)],
                     {"ecg": trigger}, SAFE, ["scheduler.next_event"])  # fmt: skip

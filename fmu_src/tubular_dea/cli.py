@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from . import __version__
 from .errors import UserError
@@ -42,14 +44,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
             subparser.set_defaults(run=module.run)
     options = parser.parse_args(given)
     try:
+        if "out" in options:
+            writable_folder(options.out)
         options.run(options)
     except UserError as problem:
-        print(f"tubular-dea {options.command}: {problem}", file=sys.stderr)
+        print(f"tubular-dea {options.command}: {printable(str(problem))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"tubular-dea {options.command}: interrupted", file=sys.stderr)
         return 130
     return 0
+
+
+def writable_folder(out: Path) -> None:
+    """`UserError` where --out cannot become a folder to write to; nothing is created yet."""
+    existing = next(p for p in (out, *out.absolute().parents) if p.exists())
+    if not existing.is_dir():
+        raise UserError(f"--out {out}: expected a folder but {existing} is a file; give another name")
+    if not os.access(existing, os.W_OK | os.X_OK) or existing.is_relative_to("/proc"):
+        raise UserError(f"--out {out}: {existing} cannot be written to; give another folder")
+
+
+def printable(text: str, longest: int = 2000) -> str:
+    """A message that may quote a file: control characters spelled out, what is too long cut in the middle."""
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    half = longest // 2
+    return shown if len(shown) <= longest else f"{shown[:half]} [...] {shown[-half:]}"
 
 
 if __name__ == "__main__":

@@ -30,10 +30,18 @@ def rows(path: Path) -> list[tuple[int, list[str]]]:
     """The lines of a CSV file that are not empty, each with its number in the file (from 1), cells stripped."""
     try:
         content = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise TableError(f"{path}: cannot be read as a text file: {problem}") from None
+    except UnicodeDecodeError:
+        raise TableError(f"{path}: cannot be read as a text file; save it as CSV in UTF-8") from None
+    except OSError as problem:
+        raise TableError(f"{path}: cannot be read as a text file: {problem.strerror}") from None
     reader = csv.reader(content.splitlines())
-    return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+    try:
+        found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except csv.Error as problem:
+        raise TableError(f"{path}, line {reader.line_num}: cannot be read as CSV: {problem}") from None
+    if found and len(found[0][1]) == 1 and found[0][1][0].count(";") > 0:
+        raise TableError(f"{path}, line 1: expected commas between columns and decimal points, but found semicolons")
+    return [(line, cells) for line, cells in found if any(cells)]
 
 
 def text(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str, str]) -> str:

@@ -4,7 +4,8 @@
  *
  * Every case draws parameters, a tolerance, inputs (held or ramped) and communication steps, and is run four times:
  * as it is, a thousand times more tightly, and twice tightly with all states kicked by the tolerance at every
- * communication point: this tells how much the equations themselves make of an error (past the fold, everything). A case either agrees with the tight run or
+ * communication point (where that does not explain it, by a hundredth of it at every internal step, too): this tells how much the equations
+ * themselves make of an error (past the fold, everything). A case either agrees with the tight run or
  * ends in an error with a message. It stops where
  *   - a number is handed out that is not finite,
  *   - a call is refused without a message,
@@ -25,10 +26,10 @@
 #include "instance.h"
 
 enum { MOST_STEPS = 8, NX = MODEL_NX };
-enum { PHYSICAL, WIDE, BOUNDS, KINDS };
+enum { PHYSICAL, WIDE, BOUNDS, KINDS, OFTEN = 4 };
 static const char *const kinds[] = {"physical", "wide", "bounds"};
 /* A tolerance is that of each internal step; errors add up, and inside a step absurd tubes amplify them unseen. */
-static const double tolerated[] = {100, 1e4, 1e4};
+static const double tolerated[] = {100, 1e3, 1e3};
 
 /* Chance ----------------------------------------------------------------------------------------------------- */
 
@@ -160,11 +161,21 @@ static int look(fmi2Component tube, long place, const Case *c)
     return some;
 }
 
-static double lowest;
+static double lowest, kick_size;
+static int kicked; /* 0: not; 1 or 2: all states, with different signs; | OFTEN: at internal steps, too */
+
+/* All states off by a share of the tolerance, up or down in turns. */
+static void kick(Instance *tube, double share)
+{
+    for (int i = 0; i < NX; i++)
+        tube->now.x[i] += (i & kicked & 3 ? share : -share) * kick_size * (model_nominal[i] + fabs(tube->now.x[i]));
+    instance_forget(tube);
+}
 
 static double watch(Instance *tube, double end) /* called after every internal step */
 {
     lowest = fmin(lowest, tube->now.x[0]);
+    if (kicked & OFTEN) kick(tube, 0.01);
     return end;
 }
 
@@ -188,27 +199,19 @@ static int step(fmi2Component tube, const Case *c, int k, double *time, long pla
     return no;
 }
 
-/* All states off by the tolerance, `up` or down in turns. */
-static void kick(Instance *tube, const Case *c, int up)
-{
-    for (int i = 0; i < NX; i++)
-        tube->now.x[i] += (i & up ? 1 : -1) * c->tolerance * (model_nominal[i] + fabs(tube->now.x[i]));
-    instance_forget(tube);
-}
-
-static Run run(const Case *c, double tolerance, int kicked, long place)
+static Run run(const Case *c, double tolerance, int kicks, long place)
 {
     const fmi2CallbackFunctions callbacks = {hear, calloc, free, NULL, NULL};
     fmi2Component tube = fmi2Instantiate("tube", fmi2CoSimulation, MODEL_GUID, NULL, &callbacks, 0, 0);
     Run made = {0, 0, {0}, {0}};
     double time = 0;
     *message = '\0';
-    lowest = INFINITY;
+    lowest = INFINITY, kicked = kicks, kick_size = c->tolerance;
     made.failed = start(tube, c, tolerance, place);
     for (int k = 0; k < c->n && !made.failed; k++) {
-        if (kicked) kick(tube, c, kicked);
+        if (kicked) kick(tube, 1);
         made.failed = step(tube, c, k, &time, place);
-        if (!kicked) looks_refused += look(tube, place, c);
+        if (!kicks) looks_refused += look(tube, place, c);
         for (int i = 0; i < NX; i++) {
             made.x[i] = ((Instance *)tube)->now.x[i];
             made.largest[i] = fmax(made.largest[i], fabs(made.x[i]));
@@ -260,7 +263,8 @@ int main(int argc, char **argv)
             continue;
         }
         const double tightly = fmax(1e-12, 1e-3 * c.tolerance);
-        const Run tight = run(&c, tightly, 0, place), one = run(&c, tightly, 1, place), other = run(&c, tightly, 2, place);
+        const Run tight = run(&c, tightly, 0, place);
+        Run one = run(&c, tightly, 1, place), other = run(&c, tightly, 2, place);
         if (tight.failed || one.failed || other.failed) {
             unsure[c.kind]++; /* the tolerance was met, the tight one could not be */
             continue;
@@ -269,7 +273,15 @@ int main(int argc, char **argv)
             turned[c.kind]++;
             continue;
         }
-        const double far = distance(&c, &as_is, &tight, &one, &other);
+        double far = distance(&c, &as_is, &tight, &one, &other);
+        if (c.kind != PHYSICAL && far > tolerated[c.kind]) {
+            one = run(&c, tightly, 1 | OFTEN, place), other = run(&c, tightly, 2 | OFTEN, place);
+            if (one.failed || other.failed) {
+                unsure[c.kind]++;
+                continue;
+            }
+            far = distance(&c, &as_is, &tight, &one, &other);
+        }
         worst[c.kind] = fmax(worst[c.kind], far);
         if (!(far <= tolerated[c.kind])) {
             snprintf(message, sizeof message, "%g times the allowance", far);

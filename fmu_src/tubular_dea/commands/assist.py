@@ -31,6 +31,7 @@ EXAMPLE = """example:
   tubular-dea assist --patient failing --voltage 5.5kV --out assisted
   tubular-dea assist --patient stiff --voltage 6kV --set scheduler.off_fraction=0.35 --out stiff
   tubular-dea assist --patient failing --ecg record.hea --beats 30 --out recorded"""
+LONGEST_STEP = 0.02  # s; beyond it a beat is no longer resolved
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,6 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run twice, compare, write."""
+    if not 0 < options.step <= LONGEST_STEP:
+        raise UserError(f"--step: expected a positive number of seconds, at most {LONGEST_STEP:g}, but was given {options.step:g}")
     values = read_patient(options.patient)
     beats = _beats(options)
     settings = _settings(options.set, models(paced=beats is not None))
@@ -86,9 +89,12 @@ def read_patient(text: str) -> dict[str, float]:
         return patient(text)  # tells which patients there are
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+    except (OSError, ValueError, RecursionError) as problem:
         raise UserError(f"{path}: cannot be read as a patient set: {problem}") from None
     declared = {p.quantity.name: p.quantity for p in PARAMETERS}
+    for name, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise UserError(f'{path}: {name}: expected a number, or text like "1.2 mL/mmHg", and nothing else')
     values = {n: _number(str(v), declared[n].unit if n in declared else "1", f"{path}: {n}") for n, v in given.items()}
     return checked_patient(values, path.name)
 

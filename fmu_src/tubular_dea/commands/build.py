@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from ..cosim.heart_assist import archive
 from ..cosim.heart_assist import models as models_by_part
+from ..export.bom import bill_of_materials
 from ..export.compile import PLATFORMS, Platform, host
 from ..export.package import native_fmu
 from ..export.python_fmu import python_fmu
@@ -44,13 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Build every FMU into `options.out`."""
+    targets = platforms(options.platforms)
     if options.model is not None:
-        for path in build([load(options.model)], options.out, platforms(options.platforms)):
-            print(f"wrote {path}")
-        return
-    for path in build([tubular_dea(), *COMPANIONS], options.out, platforms(options.platforms)):
+        written = build([load(options.model)], options.out, targets)
+    else:
+        written = build([tubular_dea(), *COMPANIONS], options.out, targets)
+        written.append(build_archive(options.out))
+    for path in [*written, bill_of_materials(written, targets, options.out)]:
         print(f"wrote {path}")
-    print(f"wrote {build_archive(options.out)}")
 
 
 def platforms(names: list[str]) -> list[Platform]:

@@ -25,6 +25,7 @@ from ..protocol import Protocol, from_specifications, read_csv
 EXAMPLE = """example:
   tubular-dea simulate --pressure "ramp 0 95 mmHg from 0 to 1" --voltage "step 0 5 kV at 2 until 3" --stop 4 --out run
   tubular-dea simulate --inputs bench.csv --set C_1=340kPa --out run"""
+STOP = 5.0  # s
 UNITS = {"pressure": "Pa", "voltage": "V"}
 
 
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--inputs", type=Path, help="CSV file with time, pressure and voltage")
     parser.add_argument("--pressure", help='for example "95 mmHg" or "ramp 0 95 mmHg from 0 to 1"')
     parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
-    parser.add_argument("--stop", type=float, default=5.0, help="end of the run [s] for specifications (default: 5)")
+    parser.add_argument("--stop", type=float, help=f"end of the run [s] for specifications (default: {STOP:g})")
     parser.add_argument("--interval", type=float, default=0.01, help="time between rows of the table [s]")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="error in lambda_2, about (default: 1e-6)")
     values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
@@ -62,6 +63,9 @@ def run(options: argparse.Namespace) -> None:
         f"largest field {1e-6 * np.abs(response['electric_field']).max():.1f} V/um, "
         f"smallest margin to snap-through {response['snap_through_margin'].min() / factor('mmHg', 'Pa'):.1f} mmHg"
     )
+    beyond = response["snap_through_margin"] < 0
+    if beyond.any():
+        print(f"the pressure passes the snap-through fold at {response.time[beyond][0]:.3g} s: the tube runs away there")
 
 
 def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
@@ -71,32 +75,44 @@ def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
     for setting in settings:
         name, _, text = setting.partition("=")
         name = name.strip()
+        if name in values:
+            raise UserError(f"--set {name} is there twice; give it once")
         if name not in declared:
             raise UserError(f"--set: {model.name} has no parameter {name!r}{nearest(name, declared)}")
         q = declared[name]
         try:
-            value = {"true": 1.0, "false": 0.0}.get(text.strip()) if q.type == "Boolean" else None
-            value = quantity(text, q.unit) if value is None else value
+            value = _truth(text) if q.type == "Boolean" else quantity(text, q.unit)
         except UnitError as problem:
             raise UserError(f"--set {setting}: {problem}; for example {name}={shown(q).replace(' ', '')}") from None
         low, high = q.minimum, q.maximum
         if not np.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
             allowed = f"{'-inf' if low is None else low} to {'inf' if high is None else high}"
-            raise UserError(f"--set {setting}: expected {allowed} {q.unit} but was given {value:g}")
+            raise UserError(f"--set {setting}: expected {allowed} {q.unit if q.unit != '1' else ''} but was given {value:g}")
+        if q.type == "Integer" and value != int(value):
+            raise UserError(f"--set {setting}: expected a whole number but was given {value:g}")
         values[name] = value
     return values
+
+
+def _truth(text: str) -> float:
+    """1.0 for "true" or "1", 0.0 for "false" or "0"."""
+    known = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
+    if text.strip().lower() not in known:
+        raise UnitError(f"expected true or false but was given {text!r}")
+    return known[text.strip().lower()]
 
 
 def _protocol(options: argparse.Namespace) -> Protocol:
     given = {name: getattr(options, name) for name in UNITS if getattr(options, name) is not None}
     if options.inputs is not None:
-        if given:
-            raise UserError(f"--inputs and --{next(iter(given))} exclude each other; give one of them")
+        if given or options.stop is not None:
+            other = next(iter(given), "stop")
+            raise UserError(f"--inputs and --{other} exclude each other; give one of them")
         return read_csv(options.inputs, UNITS)
     missing = [name for name in UNITS if name not in given]
     if missing:
         raise UserError(f"expected --inputs FILE, or --pressure and --voltage; --{missing[0]} is missing")
-    return from_specifications(given, UNITS, options.stop)
+    return from_specifications(given, UNITS, STOP if options.stop is None else options.stop)
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

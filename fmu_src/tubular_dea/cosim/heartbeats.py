@@ -120,7 +120,7 @@ def _read_wfdb(path: Path, lead: str | None) -> Ecg:
         ) from None
     try:
         record = wfdb.rdrecord(str(path))
-    except (OSError, ValueError) as problem:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
         raise HeartbeatError(f"{path}: cannot be read as a WFDB record: {problem}") from None
     if lead is not None and lead not in record.sig_name:
         raise HeartbeatError(f"{path}: there is no lead {lead!r}; there are {', '.join(record.sig_name)}")

@@ -9,10 +9,11 @@ from ..identify.data import Recordings
 from ..identify.fit import Fit
 from ..model.dea import tubular_dea
 from ..model.declare import Model
-from . import base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
+from . import acceptance, base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
 from .channels import Localisation
 from .next_experiment import Proposal
-from .selection import Option, Search
+from .options import Option
+from .selection import Search
 from .study import Study, study
 
 SEED = 20240
@@ -59,7 +60,7 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     numeric = numerics.numeric_gain(work, fitted.values)
     found = selection.search(work, fitted, numeric, seed, tell)
     located = None
-    if found.chosen.ids or not selection.clean(found.base.adequacy):
+    if found.chosen.ids or not acceptance.clean(found.base.adequacy):
         tell("locate the residual")
         located = channels.localise(work, (), fitted, found.base.adequacy.excess)
     tell("verdict")
@@ -81,8 +82,8 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -
     """no_effect, effect_found, ambiguous or unexplained."""
     state, before = found.chosen.adequacy, found.base.adequacy
     if not found.chosen.ids:
-        return "no_effect" if selection.clean(state) else "unexplained"
-    if not selection.clean(state) and not selection.nearly(state, before, held_ratio):
+        return "no_effect" if acceptance.clean(state) else "unexplained"
+    if not acceptance.clean(state) and not acceptance.nearly(state, before, held_ratio):
         return "unexplained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 

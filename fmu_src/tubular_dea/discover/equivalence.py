@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .selection import Option
+from .options import Option
 
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
 FORM_SHARE = 0.012  # of the gain that another functional form of the same effect may lose

@@ -14,7 +14,7 @@ import numpy as np
 from ..kernel import KernelError
 from ..protocol import Protocol
 from .compiled import Ids
-from .selection import Option
+from .options import Option
 from .study import Study
 
 

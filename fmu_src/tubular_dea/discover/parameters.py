@@ -55,4 +55,5 @@ def _free(quantity: Quantity, scale: float, effect: Effect | None = None) -> Fre
     low, high = quantity.minimum, quantity.maximum
     amplitude = effect is not None and quantity.name in effect.off
     positive = low is not None and low > 0 and not amplitude
-    return Free(quantity.name, scale, low, high, positive)
+    usual = quantity.value if effect is None else effect.off.get(quantity.name, effect.typical[quantity.name])
+    return Free(quantity.name, scale, low, high, positive, usual)

@@ -1,13 +1,8 @@
-"""Which effects are accepted: forward by evidence, cross-validation and held-out gain together, then backward.
+"""The search for what is missing: forward round by round, then backward.
 
-A round scores the whole catalogue, refits the best few and every rival near them, and takes the best if
-
-* its gain exceeds what the largest score of nulls reaches, and what the numerics could feign,
-* blocks left out of the fit and experiments held out of it are predicted better with it,
-* it is a first effect, or removes most of what the ones before it left (a different functional form of an effect
-  that is already in leaves a little, which another effect may pick up in part: that is not a second effect).
-
-Then earlier effects are exchanged for their rivals and dropped where nothing is lost.
+A round scores the whole catalogue, refits the best few and every rival near them, and takes the best of those if it
+is convincing (`acceptance`). Then earlier effects are exchanged for their rivals, dropped where nothing is lost, and
+given their finer form where the record asks for it.
 """
 
 from __future__ import annotations
@@ -15,51 +10,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..identify.fit import Fit, FitError
 from ..model.effects import catalogue
 from . import bank
+from .acceptance import FALSE_ALARMS, HELD_OUT_SLACK, accept, clean, settled
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
+from .options import Option, option
 from .refit import first_refit, fit_effects
-from .residuals import Adequacy, adequacy
 from .study import Study
-from .validation import cross_validated, held_out_cost
 
 ROUNDS = 3
-FALSE_ALARMS = 0.001  # per record, of the largest score
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
 MOST_REFITS = 8
-SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
-SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
-FORM_PART = 0.02  # the same, where what is left is so little that another form of the first may be all there is
-NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
-ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
-HELD_OUT_SLACK = 4.0  # by which the held-out sum of squares of a strong effect may rise by chance
-LONG = 120  # evaluations until a search that converges slowly is given up
-STRONG = 3.0  # times the threshold
 LITTLE = 12.0  # gain below which an effect is dropped again
+LONG = 120  # evaluations until a search that converges slowly is given up
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Option:
-    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
-
-    ids: Ids
-    fitted: Fit
-    cross_validated: float
-    held_out: float
-    adequacy: Adequacy
-    refined: Ids = ()
-
-    @property
-    def evidence(self) -> float:
-        """Minus half of the sum of squares and of the price of the parameters (log of the samples each)."""
-        return -0.5 * (self.fitted.cost + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
 
 
 @dataclass(frozen=True)
@@ -85,16 +53,11 @@ class Search:
     rivals: list[Option] = field(default_factory=list)
 
 
-def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
-    """A fit with its validation."""
-    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
-                  adequacy(study, fitted), refined)  # fmt: skip
-
-
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
     """The whole search from the recalibrated base; `numeric` is the gain that the numerics could feign."""
     base = option(study, (), base_fit)
     found = Search(base, base)
+    accepted: list[Option] = []
     for _ in range(ROUNDS):
         step = _round(study, found, numeric, seed, tell)
         found.rounds.append(step)
@@ -106,9 +69,19 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
             _exchange(study, found, tell)
             _drop(study, found)
         _refine(study, found, tell)
+        accepted.append(found.chosen)
         if clean(found.chosen.adequacy):
             break
+    _settle(found, accepted)
     return found
+
+
+def _settle(found: Search, accepted: Sequence[Option]) -> None:
+    """Back to the last option that the held-out experiments confirm; the later ones become its rivals."""
+    best = settled(found.base, list(accepted))
+    if best is not found.chosen:
+        found.rivals = sorted([*found.rivals, found.chosen], key=lambda o: -o.evidence)
+        found.chosen = best
 
 
 def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
@@ -118,19 +91,6 @@ def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
     tell(f"converge {', '.join(chosen.ids)}")
     fitted = fit_effects(study, chosen.ids, dict(chosen.fitted.values), LONG, chosen.refined)
     return option(study, chosen.ids, fitted, chosen.refined)
-
-
-def clean(state: Adequacy) -> bool:
-    """Nothing is left that stands out of the noise."""
-    return state.z_slow < 5.0 and state.z_total < 4.0
-
-
-def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
-    """What stands out of the noise is little, and little of what stood out `before`."""
-    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
-    if held_ratio > NEARLY_RATIO or explained < NEARLY_EXPLAINED:
-        return False
-    return state.ratio <= (ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO)
 
 
 def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progress) -> Round:
@@ -146,7 +106,7 @@ def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progres
     options = _refits(study, chosen, scored, _worth(ranked, threshold), tell)
     if not options:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
-    accepted, reason = _accept(found, options[0], threshold)
+    accepted, reason = accept(found.base, chosen, options[0], threshold)
     return Round(chosen.ids, ranked, null, threshold, options, accepted, reason)
 
 
@@ -180,31 +140,6 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
     """The best shape, and the next one where it scores nearly as much."""
     return [s for s in shapes[:2] if s.gain > 0.5 * shapes[0].gain]
-
-
-def _accept(found: Search, best: Option, threshold: float) -> tuple[bool, str]:
-    before = found.chosen
-    gain = before.fitted.cost - best.fitted.cost
-    if gain < threshold:
-        return False, f"refitted, {best.ids[-1]} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
-    if best.cross_validated >= before.cross_validated:
-        return False, f"{best.ids[-1]} does not predict the blocks left out"
-    if (
-        best.held_out >= before.held_out + (HELD_OUT_SLACK if gain > STRONG * threshold else 0.0)
-        and before.held_out > 0
-    ):
-        return False, f"{best.ids[-1]} does not predict the held-out experiments"
-    if before.ids:
-        first = found.base.fitted.cost - before.fitted.cost
-        if gain < (FORM_PART if nearly(before.adequacy, found.base.adequacy) else SECOND_PART) * first:
-            return (
-                False,
-                f"{best.ids[-1]} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is",
-            )
-        if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
-            return False, f"{best.ids[-1]} removes less than half of what is left"
-    return True, f"{best.ids[-1]} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
-                 f"held out {before.held_out - best.held_out:.1f}"  # fmt: skip
 
 
 def _exchange(study: Study, found: Search, tell: Progress) -> None:

@@ -61,10 +61,8 @@ class Study:
                 pieces: Sequence[Piece] | None = None) -> Problem:  # fmt: skip
         """The least squares problem of the model with effects `ids` on some pieces (those in training)."""
         pieces = self.training if pieces is None else pieces
-        declared = self.compiled.base.parameter_values()
-        center = np.array([f.to_scaled(declared.get(f.name, f.size if f.logarithmic else 0.0)) for f in free])
         return Problem(self.response(ids, pieces), [p.record for p in pieces], self.noise, free, fixed,
-                       [p.weight for p in pieces], PRIOR if free else None, center)  # fmt: skip
+                       [p.weight for p in pieces], PRIOR if free else None)  # fmt: skip
 
     def weighted(self, weights: Sequence[np.ndarray]) -> Study:
         """The study with other weights of the samples, one array a piece."""

@@ -19,7 +19,8 @@ from .response import KernelError, Response
 class Free:
     """A parameter that is identified: its typical `size`, and bounds in SI units (None where there is none).
 
-    `logarithmic` ones stay positive and are searched over orders of magnitude.
+    `logarithmic` ones stay positive and are searched over orders of magnitude. `usual` is where a weak prior holds it
+    (its size, if not given).
     """
 
     name: str
@@ -27,6 +28,7 @@ class Free:
     lower: float | None = None
     upper: float | None = None
     logarithmic: bool = False
+    usual: float | None = None
 
     def to_scaled(self, value: float) -> float:
         """The number the solver works with."""
@@ -52,7 +54,8 @@ class Problem:
     """Residuals of `response` against `records` (each (n,), in SI units) at `free` parameters, the others `fixed`.
 
     `weights`, one array (n,) a case, lower the say of samples whose inputs are uncertain. `prior` holds the solver's
-    numbers (k,) near `center` within about `prior`: so weakly that only directions the records leave open feel it.
+    numbers (k,) near their usual ones within about `prior`: so weakly that only directions which the records leave
+    open feel it.
     """
 
     response: Response
@@ -62,7 +65,6 @@ class Problem:
     fixed: Mapping[str, float]
     weights: Sequence[np.ndarray] | None = None
     prior: float | None = None
-    center: np.ndarray | None = None
 
     @property
     def names(self) -> list[str]:
@@ -108,7 +110,7 @@ class Problem:
         return np.concatenate([white, (scaled - self._center()) / self.prior]) if self.prior else white
 
     def _center(self) -> np.ndarray:
-        return np.zeros(len(self.free)) if self.center is None else self.center
+        return np.array([f.to_scaled(f.size if f.usual is None else f.usual) for f in self.free])
 
     def linearised(self, scaled: np.ndarray, more: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (N,) and Jacobian (N, k + len(more)); `more` are fixed parameters, their columns in SI units."""

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -53,14 +53,14 @@ def load(path: Path) -> Model:
     """The model of a file; `ModelFileError` that names what is wrong."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as problem:
+    except (OSError, ValueError, RecursionError) as problem:
         raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ModelFileError(
             f'{path}: expected an object with "format": {FORMAT}, as `tubular-dea close-loop` writes it'
         )
     name, effects = content.get("model"), content.get("effects", [])
-    if name not in bases():
+    if not isinstance(name, str) or name not in bases():
         raise ModelFileError(f"{path}: there is no model {name!r}{nearest(str(name), bases())}")
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise ModelFileError(f'{path}: expected "effects" to be a list of effect ids')
@@ -81,8 +81,10 @@ def _values(path: Path, model: Model, given: Any) -> dict[str, float]:
             raise ModelFileError(f"{path}: {model.name} has no parameter {name!r}{nearest(name, declared)}")
         value = entry.get("value") if isinstance(entry, dict) else entry
         unit = entry.get("unit", declared[name].unit) if isinstance(entry, dict) else declared[name].unit
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
             raise ModelFileError(f"{path}: {name}: expected a finite number but found {value!r}")
+        if not isinstance(unit, str):
+            raise ModelFileError(f"{path}: {name}: expected a unit like {declared[name].unit!r} but found {unit!r}")
         try:
             values[name] = value if unit == declared[name].unit else value * factor(unit, declared[name].unit)
         except UnitError as problem:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from ..model.compose import compose
 from ..model.dea import tubular_dea
 from ..model.declare import Model, nearest
 from ..model.effects import with_effects
+from ..model.units import factor
 from ..model.windkessel import aortic_windkessel
 from .axes import Joint
 from .expression import PlanError
@@ -73,17 +75,22 @@ def calibrated(path: Path) -> tuple[Model, Joint | None]:
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         model = with_effects(MODELS[content.get("model", "TubularDEA")](), list(content.get("effects", [])))
-        values = {name: _value(v) for name, v in content["parameters"].items()}
+        values = {name: _value(name, v, model.quantity(name).unit) for name, v in content["parameters"].items()}
         model = model.with_values(values)
         return model, _joint(model, content, values)
     except UserError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as problem:
         raise PlanError(f"{path}: cannot be read as a model.json: {problem!r}") from None
 
 
-def _value(entry: Any) -> float:
-    return float(entry["value"] if isinstance(entry, dict) else entry)
+def _value(name: str, entry: Any, unit: str) -> float:
+    """A parameter in SI units; entries may name a unit of their own."""
+    value, given = (entry["value"], entry.get("unit", unit)) if isinstance(entry, dict) else (entry, unit)
+    value = float(value) * (1.0 if given == unit else factor(str(given), unit))
+    if not math.isfinite(value):
+        raise PlanError(f"{name}: expected a finite number but found {value!r}")
+    return value
 
 
 def _joint(model: Model, content: dict[str, Any], values: dict[str, float]) -> Joint | None:

@@ -90,7 +90,7 @@ def read_plan(path: Path) -> Plan:
             content = tomllib.load(file)
     except OSError as problem:
         raise PlanError(f"{path}: cannot be read: {problem.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except (ValueError, RecursionError) as problem:
         raise PlanError(f"{path}: {problem}") from None
     try:
         return make_plan(content, path.parent)

@@ -1,0 +1,74 @@
+"""When an effect is accepted, and when what is left is noise.
+
+A first effect needs more gain than the largest score of nulls and than the numerics could feign, and must predict
+blocks that were left out. A further one must besides remove most of what the ones before it left, and more than
+another functional form of them would: no law of a catalogue is exactly the one in the tube, and a candidate may pick
+up in part what that leaves.
+
+The held-out experiments are asked at once where the evidence is weak. Where it is strong they are asked at the end:
+one of two effects alone may predict them worse than none.
+"""
+
+from __future__ import annotations
+
+from .options import Option
+from .residuals import Adequacy
+
+FALSE_ALARMS = 0.001  # per record, of the largest score
+SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
+SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
+FORM_PART = 0.02  # the same, where what is left is so little that another form of the first may be all there is
+NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
+ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
+HELD_OUT_SLACK = 4.0  # by which the held-out sum of squares of a strong effect may rise by chance
+STRONG = 3.0  # times the threshold
+CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
+
+
+def clean(state: Adequacy) -> bool:
+    """Nothing is left that stands out of the noise."""
+    return state.z_slow < CLEAN_SLOW and state.z_total < CLEAN_TOTAL
+
+
+def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
+    """What stands out of the noise is little, and little of what stood out `before`."""
+    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
+    if held_ratio > NEARLY_RATIO or explained < NEARLY_EXPLAINED:
+        return False
+    return state.ratio <= (ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO)
+
+
+def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
+    """Whether `best` is accepted over `before`, and why (not), in words."""
+    gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
+    if gain < threshold:
+        return False, f"refitted, {name} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
+    if best.cross_validated >= before.cross_validated:
+        return False, f"{name} does not predict the blocks left out"
+    if gain < STRONG * threshold and 0 < before.held_out <= best.held_out:
+        return False, f"{name} does not predict the held-out experiments"
+    refusal = _no_further_effect(base, before, gain, name) if before.ids else ""
+    if refusal:
+        return False, refusal
+    return True, f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
+                 f"held out {before.held_out - best.held_out:.1f}"  # fmt: skip
+
+
+def settled(base: Option, accepted: list[Option]) -> Option:
+    """The last of the options accepted in turn that predicts the held-out experiments better than those before it."""
+    best = base
+    for one in accepted:
+        slack = HELD_OUT_SLACK if best.fitted.cost - one.fitted.cost > 100 * HELD_OUT_SLACK else 0.0
+        if base.held_out == 0 or one.held_out < best.held_out + slack:
+            best = one
+    return best
+
+
+def _no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
+    first = base.fitted.cost - before.fitted.cost
+    part = FORM_PART if nearly(before.adequacy, base.adequacy) else SECOND_PART
+    if gain < part * first:
+        return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
+    if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
+        return f"{name} removes less than half of what is left"
+    return ""

@@ -1,0 +1,36 @@
+"""A set of effects, fitted and validated: what the search compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..identify.fit import Fit
+from .compiled import Ids
+from .residuals import Adequacy, adequacy
+from .study import Study
+from .validation import cross_validated, held_out_cost
+
+
+@dataclass(frozen=True)
+class Option:
+    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
+
+    ids: Ids
+    fitted: Fit
+    cross_validated: float
+    held_out: float
+    adequacy: Adequacy
+    refined: Ids = ()
+
+    @property
+    def evidence(self) -> float:
+        """Minus half of the sum of squares and of the price of the parameters (log of the samples each)."""
+        return -0.5 * (self.fitted.cost + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
+
+
+def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
+    """A fit with its validation."""
+    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
+                  adequacy(study, fitted), refined)  # fmt: skip
