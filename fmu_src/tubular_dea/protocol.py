@@ -141,10 +141,9 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
         if isinstance(problem, UnitError):
             raise ProtocolError(f"{name}: {problem}") from None
         example = {"V": "5 kV"}.get(unit, "95 mmHg")
-        number, shown = example.split()
         raise ProtocolError(
-            f'{name}: cannot read {text!r}; expected "{example}", "step 0 {number} {shown} at 1", "step 0 {number} {shown} '
-            f'at 1 until 3" or "ramp 0 {number} {shown} from 0 to 1", the times in s, rising, and at most {stop:g}'
+            f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
+            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s, rising, and at most {stop:g}'
         ) from None
 
 

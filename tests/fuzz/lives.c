@@ -26,7 +26,10 @@ static unsigned char bytes[MOST];
 #define SIZE fmi2SerializedFMUstateSize
 #define BYTES(b) (char *)(b)
 
-static void hear(void *e, fmi2String n, fmi2Status s, fmi2String c, fmi2String m, ...) { (void)e, (void)n, (void)s, (void)c, (void)m; }
+static void hear(void *e, fmi2String n, fmi2Status s, fmi2String c, fmi2String m, ...)
+{
+    (void)e, (void)n, (void)s, (void)c, (void)m;
+}
 
 static void *born(void)
 {

@@ -4,9 +4,9 @@
  *
  * Every case draws parameters, a tolerance, inputs (held or ramped) and communication steps, and is run four times:
  * as it is, a thousand times more tightly, and twice tightly with all states kicked by the tolerance at every
- * communication point (where that does not explain it, by a hundredth of it at every internal step, too): this tells how much the equations
- * themselves make of an error (past the fold, everything). A case either agrees with the tight run or
- * ends in an error with a message. It stops where
+ * communication point (where that does not explain it, by a hundredth of it at every internal step, too): this tells
+ * how much the equations themselves make of an error (past the fold, everything). A case either agrees with the tight
+ * run or ends in an error with a message. It stops where
  *   - a number is handed out that is not finite,
  *   - a call is refused without a message,
  *   - the run is further from the tight one than `tolerated` times its tolerance and what the equations make of it.

@@ -64,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run twice, compare, write."""
     if not 0 < options.step <= LONGEST_STEP:
-        raise UserError(f"--step: expected a positive number of seconds, at most {LONGEST_STEP:g}, but was given {options.step:g}")
+        raise UserError(
+            f"--step: expected a positive number of seconds, at most {LONGEST_STEP:g}, but was given {options.step:g}"
+        )
     values = read_patient(options.patient)
     beats = _beats(options)
     settings = _settings(options.set, models(paced=beats is not None))

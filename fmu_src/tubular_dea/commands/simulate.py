@@ -65,7 +65,8 @@ def run(options: argparse.Namespace) -> None:
     )
     beyond = response["snap_through_margin"] < 0
     if beyond.any():
-        print(f"the pressure passes the snap-through fold at {response.time[beyond][0]:.3g} s: the tube runs away there")
+        at = response.time[beyond][0]
+        print(f"the pressure passes the snap-through fold at {at:.3g} s: the tube runs away there")
 
 
 def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
@@ -87,7 +88,8 @@ def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
         low, high = q.minimum, q.maximum
         if not np.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
             allowed = f"{'-inf' if low is None else low} to {'inf' if high is None else high}"
-            raise UserError(f"--set {setting}: expected {allowed} {q.unit if q.unit != '1' else ''} but was given {value:g}")
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            raise UserError(f"--set {setting}: expected {allowed}{unit} but was given {value:g}")
         if q.type == "Integer" and value != int(value):
             raise UserError(f"--set {setting}: expected a whole number but was given {value:g}")
         values[name] = value

@@ -169,7 +169,7 @@ def _bench_file(path: Path, bench: Bench) -> tuple[dict[str, float], dict[str, f
         return {}, {}
     try:
         text = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+    except (OSError, ValueError, RecursionError) as problem:
         raise DataError(f"{path}: cannot be read as TOML: {problem}") from None
     unknown = sorted(set(text) - {"geometry", "noise", "sampling"})
     if unknown:
@@ -184,6 +184,8 @@ def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> f
     """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`."""
     if name not in units:
         raise DataError(f"{path}: {name!r} is not known; expected some of {', '.join(units)}")
+    if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
+        raise DataError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
     number, _, unit = str(value).partition(" ")
     try:
         return float(number) * (factor(unit, units[name]) if unit else 1.0)
