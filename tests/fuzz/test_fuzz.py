@@ -37,7 +37,8 @@ MAX_STEPS = 3000  # internal steps of one doStep, so that absurd inputs cost mil
 
 def driver(model: Model, version: int, folder: Path) -> Path:
     """The fuzzer, compiled together with the FMU's own sources; kept in the cache."""
-    code = sources(model, version) | {path.name: path.read_text() for path in HERE.glob("*.[ch]")}
+    driver = [HERE / "fmi_fuzz.c", *HERE.glob("*.h")]
+    code = sources(model, version) | {path.name: path.read_text() for path in driver}
     key = hashlib.sha256(repr((sorted(code.items()), FLAGS, MAX_STEPS)).encode()).hexdigest()
     cached = cache_folder() / f"fuzz{version}-{key}"
     if cached.exists():
