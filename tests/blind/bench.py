@@ -17,10 +17,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
 
 HERE = Path(__file__).parent
 RATE = 250.0  # Hz
-STEP, COARSE = 0.25e-3, 1e-3  # s, of the integrator for records, and for differences
+STEP, COARSE = 0.25e-3, 2e-3  # s, of the integrator for records, and for differences
+FOLLOWS, NUDGE = 8, 5e-4  # steps by which the other numbers follow, and the relative move of their differences
 MMHG = 133.322
 TABLE_III = (333.056e3, -32.5032e3, 2.86041e3, 2.8, 745.854e3, 19.6758e6, 6495.68e3, 2.414e6, 6508.21e3)
 TABLE_I = (15e-3, 24.5e-3, 1e-3, 100e-6, 1e3)
@@ -227,29 +229,32 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
 def signature(tube: Tube, name: str) -> float:
     """How far an effect moves the readings where nothing else can follow, squared, in units of the laser's noise.
 
-    The identified parameters and the other effects' numbers follow (linearly) as well as they can. What is small here
-    cannot be found by anybody, however good.
+    The identified parameters and the other effects' numbers follow as well as they can. What is small here cannot be
+    found by anybody, however good.
     """
-    rest = {n: v for n, v in tube.effects.items() if n != name}
-    try:
-        moved = _whitened(tube, _readings(tube) - _readings(replace(tube, effects=rest)))
-    except ValueError:
-        return float("inf")  # without the effect the tube bursts
-    columns = [_whitened(tube, _readings(t) - _readings(tube)) for t in _neighbours(tube, rest)]
-    basis, _ = np.linalg.qr(np.column_stack(columns) / np.linalg.norm(columns, axis=1))
-    return float(np.sum((moved - basis @ (basis.T @ moved)) ** 2))
+    rest = replace(tube, effects={n: v for n, v in tube.effects.items() if n != name})
+    target = _readings(tube)
+
+    def left(shares: np.ndarray) -> np.ndarray:
+        try:
+            return _whitened(tube, _readings(_scaled(rest, shares)) - target)
+        except ValueError:
+            return np.full(target.size - 1, 1e3)  # it bursts
+
+    start = np.ones(len(_numbers(rest)))
+    return 2 * float(least_squares(left, start, x_scale="jac", diff_step=NUDGE, max_nfev=FOLLOWS).cost)
 
 
-def _neighbours(tube: Tube, effects: dict[str, tuple[float, ...]]) -> list[Tube]:
-    """The tube with each of its numbers moved a little: the identified ones, and those of `effects`."""
-    near = []
-    for i, value in enumerate(tube.identified):
-        near.append(replace(tube, identified=(*tube.identified[:i], value * 1.0005, *tube.identified[i + 1 :])))
-    for name, values in effects.items():
-        for i, value in enumerate(values):
-            moved = (*values[:i], value * 1.002 + 1e-9 * (value == 0), *values[i + 1 :])
-            near.append(replace(tube, effects=tube.effects | {name: moved}))
-    return near
+def _numbers(tube: Tube) -> list[float]:
+    return [*tube.identified, *(v for values in tube.effects.values() for v in values)]
+
+
+def _scaled(tube: Tube, shares: np.ndarray) -> Tube:
+    """The tube with each of its numbers multiplied by its share."""
+    numbers = iter(np.array(_numbers(tube)) * shares)
+    identified = tuple(next(numbers) for _ in tube.identified)
+    return replace(tube, identified=identified, effects={n: tuple(next(numbers) for _ in v)
+                                                         for n, v in tube.effects.items()})  # fmt: skip
 
 
 def _readings(tube: Tube) -> np.ndarray:

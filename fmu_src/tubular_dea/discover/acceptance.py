@@ -17,10 +17,9 @@ from .residuals import Adequacy
 FALSE_ALARMS = 0.001  # per record, of the largest score
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
-FORM_PART = 0.02  # the same, where what is left is so little that another form of the first may be all there is
+FORM_PART = 0.03  # the same, where what is left is so little that another form of the first may be all there is
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
-HELD_OUT_SLACK = 4.0  # by which the held-out sum of squares of a strong effect may rise by chance
 STRONG = 3.0  # times the threshold
 CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
 
@@ -45,26 +44,37 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
         return False, f"refitted, {name} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
     if best.cross_validated >= before.cross_validated:
         return False, f"{name} does not predict the blocks left out"
-    if gain < STRONG * threshold and 0 < before.held_out <= best.held_out:
+    if gain < STRONG * threshold and denied(before, best):
         return False, f"{name} does not predict the held-out experiments"
-    refusal = _no_further_effect(base, before, gain, name) if before.ids else ""
+    refusal = no_further_effect(base, before, gain, name) if before.ids else ""
     if refusal:
         return False, refusal
     return True, f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
                  f"held out {before.held_out - best.held_out:.1f}"  # fmt: skip
 
 
+def denied(before: Option, after: Option) -> bool:
+    """Whether the held-out experiments speak against `after`.
+
+    Where its predictions differ by the square D, they gain D +- 2 sqrt(D) if they are right. Two standard deviations
+    less, and a loss, is a denial; experiments in which the models hardly differ deny nothing.
+    """
+    moved = after.held_out_residual - before.held_out_residual
+    differ = float(moved @ moved)
+    return before.held_out - after.held_out < min(0.0, differ - 4 * differ**0.5)
+
+
 def settled(base: Option, accepted: list[Option]) -> Option:
-    """The last of the options accepted in turn that predicts the held-out experiments better than those before it."""
+    """The last of the options accepted in turn that the held-out experiments do not deny against those before it."""
     best = base
     for one in accepted:
-        slack = HELD_OUT_SLACK if best.fitted.cost - one.fitted.cost > 100 * HELD_OUT_SLACK else 0.0
-        if base.held_out == 0 or one.held_out < best.held_out + slack:
+        if not denied(best, one):
             best = one
     return best
 
 
-def _no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
+def no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
+    """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
     first = base.fitted.cost - before.fitted.cost
     part = FORM_PART if nearly(before.adequacy, base.adequacy) else SECOND_PART
     if gain < part * first:

@@ -18,7 +18,7 @@ WEAK_SHARE, WEAK = 0.5, 80.0  # the same where the gain is small, and the most i
 
 def equivalents(base: Option, chosen: Option, rivals: Sequence[Option]) -> dict[str, list[str]]:
     """For every effect of `chosen`, the ids of those that would do in its place, best first."""
-    gain = base.fitted.cost - chosen.fitted.cost
+    gain = base.misfit - chosen.misfit
     reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK))
     found: dict[str, list[str]] = {name: [] for name in chosen.ids}
     for rival in rivals:

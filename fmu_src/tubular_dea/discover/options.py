@@ -10,27 +10,37 @@ from ..identify.fit import Fit
 from .compiled import Ids
 from .residuals import Adequacy, adequacy
 from .study import Study
-from .validation import cross_validated, held_out_cost
+from .validation import cross_validated, held_out_residual
 
 
 @dataclass(frozen=True)
 class Option:
-    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
+    """Effects `ids` fitted: the fit, its sum of squares on blocks and its residual (N,) on experiments left out."""
 
     ids: Ids
     fitted: Fit
     cross_validated: float
-    held_out: float
+    held_out_residual: np.ndarray
     adequacy: Adequacy
     refined: Ids = ()
 
     @property
+    def held_out(self) -> float:
+        """The sum of squares of the held-out experiments; 0 where there are none."""
+        return float(self.held_out_residual @ self.held_out_residual)
+
+    @property
+    def misfit(self) -> float:
+        """The sum of squares of all experiments: those it was fitted to and those held out."""
+        return self.fitted.cost + self.held_out
+
+    @property
     def evidence(self) -> float:
-        """Minus half of the sum of squares and of the price of the parameters (log of the samples each)."""
-        return -0.5 * (self.fitted.cost + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
+        """Minus half of the misfit and of the price of the parameters (log of the samples each)."""
+        return -0.5 * (self.misfit + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
 
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
     """A fit with its validation."""
-    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
+    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_residual(study, ids, fitted),
                   adequacy(study, fitted), refined)  # fmt: skip

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from ..identify.fit import Fit, FitError
 from ..model.effects import catalogue
 from . import bank
-from .acceptance import FALSE_ALARMS, HELD_OUT_SLACK, accept, clean, settled
+from .acceptance import FALSE_ALARMS, accept, clean, denied, no_further_effect, settled
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
@@ -25,6 +25,7 @@ ROUNDS = 3
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
 WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
+AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
 LITTLE = 12.0  # gain below which an effect is dropped again
 LONG = 120  # evaluations until a search that converges slowly is given up
 
@@ -104,6 +105,9 @@ def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progres
     threshold = max(1.2 * null.threshold(FALSE_ALARMS), numeric)
     if not ranked or ranked[0].gain < threshold:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no score stands out of the nulls'")
+    hopeless = no_further_effect(found.base, chosen, AT_BEST * ranked[0].gain, ranked[0].id) if chosen.ids else ""
+    if hopeless:
+        return Round(chosen.ids, ranked, null, threshold, [], False, hopeless)
     options = _refits(study, chosen, scored, _worth(ranked, threshold), tell)
     if not options:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
@@ -204,5 +208,5 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
         except FitError:
             continue
         finer = option(study, found.chosen.ids, fitted, refined)
-        if finer.evidence > found.chosen.evidence + 10 and finer.held_out < found.chosen.held_out + HELD_OUT_SLACK:
+        if finer.evidence > found.chosen.evidence + 10 and not denied(found.chosen, finer):
             found.chosen = finer

@@ -230,7 +230,7 @@ class Hoisted:
             return self._split(e, target, "factor")
         if e.is_Add:
             return self._split(e, target, "offset")
-        if e.is_Pow and e.base.is_Symbol:
+        if e.is_Pow and e.base.is_Symbol and e.exp.is_number:
             return e
         return _through(e, lambda part: self.take(part, target))
 

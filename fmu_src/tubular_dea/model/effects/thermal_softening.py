@@ -1,6 +1,6 @@
 """The elastomer warms by its losses and softens (or stiffens, by rubber elasticity) as it does.
 
-Equation: d(warmth)/dt = (E^2 / (50 V/um)^2 + heat_viscous q - warmth) / tau_thermal;
+Equation: d(warmth)/dt = (E^2 / (50 V/um)^2 lambda_2^heat_stretch + heat_viscous q - warmth) / tau_thermal;
 dW/dI_1 times 1 - thermal_softening warmth, where q = (sigma_eta + sigma_vis) d(lambda_1)/dt / (100 kW/m3) is the
 power that the dampers and branches take up.
 
@@ -23,12 +23,14 @@ PARAMETERS = (
     Quantity("tau_thermal", "s", "Time constant of warming and cooling", 5.0, "Kleo 2020", 0.05, 1e3),
     Quantity("heat_viscous", "1", "Viscous losses of 100 kW/m3 over electrical ones at 50 V/um", 0.0, "Kleo 2020", 0.0,
              100.0),
+    Quantity("heat_stretch", "1", "Exponent of the electrical losses' further growth with stretch", 0.0, "Kleo 2020",
+             -6.0, 6.0),
 )
 
 
 def _apply(model: Model) -> Model:
     warmth = Quantity("warmth", "1", "Temperature rise over that at rest under 50 V/um")
-    losses = (model["electric_field"] / REFERENCE) ** 2
+    losses = (model["electric_field"] / REFERENCE) ** 2 * model["lambda_2"] ** model["heat_stretch"]
     friction = (model["sigma_eta"] + model["sigma_vis"]) * model["dlambda_1_dlambda_2"] * model["lambda_2_rate"] / POWER
     heating = losses + model["heat_viscous"] * friction
     cooling = (heating - warmth.symbol) / model["tau_thermal"]
@@ -38,7 +40,7 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "thermal_softening", "mechanical", "The elastomer warms by its losses and softens", _apply, PARAMETERS,
-    off={"thermal_softening": 0.0}, refine=("heat_viscous",),
-    typical={"thermal_softening": 0.05, "tau_thermal": 5.0, "heat_viscous": 0.0},
+    off={"thermal_softening": 0.0}, refine=("heat_viscous", "heat_stretch"),
+    typical={"thermal_softening": 0.05, "tau_thermal": 5.0, "heat_viscous": 0.0, "heat_stretch": 0.0},
     shapes={"tau_thermal": (0.5, 2.0, 8.0, 30.0)},
 )  # fmt: skip
