@@ -21,6 +21,7 @@ FORM_PART = 0.03  # the same, where what is left is so little that another form 
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
 STRONG = 3.0  # times the threshold
+DENIAL = 6.0  # rise of the held-out sum of squares: odds of 20 to 1 against an effect
 CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
 
 
@@ -54,14 +55,8 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 
 def denied(before: Option, after: Option) -> bool:
-    """Whether the held-out experiments speak against `after`.
-
-    Where its predictions differ by the square D, they gain D +- 2 sqrt(D) if they are right. Two standard deviations
-    less, and a loss, is a denial; experiments in which the models hardly differ deny nothing.
-    """
-    moved = after.held_out_residual - before.held_out_residual
-    differ = float(moved @ moved)
-    return before.held_out - after.held_out < min(0.0, differ - 4 * differ**0.5)
+    """Whether the held-out experiments speak against `after`, by odds that chance does not explain."""
+    return after.held_out > before.held_out + DENIAL
 
 
 def settled(base: Option, accepted: list[Option]) -> Option:

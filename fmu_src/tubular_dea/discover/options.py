@@ -10,24 +10,19 @@ from ..identify.fit import Fit
 from .compiled import Ids
 from .residuals import Adequacy, adequacy
 from .study import Study
-from .validation import cross_validated, held_out_residual
+from .validation import cross_validated, held_out_cost
 
 
 @dataclass(frozen=True)
 class Option:
-    """Effects `ids` fitted: the fit, its sum of squares on blocks and its residual (N,) on experiments left out."""
+    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
 
     ids: Ids
     fitted: Fit
     cross_validated: float
-    held_out_residual: np.ndarray
+    held_out: float
     adequacy: Adequacy
     refined: Ids = ()
-
-    @property
-    def held_out(self) -> float:
-        """The sum of squares of the held-out experiments; 0 where there are none."""
-        return float(self.held_out_residual @ self.held_out_residual)
 
     @property
     def misfit(self) -> float:
@@ -42,5 +37,5 @@ class Option:
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
     """A fit with its validation."""
-    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_residual(study, ids, fitted),
+    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
                   adequacy(study, fitted), refined)  # fmt: skip

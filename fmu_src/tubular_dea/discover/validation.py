@@ -46,8 +46,10 @@ def _folds(pieces: Sequence[Piece], rows: int) -> np.ndarray:
     return fold
 
 
-def held_out_residual(study: Study, ids: Ids, fitted: Fit) -> np.ndarray:
-    """Model minus record of the held-out pieces, whitened, shape (N,); empty where there are none."""
+def held_out_cost(study: Study, ids: Ids, fitted: Fit) -> float:
+    """The sum of squares of the held-out pieces, in units of the noise; 0 where there are none."""
     if not study.held_out:
-        return np.empty(0)
-    return study.problem(ids, [], fitted.values, study.held_out).residuals(np.empty(0))
+        return 0.0
+    problem = study.problem(ids, [], fitted.values, study.held_out)
+    residual = problem.residuals(np.empty(0))
+    return float(residual @ residual)
