@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
-import threading
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
@@ -117,21 +114,6 @@ class _Problems:
         for i in np.flatnonzero(flat & (self.status == 0)):
             self.status[i] = status
             self.texts[int(i)] = TEXTS[status].format(what=what)
-
-
-_LOCK = threading.Lock()
-
-
-@lru_cache(maxsize=4)
-def _study(fingerprint: str, content: bytes) -> Study:
-    return Study(pickle.loads(content))
-
-
-def compute(fingerprint: str, content: bytes, start: int, stop: int) -> Rows:
-    """Rows `start` to `stop` of a pickled plan: what a worker runs. The model is compiled once a process."""
-    with _LOCK:
-        study = _study(fingerprint, content)
-    return study.rows(start, stop)
 
 
 def failures(table: Rows) -> dict[str, int]:
