@@ -22,6 +22,11 @@ from .plan import Plan
 from .rows import Study
 
 AHEAD = 2  # pieces a thread, or tasks a worker, that are under way
+QUIET = {  # half of what Dask does while it waits: profiles, its own clock, what the disks do; nothing here reads them
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
 TASK_SECONDS = 0.5  # a task takes no longer, so that results come steadily, unless one piece does
 
 
@@ -63,8 +68,8 @@ class Cluster:
     def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
         """The parts, in the order in which they are finished.
 
-        A task is several pieces, as many as take TASK_SECONDS, but few towards the end, so that all workers end
-        together: what Dask asks for each task is then little beside its work.
+        A task is several pieces, as many as take TASK_SECONDS, and fewer towards the end: what Dask asks for each
+        task is then little beside its work.
         """
         distributed = load("distributed", "a cluster")
         content, fingerprint = pickle.dumps(plan), plan.fingerprint
@@ -75,7 +80,8 @@ class Cluster:
             while waiting or under_way:
                 workers = max(1, sum(self.client.nthreads().values()))
                 while waiting and under_way < AHEAD * workers:
-                    size = max(1, min(len(waiting) // (2 * workers), int(TASK_SECONDS / each)))
+                    share = -(-2 * len(waiting) // (3 * workers))  # of what is left, so that all end together
+                    size = max(1, min(share, int(TASK_SECONDS / each)))
                     taken, waiting[:size] = waiting[:size], []
                     key = f"rows-{fingerprint[:16]}-{taken[0][0]}"
                     future = self.client.submit(task, fingerprint, content, taken, key=key, retries=3)
@@ -108,6 +114,7 @@ def backend(
             yield Cluster(client)
         return
     with (
+        load("dask", "a cluster").config.set(QUIET),
         distributed.LocalCluster(n_workers=local_cluster, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
