@@ -159,6 +159,18 @@ def test_samples_are_columns(kernel: Kernel) -> None:
     np.testing.assert_allclose([table[name][0] for name in samples], alone, atol=2e-8)
 
 
+def test_a_change_is_from_the_start_of_its_window(kernel: Kernel) -> None:
+    wanted = {"whole": "change lambda_2", "late": "change lambda_2 over the last 0.5 s", "swing": "swing lambda_2"}
+    vary = {"pressure": ["95 mmHg"], "amplitude": ["5 kV"], "on": [0.5]}
+    row = Study(steps(outputs=wanted, vary=vary, design={})).rows(0, 1)
+    mmhg = [95 * MMHG] * 6
+    protocol = Protocol.of([0, 0.5, 0.5, 1.5, 1.5, 2], pressure=mmhg, voltage=[0, 0, 5e3, 5e3, 0, 0])
+    start, at, end = kernel.simulate(protocol, np.array([0, 1.5, 2]), {"start_at_equilibrium": 1}, 1e-8)["lambda_2"]
+    assert row["whole"][0] == pytest.approx(end - start, abs=1e-5)
+    assert row["late"][0] == pytest.approx(end - at, abs=1e-5)
+    assert abs(row["whole"][0]) < 0.3 * row["swing"][0] < 0.6 * abs(row["late"][0])
+
+
 def test_patients_set_many_parameters(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("patient,C_1 [kPa],h_o [mm]\nAnna,300,1\nBert,350,1.2\n", encoding="utf-8")
     plan = make_plan(rest(patient={"file": "p.csv"}, pressure=["95 mmHg"]), tmp_path)

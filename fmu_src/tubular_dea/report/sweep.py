@@ -51,7 +51,7 @@ def _describe(page: Page, store: Store, plan: Plan, labels: dict[str, Shown]) ->
         page.table(["set", "to (SI)"], plan.fixed)
     failed = failures({"status": store.column("status")})
     if failed:
-        page.text("Rows that could not be computed, with their reason in `message`:")
+        page.text("Rows that could not be computed, with their reason in the column message:")
         page.table(["reason", "rows"], failed.items())
 
 
