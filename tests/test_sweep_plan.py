@@ -63,7 +63,10 @@ def rest(**vary: Any) -> dict[str, Any]:
         (REST | {"design": {"kind": "random", "points": 9}}, r"nothing in \[vary\]"),
         ({"outputs": ["last radius"]}, 'cannot read.*"final NAME"'),
         ({"outputs": ["final radius"], "run": {"stop": "1 V"}}, r"\[run\] stop: expected a unit like 's'"),
+        ({"outputs": ["final radius"], "run": {"stop": "-1 s"}}, r"\[run\] stop: expected a positive time"),
         ({"outputs": ["final radius"], "run": {"tolerance": 1}}, "1e-12 to 1e-2"),
+        ({"outputs": ["final radius"], "name": ["a"]}, "name: expected text"),
+        ({"outputs": ["final radius"], "model": "no.json"}, "no.json: cannot be read: No such file"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
         ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
@@ -105,6 +108,15 @@ def test_inputs_follow_their_text() -> None:
         starts = 0.1 + period * np.arange(4)
         np.testing.assert_allclose(row, np.column_stack([starts, starts, starts + 0.2, starts + 0.2]).ravel())
     assert value[1] == [0, 2, 2, 0] * 4
+    assert points("step 0 {a} at 1e-1") == ([[0.1, 0.1]], [[0, 1], [0, 2]])
+
+
+def test_too_many_pulses_are_a_row_that_says_so() -> None:
+    pulses = {"voltage": "pulses 0 {amplitude} every {period} from 0.1 for 0.01"}
+    vary = {"amplitude": ["5 kV"], "period": [0.5, 0.0, 1e-9, -1]}
+    table = Study(steps(outputs=["max electric_field"], inputs=pulses, vary=vary, design={})).rows(0, 4)
+    assert table["status"].tolist() == [0, -4, -4, -4]
+    assert table["message"][1:].tolist() == ["voltage is not a finite number"] * 3
 
 
 def test_a_record_from_a_file_is_scaled(tmp_path: Path) -> None:

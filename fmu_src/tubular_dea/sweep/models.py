@@ -66,7 +66,7 @@ def resolve(given: object, effects: tuple[str, ...], folder: Path) -> Model | Fo
         try:
             return ForeignFmu(path.name, path.read_bytes())
         except OSError as problem:
-            raise PlanError(f"model: {path}: cannot be read: {problem}") from None
+            raise PlanError(f"model: {path}: cannot be read: {problem.strerror}") from None
     raise PlanError(f"model: there is no {given!r}{nearest(given, MODELS)}, or a model.json or .fmu file")
 
 
@@ -80,7 +80,9 @@ def calibrated(path: Path) -> tuple[Model, Joint | None]:
         return model, _joint(model, content, values)
     except UserError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as problem:
+    except OSError as problem:
+        raise PlanError(f"{path}: cannot be read: {problem.strerror}") from None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as problem:
         raise PlanError(f"{path}: cannot be read as a model.json: {problem!r}") from None
 
 

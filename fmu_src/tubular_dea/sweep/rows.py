@@ -66,8 +66,8 @@ class Study:
         stop = np.where(np.isfinite(stop), stop, 0.0)
         inputs = {name: template.breakpoints(values, stop) for name, template in plan.inputs}
         for name, b in inputs.items():
-            problems.add(BAD_INPUT, name, ~np.all(np.diff(b.time, axis=1) >= 0, axis=1, keepdims=True))
             problems.add(UNDEFINED, name, ~np.all(np.isfinite(b.time) & np.isfinite(b.value), axis=1, keepdims=True))
+            problems.add(BAD_INPUT, name, ~np.all(np.diff(b.time, axis=1) >= 0, axis=1, keepdims=True))
         probes = [p for w in plan.outputs for p in w.placed(values, stop)]
         stop = np.where(problems.status[:, None] == 0, stop, 0.0)
         if isinstance(self.engine, Batch):
