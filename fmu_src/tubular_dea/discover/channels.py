@@ -5,34 +5,34 @@ lags. Mechanical: a hoop stress over stretch, rate and the stretch's past. Press
 one and its lags. Sensor: a reading over the true one and its lags. Each is a set of linear terms, scored like any
 other candidate (`bank`); a channel's evidence is its gain less the price of its terms.
 
-A disturbance from outside is a function of nothing recorded. It betrays its channel by where it is large: in
-proportion to how the answer moves with that channel.
+A disturbance from outside is a function of nothing recorded. A wave betrays its channel by where it is large: as the
+tube answers to a wave of that channel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from scipy.optimize import minimize_scalar
 
 from ..identify.fit import Fit
 from ..model.declare import Model, Quantity, State
 from ..model.effects import CHANNELS, Effect
 from ..model.effects._signals import added, at_rest, at_start, electrodes, sensor, wall_pressure
 from ..model.smooth import magnitude, positive_part, ramp
+from ..protocol import Protocol
 from . import bank
 from .compiled import Ids
-from .inputs_noise import input_gains
 from .residuals import BLOCK, block_means
-from .study import Study
+from .study import Piece, Study
 
 WAVES = 12  # cosines over a signal's range: fine enough for wavy laws
 LAGS = {"electrical": (0.01, 0.1, 1.0), "mechanical": (0.03, 0.3, 3.0), "pressure": (0.01, 0.1), "sensor": (0.01, 0.1)}
 VISCOUS_RATES = (0.02, 0.2, 2.0)  # 1/s
 MEMORIES = (0.02, 0.1, 0.5)  # of stretch
+WAVE_PRESSURE, WAVE_SHARE = 50.0, 0.005  # Pa, and part of the voltage: small waves
 FULL_STRETCH, FULL_VOLTAGE, FULL_PRESSURE, FULL_READING = 0.6, 8e3, 2e4, 9e-3
 
 
@@ -65,31 +65,68 @@ def localise(study: Study, ids: Ids, fitted: Fit, excess: float) -> Localisation
 
 
 def disturbance(study: Study, fitted: Fit) -> dict[str, float]:
-    """Log likelihood ratio, by channel, of an unrecorded disturbance that enters there over none."""
+    """Log likelihood ratio, by channel, of an unrecorded disturbance that enters there over none.
+
+    It is taken as a wave at the residual's strongest frequency, with an amplitude and a phase of its own in every
+    piece; what enters by pressure or voltage reaches the sensor as the tube answers at that frequency.
+    """
     pieces = study.training
-    means = block_means(fitted.residual, pieces)
-    gains = input_gains(study, fitted.values)
-    wanted = {"sensor": [np.ones(p.record.size) for p in study.pieces],
-              "pressure": gains["pressure"], "electrical": gains["voltage"]}  # fmt: skip
+    frequency = _strongest(fitted.residual, pieces)
     result = {}
-    for channel, columns in wanted.items():
-        used = [c for c, p in zip(columns, study.pieces, strict=True) if not p.held_out]
-        if channel == "electrical":
-            used = [c * (p.case.protocol.at(p.case.times)["voltage"] > 100) for c, p in zip(used, pieces, strict=True)]
-        power = block_means(np.concatenate(used), pieces) ** 2 / BLOCK**2 * BLOCK
-        power /= max(float(power.mean()), 1e-300)
-        result[channel] = _likelihood(means, power)
+    for channel, name in (("sensor", ""), ("pressure", "pressure"), ("electrical", "voltage")):
+        gained, begin = 0.0, 0
+        for piece in pieces:
+            rows = slice(begin, begin + piece.record.size)
+            begin = rows.stop
+            columns = np.column_stack(_swings(study, fitted, piece, name, frequency))
+            white = study.noise.whiten(piece.case.times, columns) * piece.weight[:, None]
+            basis, _ = np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
+            gained += float(np.sum((basis.T @ fitted.residual[rows]) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
+        result[channel] = 0.5 * gained
     return result
 
 
-def _likelihood(means: np.ndarray, power: np.ndarray) -> float:
-    """Gain in log likelihood of a variance 1 + a power over 1, at the best a."""
+def _strongest(residual: np.ndarray, pieces: Sequence[Piece]) -> float:
+    """The frequency [Hz] that is strongest in the residual, summed over pieces."""
+    means = block_means(residual, pieces)
+    step = BLOCK * float(np.median(np.diff(pieces[0].case.times)))
+    power = np.abs(np.fft.rfft(means - means.mean())) ** 2
+    rough = float(np.fft.rfftfreq(means.size, step)[1 + int(np.argmax(power[1:]))])
+    grid = rough + np.linspace(-0.1, 0.1, 81)
+    found, begin = np.zeros(grid.size), 0
+    for piece in pieces:
+        part = residual[begin : begin + piece.record.size]
+        begin += piece.record.size
+        found += np.abs(np.exp(-2j * np.pi * np.outer(grid, piece.case.times)) @ part) ** 2 / part.size
+    return float(max(grid[int(np.argmax(found))], 0.02))
 
-    def minus(log_a: float) -> float:
-        variance = 1 + np.exp(log_a) * power
-        return float(np.sum(0.5 * np.log(variance) + 0.5 * means**2 / variance - 0.5 * means**2))
 
-    return float(-minimize_scalar(minus, bounds=(-10, 10), method="bounded").fun)
+def _swings(study: Study, fitted: Fit, piece: Piece, name: str, frequency: float) -> list[np.ndarray]:
+    """What a small wave of an input does to the reading (n,), in two phases; of the sensor where `name` is empty."""
+    phases = (0.0, 0.5 * np.pi)
+    if not name:
+        return [np.sin(2 * np.pi * frequency * piece.case.times + phase) for phase in phases]
+    kernel, values = study.compiled.kernel(), study.geometry | fitted.values
+    protocol, times = piece.case.protocol, piece.case.times
+    still = kernel.simulate(protocol, times, values)[study.measured]
+    waved = [_waved(protocol, name, frequency, phase) for phase in phases]
+    return [(kernel.simulate(w, times, values)[study.measured] - still) * 1e6 for w in waved]
+
+
+def _waved(protocol: Protocol, name: str, frequency: float, phase: float) -> Protocol:
+    """The protocol with a small wave added to the pressure, or multiplied to the voltage."""
+    fine = np.arange(protocol.time[0], protocol.time[-1], 1 / (16 * frequency))
+    time = np.sort(np.concatenate([protocol.time, np.setdiff1d(fine, protocol.time)]))
+    second = np.append(False, np.diff(time) == 0)
+    inputs = {}
+    for key, values in protocol.inputs.items():
+        after = protocol.at(time)[key]
+        place = np.searchsorted(protocol.time, time, side="left")
+        listed = np.isin(time, protocol.time)
+        inputs[key] = np.where(listed & ~second, values[np.minimum(place, values.size - 1)], after)
+    wave = np.sin(2 * np.pi * frequency * time + phase)
+    inputs[name] = inputs[name] + (WAVE_PRESSURE * wave if name == "pressure" else WAVE_SHARE * wave * inputs[name])
+    return Protocol(time, inputs)
 
 
 # Latent inputs as effects --------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..identify.data import Recordings
 from ..identify.fit import Fit
+from ..identify.threads import one_blas_thread
 from ..model.dea import tubular_dea
 from ..model.declare import Model
 from . import acceptance, base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
@@ -50,6 +51,7 @@ class Discovery:
         return self.search.chosen
 
 
+@one_blas_thread
 def discover(recordings: Recordings, tell: Progress = lambda what: None, model: Model | None = None,
              seed: int = SEED) -> Discovery:  # fmt: skip
     """The discovery over some recordings of a tube; the same recordings and seed give the same result."""

@@ -13,12 +13,13 @@ from .options import Option
 
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
 FORM_SHARE = 0.012  # of the gain that another functional form of the same effect may lose
+WEAK_SHARE, WEAK = 0.5, 80.0  # the same where the gain is small, and the most it then may lose
 
 
 def equivalents(base: Option, chosen: Option, rivals: Sequence[Option]) -> dict[str, list[str]]:
     """For every effect of `chosen`, the ids of those that would do in its place, best first."""
     gain = base.fitted.cost - chosen.fitted.cost
-    reach = max(CHANCE, FORM_SHARE * gain)
+    reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK))
     found: dict[str, list[str]] = {name: [] for name in chosen.ids}
     for rival in rivals:
         missing = [i for i in chosen.ids if i not in rival.ids]

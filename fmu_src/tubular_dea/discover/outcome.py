@@ -22,6 +22,7 @@ WHY = {
     "ambiguous": "The record cannot tell these effects apart",
     "unexplained": "A residual remains that no effect of the catalogue explains",
 }
+MOSTLY = 0.9  # of what is not noise
 REPEAT = {
     "electrical": "with and without voltage at the same pressures",
     "mechanical": "at several rates without voltage",
@@ -55,10 +56,14 @@ def result(found: Discovery) -> dict[str, Any]:
 
 
 def channel(found: Discovery) -> str | None:
-    """Where the residual arises: the first effect's channel, or the best latent input's; None without residual."""
+    """Where the residual arises: the first effect's channel, or the best latent input's; None without residual.
+
+    The effect's too where it explains nearly all and only its form is not quite right.
+    """
     if found.verdict == "no_effect":
         return None
-    if found.chosen.ids and found.verdict != "unexplained":
+    explained = 1 - found.chosen.adequacy.excess / max(found.base.adequacy.excess, 1.0)
+    if found.chosen.ids and (found.verdict != "unexplained" or explained > MOSTLY):
         return catalogue()[found.chosen.ids[0]].channel
     return found.located.channel if found.located else None
 

@@ -23,7 +23,8 @@ from .study import Study
 
 ROUNDS = 3
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
-MOST_REFITS = 8
+WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
+MOST_REFITS = 10
 LITTLE = 12.0  # gain below which an effect is dropped again
 LONG = 120  # evaluations until a search that converges slowly is given up
 
@@ -113,7 +114,7 @@ def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progres
 def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
     """The ids that are refitted: the best few, and all that score near the best."""
     standing = [s for s in ranked if s.gain > 0.5 * threshold]
-    near = [s for s in standing if s.gain >= NEAR * standing[0].gain]
+    near = [s for s in standing if s.gain >= min(NEAR * standing[0].gain, standing[0].gain - WEAK)]
     return [s.id for s in standing[: max(REFITS, min(len(near), MOST_REFITS))]]
 
 

@@ -14,6 +14,7 @@ from scipy.optimize import brentq, least_squares
 
 from ..errors import UserError
 from .problem import Free, Problem
+from .threads import one_blas_thread
 
 CHI2_95 = 3.841  # of one degree of freedom
 PRECISION = 1e-5  # relative change of the cost at which a search ends: less than one squared standard deviation
@@ -52,6 +53,7 @@ class Fit:
         return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
 
 
+@one_blas_thread
 def fit(
     problem: Problem,
     start: Mapping[str, float],
