@@ -66,7 +66,7 @@ def rest(**vary: Any) -> dict[str, Any]:
         ({"outputs": ["final radius"], "run": {"stop": "-1 s"}}, r"\[run\] stop: expected a positive time"),
         ({"outputs": ["final radius"], "run": {"tolerance": 1}}, "1e-12 to 1e-2"),
         ({"outputs": ["final radius"], "name": ["a"]}, "name: expected text"),
-        ({"outputs": ["final radius"], "model": "no.json"}, "no.json: cannot be read: No such file"),
+        ({"outputs": ["final radius"], "model": "no.json"}, "no.json: cannot be read as JSON: .*No such file"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
         ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
@@ -198,7 +198,8 @@ def test_patients_set_many_parameters(tmp_path: Path) -> None:
 def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:
     names, deviation, correlation = ["C_1", "eps_r"], np.array([5e3, 0.05]), 0.8
     covariance = np.outer(deviation, deviation) * [[1, correlation], [correlation, 1]]
-    content = {"model": "TubularDEA", "effects": ["prestretch"], "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
+    content = {"format": 1, "model": "TubularDEA", "effects": ["prestretch"],
+               "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
                "covariance": {"names": names, "matrix": covariance.tolist()}}  # fmt: skip
     (tmp_path / "model.json").write_text(json.dumps(content), encoding="utf-8")
     tables = {"model": "model.json", "vary": {"calibration": {"model": "model.json"}}}

@@ -1,7 +1,7 @@
 """The inputs of a sweep over time, as short text in which any number may be an expression in braces.
 
     95 mmHg        {pressure}        step 0 {amplitude} at 1 s until {off}        ramp 0 120 mmHg from 0 to 4
-    pulses 0 {amplitude} every {1 / heart_rate} from {delay} for 0.3 s          (10 000 of them at most)
+    pulses 0 {amplitude} every {1 / heart_rate} from {delay} for 0.3 s (<= 10 000)
 
 or a file with columns `time [s]` and the input, with a factor: { file = "beat.csv", scale = "{strength}" }.
 """
