@@ -21,8 +21,10 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+import psutil
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -38,6 +40,7 @@ from tubular_dea.sweep.plan import Plan, make_plan, read_plan  # noqa: E402
 from tubular_dea.sweep.run import carry_out  # noqa: E402
 
 ERROR = 1e-5
+Seconds = tuple[float, float]  # on the clock, and of the processors
 CASES = ("prestretched_4kV", "step_4kV", "step_6kV", "ramp_4kV", "ramp_7kV_snap_through")
 ROWS = 256  # a call of a few ms: short enough to be timed on a busy machine
 TOLERANCES = [10.0 ** -(k / 4) for k in range(8, 22)]
@@ -146,14 +149,15 @@ def over_cores(points: int = 100_000) -> dict[str, object]:
         raise SystemExit("cores: this system cannot keep a process on one processor")
     processors = sorted(os.sched_getaffinity(0))[:2]
     plan = mixed(points)
-    seconds = _interleaved({f"{n} processors": partial(_pinned, processors[:n], plan) for n in (1, 2)})
-    one_, two = seconds.values()
-    print(f"cores: {points / one_:.0f} rows/s on one, {points / two:.0f} on two: {one_ / two:.2f} times", flush=True)
-    return {"seconds": seconds, "ratio": one_ / two}
+    found = _interleaved({n: partial(_pinned, processors[:n], plan) for n in (1, 2)})
+    (one_, work), (two, work_of_two) = found.values()
+    print(f"cores: {plan.name}: {points / one_:.0f} rows/s on one, {points / two:.0f} on two: {one_ / two:.2f} times; "
+          f"by processor time {2 * work / work_of_two:.2f}", flush=True)  # fmt: skip
+    return {"seconds": found, "ratio": one_ / two}
 
 
-def _pinned(processors: list[int], plan: Plan) -> float:
-    """Seconds of a sweep on these processors, a thread each."""
+def _pinned(processors: list[int], plan: Plan) -> Seconds:
+    """A sweep on these processors, a thread each."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, processors)  # threads begun from here on inherit it
     try:
@@ -162,16 +166,24 @@ def _pinned(processors: list[int], plan: Plan) -> float:
         os.sched_setaffinity(0, before)
 
 
-def _interleaved(runs: dict[str, Callable[[], float]], rounds: int = 7) -> dict[str, float]:
+def _interleaved(runs: dict[Any, Callable[[], Seconds]], rounds: int = 9) -> dict[Any, Seconds]:
     """The fewest seconds of each run, taken in turns: what else the machine does then disturbs all of them alike."""
     found = [{name: run() for name, run in runs.items()} for _ in range(rounds)]
-    return {name: min(round_[name] for round_ in found) for name in runs}
+    return {name: (min(r[name][0] for r in found), min(r[name][1] for r in found)) for name in runs}
 
 
-def _sweep(workers: Threads | Cluster, plan: Plan) -> float:
-    """Seconds of a whole sweep into an empty folder."""
+def _sweep(workers: Threads | Cluster, plan: Plan) -> Seconds:
+    """A whole sweep into an empty folder."""
     with tempfile.TemporaryDirectory() as folder:
-        return _timed(lambda: carry_out(plan, Path(folder) / "out", workers))
+        before = _processor_seconds()
+        seconds = _timed(lambda: carry_out(plan, Path(folder) / "out", workers))
+        return seconds, _processor_seconds() - before
+
+
+def _processor_seconds() -> float:
+    """What this process and those it has started have used of the processors."""
+    mine = psutil.Process()
+    return sum(sum(p.cpu_times()[:2]) for p in [mine, *mine.children(recursive=True)])
 
 
 def _timed(run: Callable[[], object]) -> float:
@@ -207,13 +219,14 @@ def over_dask(points: int = 100_000) -> dict[str, object]:
     """The same whole sweeps by two threads and by two Dask worker processes that are up already."""
     found = {}
     with backend(None, 2, None) as cluster:
-        for plan, rounds in ((mixed(points), 7), (steps(points), 7), (_beats(points // 16), 2)):
+        for plan, rounds in ((mixed(points), 9), (steps(points), 9), (_beats(points // 16), 2)):
             _sweep(cluster, plan)  # compiled in both workers
             runs = {"threads": partial(_sweep, Threads(2), plan), "dask": partial(_sweep, cluster, plan)}
             seconds = _interleaved(runs, rounds)
-            overhead = seconds["dask"] / seconds["threads"] - 1
-            text = f"{seconds['threads']:.3f} s in threads, {seconds['dask']:.3f} s on Dask"
-            print(f"dask: {plan.name}: {text}: {100 * overhead:+.1f} %", flush=True)
+            overhead, work = (seconds["dask"][i] / seconds["threads"][i] - 1 for i in (0, 1))
+            (in_threads, _), (on_dask, _) = seconds.values()
+            print(f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: {100 * overhead:+.1f} %; "
+                  f"processor time {100 * work:+.1f} %", flush=True)  # fmt: skip
             found[plan.name] = seconds | {"overhead": overhead}
     return found
 
@@ -233,7 +246,7 @@ def assisted_beats() -> dict[str, object]:
     """Seconds for 100 000 assisted beats at the default tolerance, on two threads."""
     plan = _beats(6250)
     _sweep(Threads(2), _beats(64))  # compiled
-    seconds = _sweep(Threads(2), plan)
+    seconds, _ = _sweep(Threads(2), plan)
     print(f"beats: 100 000 assisted beats in {seconds:.1f} s on two threads")
     return {"seconds": seconds}
 

@@ -68,7 +68,8 @@ def template(name: str, given: object, unit: str, folder: Path) -> Template:
         return Template("level", (number(given, unit, place),))
     if not isinstance(given, str):
         raise PlanError(f"{place}: expected one of {FORMS} but was given {given!r}")
-    words = re.findall(r"\{[^}]*\}|[^\s{]+", re.sub(rf"(?<![\w.{{])({NUMBER})(?![eE][-+]?\d)(?=[A-Za-z])", r"\1 ", given))
+    apart = re.sub(rf"(?<![\w.{{])({NUMBER})(?![eE][-+]?\d)(?=[A-Za-z])", r"\1 ", given)  # 6kV, but not 1e-3
+    words = re.findall(r"\{[^}]*\}|[^\s{]+", apart)
     if words and words[0] in CLAUSES:
         return _clauses(place, words, unit)
     return Template("level", (number(given, unit, place),))
