@@ -219,14 +219,14 @@ def over_dask(points: int = 100_000) -> dict[str, object]:
     """The same whole sweeps by two threads and by two Dask worker processes that are up already."""
     found = {}
     with backend(None, 2, None) as cluster:
-        for plan, rounds in ((mixed(points), 9), (steps(points), 9), (_beats(points // 16), 2)):
+        for plan, rounds in ((mixed(points), 9), (steps(points), 9), (_beats(points // 64), 3)):
             _sweep(cluster, plan)  # compiled in both workers
             runs = {"threads": partial(_sweep, Threads(2), plan), "dask": partial(_sweep, cluster, plan)}
             seconds = _interleaved(runs, rounds)
             overhead, work = (seconds["dask"][i] / seconds["threads"][i] - 1 for i in (0, 1))
             (in_threads, _), (on_dask, _) = seconds.values()
-            print(f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: {100 * overhead:+.1f} %; "
-                  f"processor time {100 * work:+.1f} %", flush=True)  # fmt: skip
+            print(f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: "
+                  f"{100 * overhead:+.1f} %; processor time {100 * work:+.1f} %", flush=True)  # fmt: skip
             found[plan.name] = seconds | {"overhead": overhead}
     return found
 

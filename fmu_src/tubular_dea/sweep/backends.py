@@ -27,7 +27,7 @@ QUIET = {  # half of what Dask does while it waits: profiles, its own clock, wha
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-TASK_SECONDS = 0.5  # a task takes no longer, so that results come steadily, unless one piece does
+TASK_SECONDS = 1.0  # a task takes no longer, so that results come steadily, unless one piece does
 
 
 class BackendError(UserError, RuntimeError):
