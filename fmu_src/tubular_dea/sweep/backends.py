@@ -93,7 +93,8 @@ class Cluster:
                 under_way -= 1
                 yield from parts
         except (distributed.KilledWorker, CancelledError, OSError) as problem:
-            raise BackendError(f"the cluster gave up: {problem}; the rows so far are kept, run it again") from None
+            why = str(problem).partition("\n")[0].rstrip(".")
+            raise BackendError(f"the cluster gave up: {why}; the rows so far are kept, run it again") from None
 
 
 @contextmanager
