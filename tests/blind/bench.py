@@ -12,7 +12,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -20,7 +20,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 RATE = 250.0  # Hz
-STEP = 0.25e-3  # s, of the integrator
+STEP, COARSE = 0.25e-3, 1e-3  # s, of the integrator for records, and for differences
 MMHG = 133.322
 TABLE_III = (333.056e3, -32.5032e3, 2.86041e3, 2.8, 745.854e3, 19.6758e6, 6495.68e3, 2.414e6, 6508.21e3)
 TABLE_I = (15e-3, 24.5e-3, 1e-3, 100e-6, 1e3)
@@ -179,8 +179,8 @@ def _library() -> ctypes.CDLL:
     return ctypes.CDLL(str(built))
 
 
-def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float]) -> np.ndarray:
-    """The true reading of a noiseless sensor [m] at 250 Hz; ValueError where the tube bursts."""
+def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float], h: float = STEP) -> np.ndarray:
+    """The true reading of a noiseless sensor [m] at 250 Hz, by steps `h` [s]; ValueError where the tube bursts."""
     time, pressure, voltage, stop = (np.ascontiguousarray(a, float) if np.ndim(a) else a for a in protocol)
     if "pressure_delay" in tube.effects:
         late = tube.effects["pressure_delay"][0]
@@ -207,14 +207,14 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
         on[number, 0] = 1
         on[number, 1 : 1 + len(values)] = values
     constants = np.array([*TABLE_I, *tube.identified])
-    stride = round(1 / RATE / STEP)
+    stride = round(1 / RATE / h)
     arrays = [np.ascontiguousarray(a, float) for a in (time, pressure, voltage)]
     good = _library().trajectory(
         _ptr(constants),
         _ptr(on),
         ctypes.c_long(len(arrays[0])),
         *map(_ptr, arrays),
-        ctypes.c_double(STEP),
+        ctypes.c_double(h),
         ctypes.c_long(n),
         ctypes.c_long(stride),
         _ptr(lambda_2),
@@ -222,6 +222,44 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
     if not good:
         raise ValueError(f"the tube bursts under {tube}")
     return _sensed(tube, TABLE_I[0] * lambda_2)
+
+
+def signature(tube: Tube, name: str) -> float:
+    """How far an effect moves the readings where nothing else can follow, squared, in units of the laser's noise.
+
+    The identified parameters and the other effects' numbers follow (linearly) as well as they can. What is small here
+    cannot be found by anybody, however good.
+    """
+    rest = {n: v for n, v in tube.effects.items() if n != name}
+    try:
+        moved = _whitened(tube, _readings(tube) - _readings(replace(tube, effects=rest)))
+    except ValueError:
+        return float("inf")  # without the effect the tube bursts
+    columns = [_whitened(tube, _readings(t) - _readings(tube)) for t in _neighbours(tube, rest)]
+    basis, _ = np.linalg.qr(np.column_stack(columns) / np.linalg.norm(columns, axis=1))
+    return float(np.sum((moved - basis @ (basis.T @ moved)) ** 2))
+
+
+def _neighbours(tube: Tube, effects: dict[str, tuple[float, ...]]) -> list[Tube]:
+    """The tube with each of its numbers moved a little: the identified ones, and those of `effects`."""
+    near = []
+    for i, value in enumerate(tube.identified):
+        near.append(replace(tube, identified=(*tube.identified[:i], value * 1.0005, *tube.identified[i + 1 :])))
+    for name, values in effects.items():
+        for i, value in enumerate(values):
+            moved = (*values[:i], value * 1.002 + 1e-9 * (value == 0), *values[i + 1 :])
+            near.append(replace(tube, effects=tube.effects | {name: moved}))
+    return near
+
+
+def _readings(tube: Tube) -> np.ndarray:
+    """All protocols' noiseless readings [m], one after the other."""
+    return np.concatenate([radius(tube, p, COARSE) for p in protocols().values()])
+
+
+def _whitened(tube: Tube, readings: np.ndarray) -> np.ndarray:
+    white = (readings[1:] - tube.correlation * readings[:-1]) / np.sqrt(1 - tube.correlation**2)
+    return white / tube.laser_rms
 
 
 def _between(time: np.ndarray, values: np.ndarray, t: float) -> float:

@@ -60,11 +60,11 @@ def localise(study: Study, ids: Ids, fitted: Fit, excess: float) -> Localisation
     best = max(evidence, key=lambda c: evidence[c])
     if gains[best] >= 0.5 * excess:
         return Localisation(best, evidence, gains, False)
-    outside = disturbance(study, fitted)
+    outside = disturbance(study, ids, fitted)
     return Localisation(max(outside, key=lambda c: outside[c]), outside, gains, True)
 
 
-def disturbance(study: Study, fitted: Fit) -> dict[str, float]:
+def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     """Log likelihood ratio, by channel, of an unrecorded disturbance that enters there over none.
 
     It is taken as a wave at the residual's strongest frequency, with an amplitude and a phase of its own in every
@@ -78,7 +78,7 @@ def disturbance(study: Study, fitted: Fit) -> dict[str, float]:
         for piece in pieces:
             rows = slice(begin, begin + piece.record.size)
             begin = rows.stop
-            columns = np.column_stack(_swings(study, fitted, piece, name, frequency))
+            columns = np.column_stack(_swings(study, ids, fitted, piece, name, frequency))
             white = study.noise.whiten(piece.case.times, columns) * piece.weight[:, None]
             basis, _ = np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
             gained += float(np.sum((basis.T @ fitted.residual[rows]) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
@@ -101,12 +101,14 @@ def _strongest(residual: np.ndarray, pieces: Sequence[Piece]) -> float:
     return float(max(grid[int(np.argmax(found))], 0.02))
 
 
-def _swings(study: Study, fitted: Fit, piece: Piece, name: str, frequency: float) -> list[np.ndarray]:
+def _swings(
+    study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, frequency: float
+) -> list[np.ndarray]:
     """What a small wave of an input does to the reading (n,), in two phases; of the sensor where `name` is empty."""
     phases = (0.0, 0.5 * np.pi)
     if not name:
         return [np.sin(2 * np.pi * frequency * piece.case.times + phase) for phase in phases]
-    kernel, values = study.compiled.kernel(), study.geometry | fitted.values
+    kernel, values = study.compiled.kernel(ids), study.geometry | fitted.values
     protocol, times = piece.case.protocol, piece.case.times
     still = kernel.simulate(protocol, times, values)[study.measured]
     waved = [_waved(protocol, name, frequency, phase) for phase in phases]
