@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from tubular_dea.cosim.beats import compare, last_beats, measure
 from tubular_dea.cosim.heart_assist import fmus, heart_assist
 from tubular_dea.cosim.master import simulate
@@ -28,15 +30,17 @@ def main() -> None:
     for label, without, assisted, change in compare(*(measure(run) for run in runs.values())):
         print(f"{label:45} {without:>8} {assisted:>8}  {change}")
 
-    run = runs["with assist"]
-    rows = last_beats(run, 3)
-    panels = [
-        ("pressure [mmHg]", {"aortic": run["heart.aortic_pressure"][rows] / MMHG,
-                             "ventricular": run["heart.ventricular_pressure"][rows] / MMHG}),
-        ("displacement [mm]", {"": run["tube.radial_displacement"][rows] * 1e3}),
-        ("voltage [kV]", {"": run["scheduler.voltage"][rows] / 1e3}),
-    ]  # fmt: skip
-    write_atomically(Path("assisted_failing_heart.png"), time_panels(run.time[rows] - run.time[rows][0], panels))
+    assisted = runs["with assist"]
+    time = assisted.time[last_beats(assisted, 3)]
+    shown = {
+        "aortic pressure [mmHg]": ("heart.aortic_pressure", 1 / MMHG),
+        "ventricular [mmHg]": ("heart.ventricular_pressure", 1 / MMHG),
+        "displacement [mm]": ("tube.radial_displacement", 1e3),
+        "voltage [kV]": ("scheduler.voltage", 1e-3),
+    }
+    panels = [(label, {name: scale * np.interp(time, run.time, run[variable]) for name, run in runs.items()})
+              for label, (variable, scale) in shown.items()]  # fmt: skip
+    write_atomically(Path("assisted_failing_heart.png"), time_panels(time - time[0], panels))
 
 
 if __name__ == "__main__":

@@ -27,13 +27,13 @@ def main() -> None:
     store = carry_out(plan, OUT)
     write_report(store, plan)
     rows = store.table()
-    print("patient      stroke volume      with assist      onset    voltage")
+    print("patient      stroke volume      with assist  onset [beats]  voltage")
     for patient in dict.fromkeys(rows["patient"]):
         mine = np.flatnonzero(rows["patient"] == patient)
         without = rows["stroke_volume"][mine][rows["voltage"][mine] == 0].mean()
         best = mine[np.argmax(rows["stroke_volume"][mine])]
         print(f"{patient:10} {without / ML:12.1f} mL {rows['stroke_volume'][best] / ML:13.1f} mL "
-              f"{rows['onset'][best]:10.2f} {rows['voltage'][best] / 1e3:7.1f} kV")  # fmt: skip
+              f"{rows['onset_in_beats'][best]:15.2f} {rows['voltage'][best] / 1e3:7.1f} kV")  # fmt: skip
     print(f"wrote {OUT / 'report.html'}")
 
 

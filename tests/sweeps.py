@@ -8,7 +8,7 @@ from typing import Any
 from tubular_dea.sweep.plan import Plan, make_plan
 
 
-def steps(points: int = 256, outputs: list[str] | None = None, **changes: Any) -> Plan:
+def steps(points: int = 256, outputs: list[str] | dict[str, str] | None = None, **changes: Any) -> Plan:
     """Voltage steps of a pre-stretched tube: four numbers vary; some rows cannot start."""
     content: dict[str, Any] = {
         "name": "steps",

@@ -29,6 +29,16 @@ def test_simulate_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest.Ca
     assert "largest displacement" in capsys.readouterr().out
 
 
+def test_simulate_warns_of_a_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "in.csv"
+    file.write_text("time [s],pressure [Pa],voltage [kV]\n0,0,0\n1,95,5\n", encoding="utf-8")
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 0
+    assert "column 'pressure': the largest value is 95 Pa" in capsys.readouterr().err
+    file.write_text(file.read_text().replace("[Pa]", "[mmHg]"), encoding="utf-8")
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 0
+    assert "warning" not in capsys.readouterr().err
+
+
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     assert run("simulate", "--pressure", "ramp 0 95 mmHg from 0 to 1", "--voltage", "0 V", "--stop", "1",

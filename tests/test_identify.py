@@ -15,6 +15,7 @@ from tubular_dea.identify.data import read_folder
 from tubular_dea.identify.fit import fit, goodness, interval, profile_interval
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea
 from tubular_dea.model.saved import ModelFileError, as_json, load
+from tubular_dea.sweep.models import calibrated
 
 RAMPS_AND_STEPS = ["01_ramp_4kV", "02_step_4kV", "04_ramp_7kV", "05_pressure_steps"]
 
@@ -93,6 +94,10 @@ def test_command_writes_parameters_and_a_model(null: tuple[Path, bench.Tube], tm
     assert set(content["parameters"]) == {"C_1", "eps_r", "eta_o"}
     model = load(tmp_path / "model.json")
     assert model.parameter_values()["C_1"] == pytest.approx(content["parameters"]["C_1"]["value"])
+    _, joint = calibrated(tmp_path / "model.json")  # as a sweep reads it
+    assert joint is not None and [name for name, _ in joint.columns] == ["C_1", "eps_r", "eta_o"]
+    for name, row in zip(content["parameters"], joint.factor, strict=True):
+        assert np.linalg.norm(row) == pytest.approx(content["parameters"][name]["stderr"], rel=1e-6)
 
 
 def test_a_model_file_that_means_nothing_is_refused(tmp_path: Path) -> None:

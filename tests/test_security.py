@@ -22,7 +22,7 @@ ALLOWED = {
     ("emit/python.py", "exec"): "the text is printed from a model's declaration, in the same process",
     ("emit/python.py", "compile"): "as above",
     ("sweep/backends.py", "pickle"): "a plan made here, on its way to Dask's workers; nothing from files",
-    ("sweep/rows.py", "pickle"): "the worker's end of it",
+    ("sweep/parts.py", "pickle"): "the worker's end of it",
 }
 
 

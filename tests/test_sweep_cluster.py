@@ -45,9 +45,9 @@ def test_a_killed_worker_costs_nothing(client: distributed.Client, expected: dic
     store = Store.open(tmp_path / "out", PLAN)
     written: list[int] = []
     before = set(client.run(os.getpid).values())
-    for (start, _), rows in Cluster(client).run(PLAN, store.missing()):
-        store.write(start, rows)
-        written.append(start)
+    for part in Cluster(client).run(PLAN, store.missing()):
+        store.write(part)
+        written.append(part.start)
         if len(written) == 3:
             os.kill(min(before), signal.SIGKILL)
     client.wait_for_workers(2, timeout=30)

@@ -63,7 +63,10 @@ def rest(**vary: Any) -> dict[str, Any]:
         (REST | {"design": {"kind": "random", "points": 9}}, r"nothing in \[vary\]"),
         ({"outputs": ["last radius"]}, 'cannot read.*"final NAME"'),
         ({"outputs": ["final radius"], "run": {"stop": "1 V"}}, r"\[run\] stop: expected a unit like 's'"),
+        ({"outputs": ["final radius"], "run": {"stop": "-1 s"}}, r"\[run\] stop: expected a positive time"),
         ({"outputs": ["final radius"], "run": {"tolerance": 1}}, "1e-12 to 1e-2"),
+        ({"outputs": ["final radius"], "name": ["a"]}, "name: expected text"),
+        ({"outputs": ["final radius"], "model": "no.json"}, "no.json: cannot be read as JSON: .*No such file"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
         ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
@@ -105,6 +108,15 @@ def test_inputs_follow_their_text() -> None:
         starts = 0.1 + period * np.arange(4)
         np.testing.assert_allclose(row, np.column_stack([starts, starts, starts + 0.2, starts + 0.2]).ravel())
     assert value[1] == [0, 2, 2, 0] * 4
+    assert points("step 0 {a} at 1e-1") == ([[0.1, 0.1]], [[0, 1], [0, 2]])
+
+
+def test_too_many_pulses_are_a_row_that_says_so() -> None:
+    pulses = {"voltage": "pulses 0 {amplitude} every {period} from 0.1 for 0.01"}
+    vary = {"amplitude": ["5 kV"], "period": [0.5, 0.0, 1e-9, -1]}
+    table = Study(steps(outputs=["max electric_field"], inputs=pulses, vary=vary, design={})).rows(0, 4)
+    assert table["status"].tolist() == [0, -4, -4, -4]
+    assert table["message"][1:].tolist() == ["voltage is not a finite number"] * 3
 
 
 def test_a_record_from_a_file_is_scaled(tmp_path: Path) -> None:
@@ -159,6 +171,18 @@ def test_samples_are_columns(kernel: Kernel) -> None:
     np.testing.assert_allclose([table[name][0] for name in samples], alone, atol=2e-8)
 
 
+def test_a_change_is_from_the_start_of_its_window(kernel: Kernel) -> None:
+    wanted = {"whole": "change lambda_2", "late": "change lambda_2 over the last 0.5 s", "swing": "swing lambda_2"}
+    vary = {"pressure": ["95 mmHg"], "amplitude": ["5 kV"], "on": [0.5]}
+    row = Study(steps(outputs=wanted, vary=vary, design={})).rows(0, 1)
+    mmhg = [95 * MMHG] * 6
+    protocol = Protocol.of([0, 0.5, 0.5, 1.5, 1.5, 2], pressure=mmhg, voltage=[0, 0, 5e3, 5e3, 0, 0])
+    start, at, end = kernel.simulate(protocol, np.array([0, 1.5, 2]), {"start_at_equilibrium": 1}, 1e-8)["lambda_2"]
+    assert row["whole"][0] == pytest.approx(end - start, abs=1e-5)
+    assert row["late"][0] == pytest.approx(end - at, abs=1e-5)
+    assert abs(row["whole"][0]) < 0.3 * row["swing"][0] < 0.6 * abs(row["late"][0])
+
+
 def test_patients_set_many_parameters(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("patient,C_1 [kPa],h_o [mm]\nAnna,300,1\nBert,350,1.2\n", encoding="utf-8")
     plan = make_plan(rest(patient={"file": "p.csv"}, pressure=["95 mmHg"]), tmp_path)
@@ -174,7 +198,8 @@ def test_patients_set_many_parameters(tmp_path: Path) -> None:
 def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:
     names, deviation, correlation = ["C_1", "eps_r"], np.array([5e3, 0.05]), 0.8
     covariance = np.outer(deviation, deviation) * [[1, correlation], [correlation, 1]]
-    content = {"model": "TubularDEA", "effects": ["prestretch"], "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
+    content = {"format": 1, "model": "TubularDEA", "effects": ["prestretch"],
+               "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
                "covariance": {"names": names, "matrix": covariance.tolist()}}  # fmt: skip
     (tmp_path / "model.json").write_text(json.dumps(content), encoding="utf-8")
     tables = {"model": "model.json", "vary": {"calibration": {"model": "model.json"}}}

@@ -15,7 +15,7 @@ import pytest
 
 from sweeps import parts, steps
 from tubular_dea.cli import main
-from tubular_dea.report.sweep import write_report
+from tubular_dea.report.sweep import _pictures, write_report
 from tubular_dea.sweep.backends import Threads
 from tubular_dea.sweep.plan import make_plan, read_plan
 from tubular_dea.sweep.run import carry_out
@@ -166,6 +166,18 @@ def test_a_report_with_pictures(tmp_path: Path) -> None:
     assert (tmp_path / "grid" / "equilibrium_curves.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "grid" / "report.html").read_text(encoding="utf-8")
     assert "snap-through" in page and "<script src" not in page
+
+
+def test_a_map_is_coloured_up_to_its_boundary(tmp_path: Path) -> None:
+    """No gaps where the boundary cuts through cells without a rest state; beyond it, one polygon of no colour."""
+    grid = read_plan(write(tmp_path / "plan.toml", GRID))
+    values = carry_out(grid, tmp_path / "grid").column("radial_displacement")
+    heat, beyond, line = next(_pictures(grid, {"radial_displacement": values})).plotly().data
+    z = values.reshape(9, 7).T
+    assert np.isnan(z[5, 7]) and np.isfinite(heat.z[5, 7]), "the fold at 5 kV, 135 mmHg, is in the cell of 140 mmHg"
+    there = np.isfinite(z)
+    np.testing.assert_array_equal(heat.z[there], 1e3 * z[there])
+    assert max(beyond.x) == 160 and min(beyond.x) == pytest.approx(min(line.x)) == pytest.approx(120.9, abs=0.1)
 
 
 @pytest.mark.parametrize("kind", ["sobol_indices", "one_at_a_time"])

@@ -12,15 +12,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+import psutil
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -30,12 +34,13 @@ from peers import tube  # noqa: E402
 from tubular_dea.kernel import Kernel  # noqa: E402
 from tubular_dea.model.dea import tubular_dea  # noqa: E402
 from tubular_dea.protocol import Protocol  # noqa: E402
-from tubular_dea.sweep.backends import Cluster, Threads  # noqa: E402
+from tubular_dea.sweep.backends import Cluster, Threads, backend  # noqa: E402
 from tubular_dea.sweep.batch import Batch, Breakpoints, Probe  # noqa: E402
 from tubular_dea.sweep.plan import Plan, make_plan, read_plan  # noqa: E402
 from tubular_dea.sweep.run import carry_out  # noqa: E402
 
 ERROR = 1e-5
+Seconds = tuple[float, float]  # on the clock, and of the processors
 CASES = ("prestretched_4kV", "step_4kV", "step_6kV", "ramp_4kV", "ramp_7kV_snap_through")
 ROWS = 256  # a call of a few ms: short enough to be timed on a busy machine
 TOLERANCES = [10.0 ** -(k / 4) for k in range(8, 22)]
@@ -125,25 +130,60 @@ def rest(points: int) -> Plan:
     })  # fmt: skip
 
 
-def over_cores(points: int = 200_000) -> dict[str, object]:
-    """Rows a second of one thread and of two."""
-    plan = steps(points)
-    seconds = {threads: min(_through(Threads(threads), plan) for _ in range(4)) for threads in (1, 2)}
-    ratio = seconds[1] / seconds[2]
-    print(f"cores: {points / seconds[1]:.0f} rows/s on one, {points / seconds[2]:.0f} on two: {ratio:.2f} times")
-    return {"seconds": seconds, "ratio": ratio}
+def mixed(points: int) -> Plan:
+    """Protocols like those of CASES and between them: pressure and voltage raised at any speed, up to snap-through."""
+    return make_plan({
+        "name": f"{points} protocols", "outputs": ["final lambda_2", "final electric_field"],
+        "design": {"kind": "random", "points": points}, "run": {"stop": "16 s", "tolerance": 1e-5},
+        "inputs": {"pressure": "ramp 0 {level} from 0 to {rise}",
+                   "voltage": "ramp 0 {amplitude} from {on} to {on + slope}"},
+        "vary": {"level": {"from": "80 mmHg", "to": "122 mmHg"}, "rise": {"from": "1 s", "to": "13 s"},
+                 "amplitude": {"from": "4 kV", "to": "7 kV"}, "on": {"from": "1 s", "to": "4 s"},
+                 "slope": {"from": "1 ms", "to": "6 s"}},
+    })  # fmt: skip
 
 
-def _pieces(points: int) -> list[tuple[int, int]]:
-    from tubular_dea.sweep.store import part_size
+def over_cores(points: int = 100_000) -> dict[str, object]:
+    """Rows a second of whole sweeps, Parquet written, on one processor and on two."""
+    if not hasattr(os, "sched_setaffinity"):
+        raise SystemExit("cores: this system cannot keep a process on one processor")
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    plan = mixed(points)
+    found = _interleaved({n: partial(_pinned, processors[:n], plan) for n in (1, 2)})
+    (one_, work), (two, work_of_two) = found.values()
+    print(f"cores: {plan.name}: {points / one_:.0f} rows/s on one, {points / two:.0f} on two: {one_ / two:.2f} times; "
+          f"by processor time {2 * work / work_of_two:.2f}", flush=True)  # fmt: skip
+    return {"seconds": found, "ratio": one_ / two}
 
-    size = part_size(points)
-    return [(start, min(start + size, points)) for start in range(0, points, size)]
+
+def _pinned(processors: list[int], plan: Plan) -> Seconds:
+    """A sweep on these processors, a thread each."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, processors)  # threads begun from here on inherit it
+    try:
+        return _sweep(Threads(len(processors)), plan)
+    finally:
+        os.sched_setaffinity(0, before)
 
 
-def _through(backend: Threads | Cluster, plan: Plan) -> float:
-    """Seconds for all rows of a plan; nothing is written."""
-    return _timed(lambda: [None for _ in backend.run(plan, _pieces(plan.design.rows))])
+def _interleaved(runs: dict[Any, Callable[[], Seconds]], rounds: int = 9) -> dict[Any, Seconds]:
+    """The fewest seconds of each run, taken in turns: what else the machine does then disturbs all of them alike."""
+    found = [{name: run() for name, run in runs.items()} for _ in range(rounds)]
+    return {name: (min(r[name][0] for r in found), min(r[name][1] for r in found)) for name in runs}
+
+
+def _sweep(workers: Threads | Cluster, plan: Plan) -> Seconds:
+    """A whole sweep into an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        before = _processor_seconds()
+        seconds = _timed(lambda: carry_out(plan, Path(folder) / "out", workers))
+        return seconds, _processor_seconds() - before
+
+
+def _processor_seconds() -> float:
+    """What this process and those it has started have used of the processors."""
+    mine = psutil.Process()
+    return sum(sum(p.cpu_times()[:2]) for p in [mine, *mine.children(recursive=True)])
 
 
 def _timed(run: Callable[[], object]) -> float:
@@ -176,22 +216,18 @@ def one(kind: str, points: int) -> None:
 
 
 def over_dask(points: int = 100_000) -> dict[str, object]:
-    """The same rows from two threads and from two Dask worker processes that are up already."""
-    import distributed
-
+    """The same whole sweeps by two threads and by two Dask worker processes that are up already."""
     found = {}
-    for name, plan in {"steps": steps(points), "beats": _beats(points // 16)}.items():
-        with (
-            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local,
-            distributed.Client(local) as client,
-        ):
-            cluster = Cluster(client)
-            list(cluster.run(plan, _pieces(plan.design.rows)[:4]))  # compiled there
-            backends = {"threads": Threads(2), "dask": cluster}
-            best_of = {n: min(_through(backend, plan) for _ in range(3)) for n, backend in backends.items()}
-        found[name] = best_of | {"overhead": best_of["dask"] / best_of["threads"] - 1}
-        text = f"{best_of['threads']:.2f} s in threads, {best_of['dask']:.2f} s on Dask"
-        print(f"dask: {plan.design.rows} rows of {name}: {text}: {100 * found[name]['overhead']:+.1f} %", flush=True)
+    with backend(None, 2, None) as cluster:
+        for plan, rounds in ((mixed(points), 9), (steps(points), 9), (_beats(points // 64), 3)):
+            _sweep(cluster, plan)  # compiled in both workers
+            runs = {"threads": partial(_sweep, Threads(2), plan), "dask": partial(_sweep, cluster, plan)}
+            seconds = _interleaved(runs, rounds)
+            overhead, work = (seconds["dask"][i] / seconds["threads"][i] - 1 for i in (0, 1))
+            (in_threads, _), (on_dask, _) = seconds.values()
+            print(f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: "
+                  f"{100 * overhead:+.1f} %; processor time {100 * work:+.1f} %", flush=True)  # fmt: skip
+            found[plan.name] = seconds | {"overhead": overhead}
     return found
 
 
@@ -201,7 +237,7 @@ def _beats(rows: int) -> Plan:
 
     path = HERE.parents[1] / "cosim_examples" / "sweep_assist.toml"
     content = tomllib.loads(path.read_text(encoding="utf-8"))
-    content["design"] = {"kind": "random", "points": rows}
+    content |= {"name": f"{rows} x 16 assisted beats", "design": {"kind": "random", "points": rows}}
     assert read_plan(path).design.rows > 0
     return make_plan(content, path.parent)
 
@@ -209,8 +245,8 @@ def _beats(rows: int) -> Plan:
 def assisted_beats() -> dict[str, object]:
     """Seconds for 100 000 assisted beats at the default tolerance, on two threads."""
     plan = _beats(6250)
-    list(Threads(2).run(_beats(64), [(0, 64)]))
-    seconds = _through(Threads(2), plan)
+    _sweep(Threads(2), _beats(64))  # compiled
+    seconds, _ = _sweep(Threads(2), plan)
     print(f"beats: 100 000 assisted beats in {seconds:.1f} s on two threads")
     return {"seconds": seconds}
 

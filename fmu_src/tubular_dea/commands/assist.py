@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from ..cosim.beats import compare, measure
 from ..cosim.heart_assist import fmus, heart_assist, models
-from ..cosim.heartbeats import HeartbeatError, detect, pace, read_ecg
+from ..cosim.heartbeats import detect, pace, read_ecg, read_r_times
 from ..cosim.master import SCHEMES, Options, Run, simulate
 from ..cosim.system import System
 from ..errors import UserError
@@ -135,15 +135,7 @@ def _beats(options: argparse.Namespace) -> np.ndarray | None:
         return detect(read_ecg(options.ecg, options.lead))
     if options.r_times is None:
         return None
-    try:
-        times = np.array(
-            [float(line.split(",")[0]) for line in options.r_times.read_text().splitlines() if line.strip()]
-        )
-    except (OSError, ValueError) as problem:
-        raise HeartbeatError(f"{options.r_times}: expected one R time [s] a line: {problem}") from None
-    if times.size < 2 or np.any(np.diff(times) <= 0):
-        raise HeartbeatError(f"{options.r_times}: expected at least two ascending times but found {times.size}")
-    return times
+    return read_r_times(options.r_times)
 
 
 def _stop(options: argparse.Namespace, values: Mapping[str, float], settings: Mapping[str, float],

@@ -51,6 +51,7 @@ def run(options: argparse.Namespace) -> None:
 def _tube(options: argparse.Namespace) -> None:
     from ..discover import engine, outcome
     from ..identify.data import read_folder
+    from ..identify.fit import uncertainty
     from ..model.saved import as_json
     from ..report import close_loop as report
     from .build import platforms
@@ -71,7 +72,9 @@ def _tube(options: argparse.Namespace) -> None:
         page = report.report(found, result)
         fmu = _fmu(model, targets)
     write_atomically(options.out / "fmi2" / f"{model.name}.fmu", fmu)
-    write_atomically(options.out / "model.json", as_json(model, f"identified from {recordings.source}").encode())
+    covariance = uncertainty(found.chosen.fitted, model)
+    saved = as_json(model, f"identified from {recordings.source}", covariance)
+    write_atomically(options.out / "model.json", saved.encode())
     page.write(options.out / "report.html")
     write_atomically(options.out / "result.json", text.encode())
     print(f"{result['verdict']}: {report.headline(found)}")

@@ -20,7 +20,7 @@ from ..errors import UserError
 from ..export.compile import write_atomically
 from ..identify import procedure
 from ..identify.data import read_folder
-from ..identify.fit import Fit, goodness, interval, profile_interval, rmse
+from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
 from ..identify.problem import Problem
 from ..model.dea import tubular_dea
 from ..model.declare import Model
@@ -110,5 +110,6 @@ def _write(
               ("residual [um]", {"": (problem.records[longest] - outputs[longest]) * 1e6})]  # fmt: skip
     picture = time_panels(problem.response.cases[longest].times, panels, ready.experiments[longest].name)
     write_atomically(out / "fit.png", picture)
-    write_atomically(out / "model.json", as_json(model.with_values(values), "identified").encode())
+    saved = as_json(model.with_values(values), "identified", uncertainty(best, model))
+    write_atomically(out / "model.json", saved.encode())
     write_atomically(out / "parameters.json", (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())

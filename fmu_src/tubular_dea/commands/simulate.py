@@ -8,6 +8,7 @@ A time listed twice is a jump; between rows the inputs run straight.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from .. import tabular
 from ..emit.tables import shown
 from ..errors import UserError
 from ..files import write_atomically
+from ..identify.bench import TUBE
+from ..identify.checks import mislabelled
 from ..kernel import Kernel, Trajectory
 from ..model.dea import tubular_dea
 from ..model.declare import Model, nearest
@@ -110,7 +113,12 @@ def _protocol(options: argparse.Namespace) -> Protocol:
         if given or options.stop is not None:
             other = next(iter(given), "stop")
             raise UserError(f"--inputs and --{other} exclude each other; give one of them")
-        return read_csv(options.inputs, UNITS)
+        protocol = read_csv(options.inputs, UNITS)
+        for signal in TUBE.inputs:  # a warning alone: a small signal may be meant
+            problem = mislabelled(protocol.inputs[signal.name], signal)
+            if problem:
+                print(f"warning: {options.inputs}: column {signal.name!r}: {problem}", file=sys.stderr)
+        return protocol
     missing = [name for name in UNITS if name not in given]
     if missing:
         raise UserError(f"expected --inputs FILE, or --pressure and --voltage; --{missing[0]} is missing")

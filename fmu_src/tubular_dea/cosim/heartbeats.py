@@ -111,6 +111,18 @@ def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     return Ecg(signal, float((time.size - 1) / (time[-1] - time[0])))
 
 
+def read_r_times(path: Path) -> np.ndarray:
+    """R times [s], one a line (what follows a comma is not read); `HeartbeatError` where they do not ascend."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        times = np.array([float(line.split(",")[0]) for line in lines if line.strip()])
+    except (OSError, ValueError) as problem:
+        raise HeartbeatError(f"{path}: expected one R time [s] a line: {problem}") from None
+    if times.size < 2 or not np.all(np.diff(times) > 0):
+        raise HeartbeatError(f"{path}: expected at least two ascending times but found {times.size}")
+    return times
+
+
 def _read_wfdb(path: Path, lead: str | None) -> Ecg:
     try:
         import wfdb

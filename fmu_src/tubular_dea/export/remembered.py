@@ -18,14 +18,14 @@ from ..emit.variables import guid
 from ..model.declare import Model
 from .compile import cache_folder, cached_library, host, write_atomically
 
-MAKERS = ("emit", "native", "export", "model", "kernel.py", "tangents.py")
+MAKERS = ("emit", "native", "export", "model", "kernel.py", "tangents.py", "sweep/batch.py")
 
 
 def remembered_library(
     model: Model, kind: str, sources: Callable[[], Mapping[str, str]], flags: Sequence[str] = ()
 ) -> Path:
     """The library of `model` for this machine; `sources` (file name to text) is called where it is not known yet."""
-    key = hashlib.sha256(repr((guid(model, kind), tuple(flags), fingerprint())).encode()).hexdigest()
+    key = hashlib.sha256(repr((guid(model, kind), host(), tuple(flags), fingerprint())).encode()).hexdigest()
     note = cache_folder() / f"{key}.place"
     if note.exists():
         place = cache_folder() / note.read_text(encoding="utf-8")

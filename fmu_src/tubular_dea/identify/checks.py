@@ -33,14 +33,21 @@ def findings(
 
 
 def _wrong_unit(values: np.ndarray, signal: Signal, lines: np.ndarray) -> Iterator[str]:
-    """The largest value says that the label cannot be right, and the signal is more than noise about zero."""
-    largest = int(np.argmax(np.abs(values)))
-    top, span, noise = abs(values[largest]), float(np.ptp(values)), noise_level(values)
-    where = f"line {lines[largest]}, column {signal.name!r}: the largest value is {values[largest]:g} {signal.unit}"
+    problem = mislabelled(values, signal)
+    if problem:
+        yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {signal.name!r}: {problem}"
+
+
+def mislabelled(values: np.ndarray, signal: Signal) -> str:
+    """What the largest value says against the unit of a signal that is more than noise about zero; "" for nothing."""
+    largest = float(values[int(np.argmax(np.abs(values)))])
+    top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
+    what = f"the largest value is {largest:g} {signal.unit}"
     if top > signal.most:
-        yield f"{where}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
-    elif 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
-        yield f"{where}; expected some hundred or thousand: {signal.mislabelled[0]}?"
+        return f"{what}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
+    if 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
+        return f"{what}; expected some hundred or thousand: {signal.mislabelled[0]}?"
+    return ""
 
 
 def _constant(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:

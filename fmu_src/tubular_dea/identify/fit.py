@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
 from ..errors import UserError
+from ..model.declare import Model
 from .problem import Free, Problem
 from .threads import one_blas_thread
 
@@ -54,6 +56,15 @@ class Fit:
 
 
 @one_blas_thread
+def uncertainty(best: Fit, model: Model) -> dict[str, list[Any]]:
+    """`names` and covariance `matrix` (SI units) of the model's parameters that the record determines."""
+    names, vague = list(model.parameter_values()), best.undetermined()
+    kept = [i for i, f in enumerate(best.free) if f.name in names and f.name not in vague]
+    slopes = np.array([best.free[i].slope(best.values[best.free[i].name]) for i in kept])
+    matrix = best.covariance[np.ix_(kept, kept)] * np.outer(slopes, slopes)
+    return {"names": [best.free[i].name for i in kept], "matrix": matrix.tolist()}
+
+
 def fit(
     problem: Problem,
     start: Mapping[str, float],

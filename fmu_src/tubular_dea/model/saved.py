@@ -3,7 +3,10 @@
 ::
 
     {"format": 1, "model": "TubularDEA", "effects": ["electrode_resistance"],
-     "parameters": {"C_1": {"value": 331000.0, "unit": "Pa", "description": "..."}, ...}}
+     "parameters": {"C_1": {"value": 331000.0, "unit": "Pa", "description": "..."}, ...},
+     "covariance": {"names": ["C_1", "eps_r"], "matrix": [[...], [...]]}}
+
+The covariance (SI units) of identified parameters is there where the model was fitted; sweeps propagate it.
 """
 
 from __future__ import annotations
@@ -33,8 +36,8 @@ def bases() -> dict[str, Callable[[], Model]]:
     return {"TubularDEA": tubular_dea, "AorticAfterload": aortic_afterload}
 
 
-def as_json(model: Model, note: str = "") -> str:
-    """The model as text: base, effects in their order, and every parameter's value."""
+def as_json(model: Model, note: str = "", covariance: dict[str, list[Any]] | None = None) -> str:
+    """The model as text: base, effects in their order, every parameter's value, and the covariance of some."""
     parameters = {
         p.quantity.name: {"value": p.quantity.value, "unit": p.quantity.unit, "description": p.quantity.description}
         for p in model.parameters
@@ -45,7 +48,7 @@ def as_json(model: Model, note: str = "") -> str:
         "note": note,
         "effects": list(model.effects),
         "parameters": parameters,
-    }
+    } | ({"covariance": covariance} if covariance else {})
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 

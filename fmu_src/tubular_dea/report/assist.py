@@ -15,7 +15,7 @@ from ..cosim.beats import last_beats
 from ..cosim.master import Run
 from ..files import write_atomically
 from ..model.units import factor
-from .figures import COLOURS, png
+from .figures import COLOURS, legend_above, png
 from .page import Page
 
 SHOWN_BEATS = 3
@@ -132,17 +132,19 @@ def _plotly_loops(loops: Curves) -> go.Figure:
 
 def _plotly_panels(panels: Sequence[tuple[str, Curves]]) -> go.Figure:
     figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.025)
+    named: set[str] = set()
     for row, (label, curves) in enumerate(panels, start=1):
         for name, (x, y) in curves.items():
             colour, dash, width = _style(name)
             figure.add_trace(
-                go.Scattergl(x=x, y=y, name=name, showlegend=row in (1, len(panels)),
+                go.Scattergl(x=x, y=y, name=name, mode="lines", showlegend=name not in named,
                              line={"color": colour, "dash": dash, "width": width}),
                 row=row, col=1,
             )  # fmt: skip
+        named |= set(curves)
         figure.update_yaxes(title_text=label.replace(" [", "<br>["), row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
-    figure.update_layout(height=210 * len(panels), legend={"orientation": "h", "y": 1.03})
+    figure.update_layout(height=210 * len(panels), legend={"orientation": "h", "y": 1.005, "yanchor": "bottom"})
     return figure
 
 
@@ -156,7 +158,7 @@ def _png_loops(loops: Curves) -> bytes:
     axis.set_ylabel("pressure [mmHg]")
     axis.grid(alpha=0.3)
     axis.spines[["top", "right"]].set_visible(False)
-    axis.legend(frameon=False)
+    legend_above(axis)
     return png(figure)
 
 
@@ -164,14 +166,17 @@ def _png_panels(panels: Sequence[tuple[str, Curves]]) -> bytes:
     figure = Figure(figsize=(9, 1 + 1.6 * len(panels)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(panels), 1, sharex=True)
+    named: set[str] = set()
     for axis, (label, curves) in zip(axes, panels, strict=True):
         for name, (x, y) in curves.items():
             colour, dash, width = _style(name)
-            axis.plot(x, y, color=colour, linestyle="--" if dash == "dash" else "-", linewidth=width, label=name)
+            shown = None if name in named else name
+            axis.plot(x, y, color=colour, linestyle="--" if dash == "dash" else "-", linewidth=width, label=shown)
+        if not named >= set(curves):
+            legend_above(axis)
+        named |= set(curves)
         axis.set_ylabel(label.replace(" [", "\n["))
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
-    axes[0].legend(frameon=False, fontsize=8, ncols=2, loc="upper right", bbox_to_anchor=(1, 1.45))
-    axes[-1].legend(frameon=False, fontsize=8, loc="upper left")
     axes[-1].set_xlabel("time [s]")
     return png(figure)

@@ -11,7 +11,7 @@ from ..model.units import factor
 from ..sweep.axes import Axis, Levels, Range
 from ..sweep.plan import Plan
 from ..sweep.shown import Shown
-from .pictures import Curves, Line
+from .pictures import Boundary, Curves, Line
 
 MOST = 6  # curves in one picture
 
@@ -76,29 +76,32 @@ def _branches(name: str, x: np.ndarray, y: np.ndarray, stable: np.ndarray, colou
     return lines
 
 
-def snap_boundary(
-    plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown]
-) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:
-    """The fold over two axes of which one is the load and one the other input, both held: one curve; else none."""
+def snap_boundary(plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown]) -> Boundary | None:
+    """The fold over two axes of which one is the load and one the other input, both held; else None."""
     model = plan.model
     if not isinstance(model, Model) or model.curve is None:
-        return ()
+        return None
     curve, kernel = model.curve, Kernel(model)
     others = [q.name for q in model.inputs if q.name != curve.load]
     axes = {first.name: first, second.name: second}
     feeding = {name: _feeding(plan, name) & set(axes) for name in (curve.load, *others)}
     if len(others) != 1 or len(feeding[curve.load]) != 1 or len(feeding[others[0]]) != 1:
-        return ()
+        return None
     (load_axis,), (other_axis,) = feeding[curve.load], feeding[others[0]]
     if load_axis == other_axis or not _depends(model, others[0]):
-        return ()
+        return None
     values = np.linspace(0, 1, 121)[:, None]
     level = axes[other_axis].quantile(values)[other_axis]
     fold = np.array([kernel.curve(np.array([1.0]), {others[0]: float(v)}, dict(plan.fixed))[2][1] for v in level])
     ends = axes[load_axis].quantile(np.array([[0.0], [1.0]]))[load_axis]
     inside = (fold >= ends.min()) & (fold <= ends.max())
-    pair = {load_axis: fold[inside] * labels[load_axis].scale, other_axis: level[inside] * labels[other_axis].scale}
-    return (("snap-through", pair[first.name], pair[second.name]),) if inside.any() else ()
+    if not inside.any():
+        return None
+    drawn = {load_axis: fold[inside], other_axis: level[inside]}
+    beyond = {load_axis: np.r_[np.clip(fold, ends.min(), ends.max()), np.full(2, ends.max())],
+              other_axis: np.r_[level, level[[-1, 0]]]}  # fmt: skip
+    x, y, *area = (part[axis.name] * labels[axis.name].scale for part in (drawn, beyond) for axis in (first, second))
+    return Boundary("snap-through", x, y, tuple(area) if plan.study == "rest" else ())
 
 
 def _depends(model: Model, name: str) -> bool:

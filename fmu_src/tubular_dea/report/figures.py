@@ -6,6 +6,7 @@ import io
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -25,13 +26,21 @@ def time_panels(time: np.ndarray, panels: Sequence[tuple[str, Mapping[str, np.nd
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
-        if len(curves) > 1:
-            axis.legend(loc="upper right", frameon=False, fontsize=8)
+        if len(curves) > 1 and (number == 0 or list(curves) != list(panels[number - 1][1])):
+            legend_above(axis)
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(time[0], time[-1])
     if title:
         figure.suptitle(title)
     return png(figure)
+
+
+def legend_above(axis: Axes) -> None:
+    """A legend in one line above the axes, where no curve runs."""
+    names = len(axis.get_legend_handles_labels()[1])
+    axis.legend(
+        loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2, ncols=min(names, 7), frameon=False, fontsize=8
+    )
 
 
 def png(figure: Figure) -> bytes:

@@ -10,14 +10,25 @@ import plotly.graph_objects as go
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, png
+from .figures import COLOURS, legend_above, png
 
 BOUNDARY = "#1b2733"
+NOTHING = "#dde3e8"  # where there is no value
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A curve on a map, and the polygon `beyond` it if there is nothing there."""
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    beyond: tuple[np.ndarray, ...] = ()
 
 
 @dataclass(frozen=True)
 class Map:
-    """An output over two axes, z of shape (y, x), NaN where there is none; `boundary` curves are drawn on top."""
+    """An output over two axes, z of shape (y, x), NaN where there is none; a `boundary` may be drawn on top."""
 
     name: str
     caption: str
@@ -25,33 +36,48 @@ class Map:
     y: np.ndarray
     z: np.ndarray
     labels: tuple[str, str, str]
-    boundary: tuple[tuple[str, np.ndarray, np.ndarray], ...] = ()
+    boundary: Boundary | None = None
 
     def png(self) -> bytes:
         """Drawn with matplotlib."""
         figure, axis = _axes()
-        mesh = axis.pcolormesh(
-            self.x, self.y, np.ma.masked_invalid(self.z), shading="nearest", cmap="viridis", rasterized=True
-        )
-        axis.set_facecolor("#eceff2")
+        z = np.ma.masked_invalid(self._drawn())
+        mesh = axis.pcolormesh(self.x, self.y, z, shading="nearest", cmap="viridis", rasterized=True)
+        axis.set_facecolor(NOTHING)
         figure.colorbar(mesh, ax=axis, label=self.labels[2])
-        for name, x, y in self.boundary:
-            axis.plot(x, y, color=BOUNDARY, linewidth=2, label=name)
         if self.boundary:
-            axis.legend(loc="best", fontsize=8)
+            axis.fill(*self.boundary.beyond, color=NOTHING)
+            axis.plot(self.boundary.x, self.boundary.y, color=BOUNDARY, linewidth=2, label=self.boundary.name)
+            legend_above(axis)
         axis.set(xlabel=self.labels[0], ylabel=self.labels[1], xlim=_ends(self.x), ylim=_ends(self.y))
         return png(figure)
 
     def plotly(self) -> go.Figure:
         """Drawn with plotly."""
         bar = {"title": {"text": self.labels[2], "side": "right"}}
-        traces: list[Any] = [go.Heatmap(x=self.x, y=self.y, z=self.z, colorscale="Viridis", colorbar=bar)]
-        traces += [go.Scatter(x=x, y=y, name=name, mode="lines", line={"color": BOUNDARY, "width": 3})
-                   for name, x, y in self.boundary]  # fmt: skip
-        figure = go.Figure(traces)
+        figure = go.Figure(go.Heatmap(x=self.x, y=self.y, z=self._drawn(), colorscale="Viridis", colorbar=bar))
+        if self.boundary:
+            if self.boundary.beyond:
+                x, y = self.boundary.beyond
+                figure.add_scatter(
+                    x=x, y=y, fill="toself", fillcolor=NOTHING, mode="none", showlegend=False, hoverinfo="skip"
+                )
+            figure.add_scatter(x=self.boundary.x, y=self.boundary.y, name=self.boundary.name, mode="lines",
+                               showlegend=True, line={"color": BOUNDARY, "width": 3})  # fmt: skip
         figure.update_xaxes(title=self.labels[0], range=_ends(self.x))
         figure.update_yaxes(title=self.labels[1], range=_ends(self.y))
-        return figure.update_layout(legend={"x": 0.02, "y": 0.98})
+        return figure.update_layout(plot_bgcolor=NOTHING, legend={"orientation": "h", "y": 1, "yanchor": "bottom"})
+
+    def _drawn(self) -> np.ndarray:
+        """z, and up to a boundary also in the cells that it cuts: they take the mean of their neighbours."""
+        z = np.asarray(self.z, float)
+        for _ in range(2 if self.boundary and self.boundary.beyond else 0):
+            padded = np.pad(z, 1, constant_values=np.nan)
+            around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+            there = np.isfinite(around)
+            mean = np.where(there, around, 0.0).sum(0) / np.where(there.any(0), there.sum(0), np.nan)
+            z = np.where(np.isfinite(z), z, mean)
+        return z
 
 
 @dataclass(frozen=True)
@@ -82,7 +108,7 @@ class Curves:
             style = {"linestyle": "none", "marker": "o"} if line.marks else {"linestyle": "--" if line.dashed else "-"}
             axis.plot(line.x, line.y, color=COLOURS[line.colour % len(COLOURS)], label=line.name or None, **style)
         if 1 < sum(bool(line.name) for line in self.lines) <= 12:
-            axis.legend(loc="best", fontsize=8, frameon=False)
+            legend_above(axis)
         axis.grid(alpha=0.3)
         axis.set(xlabel=self.labels[0], ylabel=self.labels[1])
         return png(figure)
@@ -122,7 +148,7 @@ class Bars:
             axis.barh(at, end - start, width, left=start, color=COLOURS[k], label=name, xerr=error, capsize=3)
         axis.axvline(self.base, color=BOUNDARY, linewidth=1)
         axis.set_yticks(place, self.factors)
-        axis.legend(loc="best", fontsize=8)
+        legend_above(axis)
         axis.set_xlabel(self.label)
         axis.grid(alpha=0.3, axis="x")
         return png(figure)

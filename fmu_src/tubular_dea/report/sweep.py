@@ -30,8 +30,7 @@ def write_report(store: Store, plan: Plan) -> list[Path]:
     values = {name: store.column(name) for name in numeric}
     pictures = list(_pictures(plan, values))
     written = [write_atomically(store.folder / f"{p.name}.png", p.png()) for p in pictures]
-    page = Page(plan.name, f"{plan.design.rows} rows ({plan.design.kind}), {len(plan.design.axes)} axes, model "
-                           f"{plan.model.name}.")  # fmt: skip
+    page = Page(plan.name, f"{plan.design.rows} rows ({plan.design.kind.replace('_', ' ')}), model {plan.model.name}.")
     _describe(page, store, plan, shown(plan))
     statistics = _statistics(plan, values)
     if statistics:
@@ -51,7 +50,7 @@ def _describe(page: Page, store: Store, plan: Plan, labels: dict[str, Shown]) ->
         page.table(["set", "to (SI)"], plan.fixed)
     failed = failures({"status": store.column("status")})
     if failed:
-        page.text("Rows that could not be computed, with their reason in `message`:")
+        page.text("Rows that could not be computed, with their reason in the column message:")
         page.table(["reason", "rows"], failed.items())
 
 

@@ -106,7 +106,8 @@ def _range(name: str, given: Mapping[str, Any], quantities: Quantities, place: s
         (step,) = _numbers([given["step"]], unit, place)
         parts = (high - low) / step if step > 0 else 0.0
         if count is not None or log or not parts >= 1 or abs(parts - round(parts)) > 1e-6:
-            raise PlanError(f"{place}: expected a step that divides {high - low:g} {unit}, without count or log")
+            raise PlanError(f"{place}: expected a step that divides {high - low:g} {unit}, without count or log, "
+                            f"but was given {step:g} {unit}")  # fmt: skip
         count = round(parts) + 1
     if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < 2):
         raise PlanError(f"{place}: expected a count of at least 2 but was given {count!r}")

@@ -1,6 +1,6 @@
-"""Who computes the pieces of a sweep: threads of this process, or the workers of a Dask cluster.
+"""Who computes the parts of a sweep: threads of this process, or the workers of a Dask cluster.
 
-Both take the same pieces, call the same pure function, and hand results over as they come. At most a few pieces a
+Both take the same pieces, call the same pure function, and hand parts over as they come. At most a few pieces a
 worker are under way, so that memory does not grow with the sweep.
 """
 
@@ -8,19 +8,26 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
+from queue import SimpleQueue
 from typing import Any
 
 from ..errors import UserError
 from .extra import load
+from .parts import Part, Piece, part, task
 from .plan import Plan
-from .rows import Rows, Study, compute
+from .rows import Study
 
-Piece = tuple[int, int]
-AHEAD = 3  # pieces a worker that are under way
+AHEAD = 2  # pieces a thread, or tasks a worker, that are under way
+QUIET = {  # half of what Dask does while it waits: profiles, its own clock, what the disks do; nothing here reads them
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+TASK_SECONDS = 1.0  # a task takes no longer, so that results come steadily, unless one piece does
 
 
 class BackendError(UserError, RuntimeError):
@@ -33,61 +40,61 @@ class Threads:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or _processors()
 
-    def run(self, plan: Plan, pieces: Iterable[Piece]) -> Iterator[tuple[Piece, Rows]]:
-        """(piece, its rows), in the order in which they are finished."""
+    def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
+        """The parts, in the order in which they are finished."""
         study = Study(plan)
         workers = self.workers if study.threads else 1
         waiting = iter(pieces)
         with ThreadPoolExecutor(workers) as pool:
-            under_way: dict[Future[Rows], Piece] = {}
+            under_way: set[Future[Part]] = set()
             try:
                 while True:
-                    for piece in islice(waiting, AHEAD * workers - len(under_way)):
-                        under_way[pool.submit(study.rows, *piece)] = piece
+                    fresh = islice(waiting, AHEAD * workers - len(under_way))
+                    under_way |= {pool.submit(part, study, *piece) for piece in fresh}
                     if not under_way:
                         return
-                    done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                    for future in sorted(done, key=lambda f: under_way[f]):
-                        yield under_way.pop(future), future.result()
+                    done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                    yield from sorted((future.result() for future in done), key=lambda made: made.start)
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
 class Cluster:
-    """The workers of a Dask cluster. A piece that a worker takes with it when it dies is computed by another."""
+    """The workers of a Dask cluster. A task that a worker takes with it when it dies is computed by another."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
 
-    def run(self, plan: Plan, pieces: Iterable[Piece]) -> Iterator[tuple[Piece, Rows]]:
-        """(piece, its rows), in the order in which they are finished."""
+    def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
+        """The parts, in the order in which they are finished.
+
+        A task is several pieces, as many as take TASK_SECONDS, and fewer towards the end: what Dask asks for each
+        task is then little beside its work.
+        """
         distributed = load("distributed", "a cluster")
         content, fingerprint = pickle.dumps(plan), plan.fingerprint
-        waiting = iter(pieces)
-        under_way: dict[Any, Piece] = {}
-
-        def submit(count: int) -> list[Any]:
-            """Up to `count` more pieces; fewer than none where workers have just died."""
-            made = []
-            for piece in islice(waiting, max(0, count)):
-                key = f"rows-{fingerprint[:16]}-{piece[0]}"
-                future = self.client.submit(compute, fingerprint, content, *piece, key=key, retries=3)
-                under_way[future] = piece
-                made.append(future)
-            return made
-
-        completed = distributed.as_completed(submit(AHEAD * self._workers()), with_results=True)
+        waiting, each = list(pieces), float("inf")  # the seconds a piece takes
+        finished: SimpleQueue[Any] = SimpleQueue()  # as_completed of Dask may sleep for 0.1 s beside a result
+        under_way = 0
         try:
-            for future, rows in completed:
-                yield under_way.pop(future), rows
-                future.release()
-                for fresh in submit(AHEAD * self._workers() - len(under_way)):
-                    completed.add(fresh)
+            while waiting or under_way:
+                workers = max(1, sum(self.client.nthreads().values()))
+                while waiting and under_way < AHEAD * workers:
+                    share = -(-2 * len(waiting) // (3 * workers))  # of what is left, so that all end together
+                    size = max(1, min(share, int(TASK_SECONDS / each)))
+                    taken, waiting[:size] = waiting[:size], []
+                    key = f"rows-{fingerprint[:16]}-{taken[0][0]}"
+                    future = self.client.submit(task, fingerprint, content, taken, key=key, retries=3)
+                    future.add_done_callback(finished.put)
+                    under_way += 1
+                future = finished.get()
+                parts, seconds = future.result()
+                each = seconds / len(parts)
+                under_way -= 1
+                yield from parts
         except (distributed.KilledWorker, CancelledError, OSError) as problem:
-            raise BackendError(f"the cluster gave up: {problem}; the rows so far are kept, run it again") from None
-
-    def _workers(self) -> int:
-        return max(1, sum(self.client.nthreads().values()))
+            why = str(problem).partition("\n")[0].rstrip(".")
+            raise BackendError(f"the cluster gave up: {why}; the rows so far are kept, run it again") from None
 
 
 @contextmanager
@@ -108,6 +115,7 @@ def backend(
             yield Cluster(client)
         return
     with (
+        load("dask", "a cluster").config.set(QUIET),
         distributed.LocalCluster(n_workers=local_cluster, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):

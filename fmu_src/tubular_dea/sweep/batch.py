@@ -18,8 +18,9 @@ import sympy
 from ..emit.functions import layout
 from ..emit.jacobian import needed
 from ..errors import UserError
-from ..export.compile import cached_library, host, processor_flags
+from ..export.compile import processor_flags
 from ..export.package import core_sources
+from ..export.remembered import remembered_library
 from ..model.declare import Model, nearest
 from ..model.delays import input_delays, output_delays
 
@@ -249,5 +250,5 @@ def _uses_fold(model: Model) -> bool:
 
 
 def _library(model: Model) -> Path:
-    code = core_sources(model, "kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
-    return cached_library(code, host(), processor_flags())
+    native = ("kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
+    return remembered_library(model, "batch", lambda: core_sources(model, *native), processor_flags())

@@ -41,7 +41,8 @@ class Number:
 
     def __call__(self, values: Values) -> np.ndarray:
         """Its value for every row, shape (rows, 1); (1, 1) where it is the same for all."""
-        value = self.constant if self.constant is not None else _evaluate(_tree(self.text), values, self.text)
+        with np.errstate(all="ignore"):  # a row that divides by zero says so itself
+            value = self.constant if self.constant is not None else _evaluate(_tree(self.text), values, self.text)
         return np.reshape(np.asarray(value, float), (-1, 1))
 
 

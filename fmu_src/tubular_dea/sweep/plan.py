@@ -112,8 +112,10 @@ def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
              for name, text in _table(content, "inputs").items()}  # fmt: skip
     inputs = _complete_inputs(given, made, quantities)
     stop = number(run.get("stop", 1.0), "s", "[run] stop")
+    if stop.constant is not None and not stop.constant > 0:
+        raise PlanError(f"[run] stop: expected a positive time but was given {stop.constant:g} s")
     plan = Plan(
-        name=str(content.get("name", "sweep")),
+        name=_name(content.get("name", "sweep")),
         model=model,
         study=study,
         design=made,
@@ -149,6 +151,12 @@ def _one_of(place: str, given: object, names: tuple[str, ...]) -> str:
     if given not in names:
         raise PlanError(f"{place}: expected one of {', '.join(names)} but was given {given!r}")
     return str(given)
+
+
+def _name(given: object) -> str:
+    if not isinstance(given, str):
+        raise PlanError(f"name: expected text but was given {given!r}")
+    return given
 
 
 def _whole(table: Mapping[str, Any], name: str, default: int) -> int:

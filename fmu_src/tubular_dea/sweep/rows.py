@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
-import threading
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
@@ -69,8 +66,8 @@ class Study:
         stop = np.where(np.isfinite(stop), stop, 0.0)
         inputs = {name: template.breakpoints(values, stop) for name, template in plan.inputs}
         for name, b in inputs.items():
-            problems.add(BAD_INPUT, name, ~np.all(np.diff(b.time, axis=1) >= 0, axis=1, keepdims=True))
             problems.add(UNDEFINED, name, ~np.all(np.isfinite(b.time) & np.isfinite(b.value), axis=1, keepdims=True))
+            problems.add(BAD_INPUT, name, ~np.all(np.diff(b.time, axis=1) >= 0, axis=1, keepdims=True))
         probes = [p for w in plan.outputs for p in w.placed(values, stop)]
         stop = np.where(problems.status[:, None] == 0, stop, 0.0)
         if isinstance(self.engine, Batch):
@@ -117,21 +114,6 @@ class _Problems:
         for i in np.flatnonzero(flat & (self.status == 0)):
             self.status[i] = status
             self.texts[int(i)] = TEXTS[status].format(what=what)
-
-
-_LOCK = threading.Lock()
-
-
-@lru_cache(maxsize=4)
-def _study(fingerprint: str, content: bytes) -> Study:
-    return Study(pickle.loads(content))
-
-
-def compute(fingerprint: str, content: bytes, start: int, stop: int) -> Rows:
-    """Rows `start` to `stop` of a pickled plan: what a worker runs. The model is compiled once a process."""
-    with _LOCK:
-        study = _study(fingerprint, content)
-    return study.rows(start, stop)
 
 
 def failures(table: Rows) -> dict[str, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from .backends import Cluster, Threads
@@ -26,10 +25,10 @@ def carry_out(plan: Plan, folder: Path, backend: Threads | Cluster | None = None
         total=store.manifest.rows, initial=done, unit="row", unit_scale=True, disable=None, desc=plan.name
     ) as bar:
         if missing:
-            for (start, stop), rows in (backend or Threads()).run(plan, missing):
-                store.write(start, rows)
-                failed += int(np.count_nonzero(rows["status"]))
+            for part in (backend or Threads()).run(plan, missing):
+                store.write(part)
+                failed += part.failed
                 if failed:
                     bar.set_postfix_str(f"{failed} failed")
-                bar.update(stop - start)
+                bar.update(part.stop - part.start)
     return store

@@ -9,7 +9,6 @@ of another plan is refused, and nothing in it is touched.
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ import numpy as np
 from ..errors import UserError
 from ..files import write_atomically
 from .extra import load
+from .parts import Part, arrow
 from .plan import Plan
 from .rows import Rows
 
@@ -55,7 +55,7 @@ class Store:
     @staticmethod
     def open(folder: Path, plan: Plan) -> Store:
         """The store of `plan` in `folder`, begun or continued; `StoreError` where the folder is not this plan's."""
-        _arrow()
+        arrow()
         mine = Manifest(
             FORMAT, plan.name, plan.fingerprint, plan.design.rows, part_size(plan.design.rows), plan.columns
         )
@@ -84,19 +84,13 @@ class Store:
         """The parts that are not there, or not whole."""
         return [(start, stop) for start, stop in self.pieces if not self._whole(start, stop)]
 
-    def write(self, start: int, rows: Rows) -> None:
-        """Write the part from row `start` on."""
-        pa, pq = _arrow()
-        units = self.manifest.columns
-        fields = [pa.field(name, _type(pa, name, unit), metadata={"unit": unit}) for name, unit in units.items()]
-        arrays = [pa.array(rows[name], type=field.type) for name, field in zip(units, fields, strict=True)]
-        buffer = io.BytesIO()
-        pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), buffer, compression="zstd")
-        write_atomically(self._part(start), buffer.getvalue())
+    def write(self, part: Part) -> None:
+        """Write a part that has been computed."""
+        write_atomically(self._part(part.start), part.data)
 
     def column(self, name: str) -> np.ndarray:
         """One column of all rows."""
-        _, pq = _arrow()
+        _, pq = arrow()
         if name not in self.manifest.columns:
             raise StoreError(f"{self.folder}: there is no column {name!r}; it has {', '.join(self.manifest.columns)}")
         parts = [pq.read_table(self._part(start), columns=[name])[name].to_numpy() for start, _ in self.pieces]
@@ -110,7 +104,7 @@ class Store:
         return self.folder / "parts" / f"part-{start:09d}.parquet"
 
     def _whole(self, start: int, stop: int) -> bool:
-        _, pq = _arrow()
+        _, pq = arrow()
         try:
             return bool(pq.read_metadata(self._part(start)).num_rows == stop - start)
         except Exception:  # not there, or cut off by a power failure: it is computed again
@@ -176,18 +170,6 @@ def write_cube(store: Store, plan: Plan) -> Path:
     shutil.rmtree(path, ignore_errors=True)
     fresh.rename(path)
     return path
-
-
-def _arrow() -> tuple[Any, Any]:
-    return load("pyarrow", "a sweep's result table"), load("pyarrow.parquet", "a sweep's result table")
-
-
-def _type(pa: Any, name: str, unit: str) -> Any:
-    if name == "row":
-        return pa.int64()
-    if name == "status":
-        return pa.int32()
-    return pa.float64() if unit else pa.string()
 
 
 def _manifest(path: Path) -> Manifest:

@@ -2,7 +2,8 @@
 
 Of trajectories ("over the last T" and "from T" narrow the window; T in s or as an expression in braces):
 
-    final NAME      min NAME      max NAME      mean NAME      swing NAME (max - min)      NAME at 2.5 s
+    final NAME      min NAME      max NAME      mean NAME      swing NAME (max - min)
+    change NAME (end - start)      NAME at 2.5 s
     time NAME rises above 16 mm      time NAME falls below 16 mm      snapped      time of snap      steps
     NAME every 0.1 s (a column for each of these times)
 
@@ -21,7 +22,8 @@ from .batch import Probe, Results
 from .expression import Number, PlanError, Values, number
 
 FORMS = (
-    '"final NAME", "min NAME", "max NAME", "mean NAME over the last 1 s", "swing NAME", "NAME at 2.5 s", '
+    '"final NAME", "min NAME", "max NAME", "mean NAME over the last 1 s", "swing NAME", "change NAME", '
+    '"NAME at 2.5 s", '
     '"NAME every 0.1 s", "time NAME rises above 16 mm", "time NAME falls below 16 mm", "snapped", "time of snap", '
     '"steps"'
 )
@@ -31,7 +33,7 @@ Units = Callable[[str], str]  # the SI unit of a variable
 
 @dataclass(frozen=True)
 class Wanted:
-    """A column of the results: its `probes` and how they are put together ("", "swing", "snapped", "steps")."""
+    """A column of the results: its `probes` and how they are put together ("", "difference", "snapped", "steps")."""
 
     column: str
     unit: str
@@ -58,7 +60,7 @@ class Wanted:
         if self.combine == "steps":
             return results.steps.astype(float)
         first = results.values[:, place]
-        if self.combine == "swing":
+        if self.combine == "difference":
             return first - results.values[:, place + 1]
         if self.combine == "snapped":
             return np.where(results.status == 0, np.isfinite(first).astype(float), np.nan)
@@ -122,14 +124,14 @@ def _at(words: list[str], units: Units) -> Wanted | None:
 
 
 def _window(words: list[str], units: Units) -> Wanted | None:
-    match = re.fullmatch(r"(final|min|max|mean|swing) (\S+)(?: (over the last|from) (.+))?", " ".join(words))
+    match = re.fullmatch(r"(final|min|max|mean|swing|change) (\S+)(?: (over the last|from) (.+))?", " ".join(words))
     if not match or (match[1] == "final" and match[3]):
         return None
     kind, name, window, text = match.groups()
-    kinds = ("max", "min") if kind == "swing" else (kind,)
+    kinds = {"swing": ("max", "min"), "change": ("final", "at")}.get(kind, (kind,))
     probes = tuple(Probe(k, name) for k in kinds)
     time = number(text, "s", f"outputs: {' '.join(words)}") if window else None
-    return Wanted(f"{kind}_{name}", units(name), "", probes, "swing" if kind == "swing" else "", time,
+    return Wanted(f"{kind}_{name}", units(name), "", probes, "difference" if len(probes) == 2 else "", time,
                   window == "over the last")  # fmt: skip
 
 
