@@ -3,7 +3,7 @@
 Independent of the catalogue. Electrical: the voltage at the electrodes, as a function of voltage and stretch, and its
 lags. Mechanical: a hoop stress over stretch, rate and the stretch's past. Pressure path: a pressure over the recorded
 one and its lags. Sensor: a reading over the true one and its lags. Each is a set of linear terms, scored like any
-other candidate (`bank`); a channel's evidence is its gain less the price of its terms.
+other candidate (`bank`); a channel's evidence is Akaike's, for none of these laws is quite the true one.
 
 A disturbance from outside is a function of nothing recorded. A wave betrays its channel by where it is large: as the
 tube answers to a wave of that channel.
@@ -38,7 +38,7 @@ FULL_STRETCH, FULL_VOLTAGE, FULL_PRESSURE, FULL_READING = 0.6, 8e3, 2e4, 9e-3
 
 @dataclass(frozen=True)
 class Localisation:
-    """Evidence of every channel (gain less half the log of the samples a term), and the channel that has most.
+    """Evidence of every channel (Akaike's: half the gain less one a term), and the channel that has most.
 
     `gains` are the sums of squares explained; `disturbance` is True where a function of recorded signals explains
     little and the place was found by where the residual is large.
@@ -54,9 +54,8 @@ def localise(study: Study, ids: Ids, fitted: Fit, excess: float) -> Localisation
     """The channel in which the residual of `fitted` arises; `excess` is what of it is not noise."""
     listed = bank.candidates(study, fitted, ids, [latent(c) for c in CHANNELS])
     found = bank.scores(listed, fitted.residual, fitted.jacobian)
-    price = float(np.log(fitted.residual.size))
     gains = {s.candidate.effect.channel: s.gain for s in found}
-    evidence = {s.candidate.effect.channel: 0.5 * (s.gain - price * len(s.candidate.names)) for s in found}
+    evidence = {s.candidate.effect.channel: 0.5 * s.gain - len(s.candidate.names) for s in found}
     best = max(evidence, key=lambda c: evidence[c])
     if gains[best] >= 0.5 * excess:
         return Localisation(best, evidence, gains, False)
