@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from .bench import Bench, Signal
 from .monitors import noise_level
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
+QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point, and may stand still
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
@@ -19,6 +20,7 @@ def findings(
     """All that is wrong with a recording, the plainest first."""
     for signal in bench.inputs:
         yield from _wrong_unit(inputs[signal.name], signal, lines)
+        yield from _standstill(inputs[signal.name], signal.name, lines, stops=(np.max,))
     seen = np.flatnonzero(np.isfinite(output))
     name = bench.output.name
     if seen.size < bench.least_samples:
@@ -26,7 +28,7 @@ def findings(
         return
     values, there = output[seen], lines[seen]
     yield from _wrong_unit(values + bench.rest, bench.output, there)
-    yield from _constant(values, name, there)
+    yield from constant(values, name, there, "the output moves")
     yield from _standstill(values, name, there)
     if bench.rest:
         yield from _below_rest(values, bench, there)
@@ -40,36 +42,48 @@ def _wrong_unit(values: np.ndarray, signal: Signal, lines: np.ndarray) -> Iterat
     if top > signal.most:
         yield f"{where}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
     elif 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
-        yield f"{where}; expected some hundred or thousand: {signal.mislabelled[0]}?"
+        yield f"{where}; expected at least {signal.least:g} {signal.unit}: {signal.mislabelled[0]}?"
 
 
-def _constant(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:
+def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
+    """A finding where `values` (n,) hold nothing but noise; `wanted` says in words what was expected of them."""
     if np.ptp(values) <= 12.0 * noise_level(values) or np.ptp(values) == 0:
         yield (
             f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
-            "nothing; expected one in which the output moves"
+            f"nothing; expected one in which {wanted}"
         )
 
 
-def _standstill(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:
+def _standstill(
+    values: np.ndarray, name: str, lines: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)
+) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation."""
-    equal = np.diff(values) == 0
-    if equal.mean() > 0.5:
-        return  # a noiseless or coarse record: standing still means nothing
-    for extreme in (values.max(), values.min()):
+    if not _noisy(values):
+        return
+    for extreme in (stop(values) for stop in stops):
         there = np.flatnonzero(values == extreme)
         if there.size >= max(STANDSTILL, 0.03 * values.size):
             yield (
                 f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} "
                 f"of {values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
             )
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
             yield (
                 f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
                 f"values {values[begin]:g}; leave these cells empty or the experiment out"
             )
+
+
+def _noisy(values: np.ndarray) -> bool:
+    """Where they move, neighbouring values differ by noise: more than their resolution and a share of the span."""
+    step = np.abs(np.diff(values))
+    if np.mean(step > 0) < 0.3:
+        return False
+    thirds = np.abs(np.diff(values, 3))
+    noise = 1.4826 * float(np.median(thirds[thirds > 0])) / np.sqrt(20.0)
+    return noise > max(QUIET * float(np.ptp(values)), float(step[step > 0].min()))
 
 
 def _below_rest(values: np.ndarray, bench: Bench, lines: np.ndarray) -> Iterator[str]:

@@ -20,6 +20,8 @@ from ..tabular import TableError, headings, rows
 from . import checks
 from .bench import TUBE, Bench, Signal
 
+SHORTEST, COARSEST = 0.3, 0.5  # s that a recording lasts, and between its samples
+
 
 class DataError(UserError, ValueError):
     """Recordings that cannot be used; the text names file, line and column and says what was expected."""
@@ -160,6 +162,13 @@ def _check_time(path: Path, lines: np.ndarray, time: np.ndarray) -> None:
         raise DataError(
             f"{path}, line {lines[i + 1]}, column 'time': expected ascending times but {time[i + 1]:g} s follows "
             f"{time[i]:g} s; sort the lines and remove doubles"
+        )
+    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    if span < SHORTEST or step > COARSEST:
+        label = "s labelled ms" if span < SHORTEST else "ms labelled s"
+        raise DataError(
+            f"{path}, lines {lines[0]} to {lines[-1]}, column 'time': {span:g} s in steps of {step:g} s; expected at "
+            f"least {SHORTEST:g} s in steps of at most {COARSEST:g} s: {label}?"
         )
 
 

@@ -109,7 +109,7 @@ def _described(problem: Problem, scaled: np.ndarray, converged: bool, spread: fl
 
 def inverse(information: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-200))
     value, vector = np.linalg.eigh(information / np.outer(scale, scale))
     inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
     return inverted / np.outer(scale, scale)
