@@ -26,7 +26,8 @@ def time_panels(time: np.ndarray, panels: Sequence[tuple[str, Mapping[str, np.nd
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
         if len(curves) > 1:
-            axis.legend(loc="upper right", frameon=False, fontsize=8)
+            place = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": len(curves)}  # above, off the curves
+            axis.legend(frameon=False, fontsize=8, borderaxespad=0.2, **place)
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(time[0], time[-1])
     if title:

@@ -12,6 +12,7 @@ from plotly.subplots import make_subplots
 from .figures import COLOURS
 
 POINTS = 700  # drawn of each record: averages over as many blocks
+PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 RECORD, BEFORE, AFTER = "#1b2733", COLOURS[0], COLOURS[1]
 
 
@@ -40,7 +41,25 @@ def thinned(values: np.ndarray) -> np.ndarray:
     return values[: values.size // size * size].reshape(-1, size).mean(axis=1)
 
 
-def parameter_row(name: str, p: Mapping[str, Any]) -> list[str]:
-    """Name, value, 95 % interval and unit of a parameter of result.json."""
-    low, high = ("open" if e is None else f"{e:.5g}" for e in p["ci95"])
-    return [name, f"{p['value']:.6g}", f"{low} to {high}", p["unit"]]
+def bars(values: Mapping[str, float], label: str, line: float | None = None) -> go.Figure:
+    """Named values as horizontal bars in their order, the first on top; `line` marks a value to compare with."""
+    drawn = go.Figure(go.Bar(x=list(values.values()), y=list(values), orientation="h", marker={"color": AFTER}))
+    if line is not None:
+        drawn.add_vline(x=line, line={"color": BEFORE, "width": 2})
+    drawn.update_yaxes(autorange="reversed", automargin=True).update_xaxes(title=label)
+    return drawn.update_layout(height=120 + 24 * len(values))
+
+
+def parameter_row(name: str, p: Mapping[str, Any], *others: float) -> list[str]:
+    """Name, value, 95 % interval and unit of a parameter of result.json, then other values of it in that unit."""
+    scale, unit = readable(p["value"], p["unit"])
+    low, high = ("open" if e is None else f"{e / scale:.4g}" for e in p["ci95"])
+    return [name, f"{p['value'] / scale:.4g}", f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
+
+
+def readable(value: float, unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI value has one to three digits before the point."""
+    if value == 0 or not unit[0].isalpha() or unit[1:2].isdigit() or unit.startswith("kg"):
+        return 1.0, unit
+    power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -3, 3)) * 3
+    return 10.0**power, PREFIXES[power] + unit
