@@ -15,30 +15,32 @@ STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
 def findings(
-    time: np.ndarray, inputs: Mapping[str, np.ndarray], output: np.ndarray, bench: Bench, lines: np.ndarray
+    inputs: Mapping[str, np.ndarray], output: np.ndarray, bench: Bench, lines: np.ndarray, name: str, rest: float
 ) -> Iterator[str]:
-    """All that is wrong with a recording, the plainest first."""
+    """All that is wrong with a recording in SI units, the plainest first; `lines` (n,) are those in the file.
+
+    `output` (n,) is as it stands in the file's column `name`, NaN where missing; `rest` is what it reads at rest.
+    """
     for signal in bench.inputs:
-        yield from _wrong_unit(inputs[signal.name], signal, lines)
+        yield from _wrong_unit(inputs[signal.name], signal.name, signal, lines)
         yield from _standstill(inputs[signal.name], signal.name, lines, stops=(np.max,))
     seen = np.flatnonzero(np.isfinite(output))
-    name = bench.output.name
     if seen.size < bench.least_samples:
         yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {bench.least_samples}"
         return
     values, there = output[seen], lines[seen]
-    yield from _wrong_unit(values + bench.rest, bench.output, there)
+    yield from _wrong_unit(values, name, bench.output, there)
     yield from constant(values, name, there, "the output moves")
     yield from _standstill(values, name, there)
     if bench.rest:
-        yield from _below_rest(values, bench, there)
+        yield from _below_rest(values, name, there, rest, bench.rest)
 
 
-def _wrong_unit(values: np.ndarray, signal: Signal, lines: np.ndarray) -> Iterator[str]:
+def _wrong_unit(values: np.ndarray, name: str, signal: Signal, lines: np.ndarray) -> Iterator[str]:
     """The largest value says that the label cannot be right, and the signal is more than noise about zero."""
     largest = int(np.argmax(np.abs(values)))
     top, span, noise = abs(values[largest]), float(np.ptp(values)), noise_level(values)
-    where = f"line {lines[largest]}, column {signal.name!r}: the largest value is {values[largest]:g} {signal.unit}"
+    where = f"line {lines[largest]}, column {name!r}: the largest value is {values[largest]:g} {signal.unit}"
     if top > signal.most:
         yield f"{where}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
     elif 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
@@ -79,19 +81,20 @@ def _standstill(
 def _noisy(values: np.ndarray) -> bool:
     """Where they move, neighbouring values differ by noise: more than their resolution and a share of the span."""
     step = np.abs(np.diff(values))
-    if np.mean(step > 0) < 0.3:
+    moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
+    if moving.sum() < STANDSTILL:
         return False
-    thirds = np.abs(np.diff(values, 3))
-    noise = 1.4826 * float(np.median(thirds[thirds > 0])) / np.sqrt(20.0)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
     return noise > max(QUIET * float(np.ptp(values)), float(step[step > 0].min()))
 
 
-def _below_rest(values: np.ndarray, bench: Bench, lines: np.ndarray) -> Iterator[str]:
-    """Smoothed over a few samples, so that noise about rest is no finding."""
+def _below_rest(values: np.ndarray, name: str, lines: np.ndarray, rest: float, size: float) -> Iterator[str]:
+    """Smoothed over a few samples, so that noise about rest is no finding; `size` is the tube's."""
     smooth = np.convolve(values, np.ones(9) / 9, mode="valid")
     lowest = int(np.argmin(smooth))
-    if smooth[lowest] < -0.05 * bench.rest:
+    if smooth[lowest] < rest - 0.05 * size:
+        own = "radius" if rest else "displacement"
         yield (
-            f"line {lines[lowest + 4]}, column {bench.output.name!r}: {smooth[lowest] + bench.rest:.4g} m is below the "
-            f"tube's own radius {bench.rest:g} m; expected a radius (or 'displacement'), or set r_o in bench.toml"
+            f"line {lines[lowest + 4]}, column {name!r}: {smooth[lowest]:.4g} m is below the tube's own {own} at rest, "
+            f"{rest:g} m; expected a 'radius' that starts there or a 'displacement' from 0, or set r_o in bench.toml"
         )
