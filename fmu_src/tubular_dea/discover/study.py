@@ -88,8 +88,10 @@ def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None =
         pieces += [whole] if len(drives) > 1 else _split(whole)
     training = sum(p.record.size for p in pieces if not p.held_out)
     if training < LEAST_SAMPLES:
-        raise UserError(f"{recordings.source}: {training} samples beside those held out are too few to tell an effect "
-                        f"from noise; expected at least {LEAST_SAMPLES}: record longer, or more experiments")  # fmt: skip
+        raise UserError(
+            f"{recordings.source}: {training} samples beside those held out are too few to tell an effect from noise; "
+            f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
+        )
     levels = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in bench.inputs}
     return Study(pieces, noise, levels, Compiled(model), bench.measured, dict(recordings.geometry))
 
