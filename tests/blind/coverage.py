@@ -17,7 +17,8 @@ import numpy as np
 from blind import bench
 from tubular_dea.identify import procedure
 from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.fit import interval, inverse
+from tubular_dea.identify.doubt import with_monitors
+from tubular_dea.identify.fit import described, interval
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea
 
 NAMES = [q.name for q in IDENTIFIED]
@@ -39,9 +40,9 @@ def linearised(seed: int, only: list[str] | None = None) -> Ends:
     ready, truth = recorded(seed, only)
     problem = ready.problem(procedure.free_parameters(tubular_dea(), truth), truth)
     at = problem.scaled(truth)
-    residual, jacobian = problem.linearised(at)
-    covariance = inverse(jacobian.T @ jacobian)
-    found, half = at - covariance @ (jacobian.T @ residual), 1.96 * np.sqrt(np.diag(covariance))
+    there = described(problem, at)
+    found = at - there.covariance @ (there.jacobian.T @ there.residual)
+    half = 1.96 * np.sqrt(np.diag(with_monitors(problem, there, ready.drives).covariance))
     si = [[f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)] for row in (found, found - half,
                                                                                        found + half)]  # fmt: skip
     return [(truth[n], *row) for n, row in zip(problem.names, zip(*si, strict=True), strict=True)]

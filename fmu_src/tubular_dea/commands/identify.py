@@ -74,12 +74,12 @@ def run(options: argparse.Namespace) -> None:
     _write(options.out, ready, model, problem, best, content)
     for name, p in content["parameters"].items():
         print(f"{name:8s} {p['value']:.6g} +- {p['stderr']:.2g} {p['unit']}")
-    for line in _remarks(content, options.data):
+    for line in _remarks(content, options):
         print(line)
     print(f"fit {content['fit_percent']:.2f} %, error {content['rmse_m'] * 1e6:.1f} um; wrote {options.out}")
 
 
-def _remarks(content: dict[str, Any], data: Path) -> list[str]:
+def _remarks(content: dict[str, Any], options: argparse.Namespace) -> list[str]:
     """What has to be known of the values above."""
     remarks = []
     if not content["converged"]:
@@ -87,10 +87,14 @@ def _remarks(content: dict[str, Any], data: Path) -> list[str]:
     if content["undetermined"]:
         remarks.append(f"not determined by these recordings: {', '.join(content['undetermined'])}")
     if content["verdict"] == "misfit":
+        mend = (
+            "free all parameters (leave out --free)"
+            if options.free
+            else f"to find what it is, run tubular-dea close-loop {options.data} --out closed"
+        )
         remarks.append(
             f"the model lacks something: the misfit is {content['residual_over_noise']:.2f} times the noise of "
-            f"{content['noise_floor_m'] * 1e6:.1f} um, so the intervals are too narrow; to find what it is, run "
-            f"tubular-dea close-loop {data} --out closed"
+            f"{content['noise_floor_m'] * 1e6:.1f} um, so the intervals are too narrow; {mend}"
         )
     return remarks
 

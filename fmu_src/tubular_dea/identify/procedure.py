@@ -21,6 +21,7 @@ from ..model.declare import Model
 from . import noise as noises
 from .bench import Bench
 from .data import Experiment, Recordings
+from .doubt import with_monitors
 from .drive import Drive, drive
 from .fit import Fit, FitError, fit
 from .noise import Noise
@@ -44,6 +45,7 @@ class Prepared:
     """Experiments with their drives and noise, ready for problems."""
 
     experiments: list[Experiment]
+    drives: list[Drive]
     cases: list[Case]
     noise: Noise
     kernel: Kernel
@@ -63,7 +65,8 @@ def prepare(recordings: Recordings, model: Model) -> Prepared:
     drives = [drive(e, recordings.bench, recordings.noise) for e in recordings.experiments]
     noise = sensor_noise(recordings, drives)
     cases = [Case(d.protocol, e.time[e.seen]) for d, e in zip(drives, recordings.experiments, strict=True)]
-    return Prepared(recordings.experiments, cases, noise, Kernel(model), recordings.bench, dict(recordings.geometry))
+    kernel, geometry = Kernel(model), dict(recordings.geometry)
+    return Prepared(recordings.experiments, drives, cases, noise, kernel, recordings.bench, geometry)
 
 
 def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> Noise:
@@ -129,14 +132,15 @@ def joint(ready: Prepared, model: Model, start: Mapping[str, float], starts: int
           names: Sequence[str] | None = None) -> tuple[Problem, Fit]:  # fmt: skip
     """All parameters (or `names`) from all experiments at once, from several starts around `start`.
 
-    The branches are `ordered_fit`.
+    The branches are ordered (`ordered_fit`), and the doubt counts the monitors' noise (`doubt.with_monitors`).
     """
     problem = ready.problem(free_parameters(model, start, names), start)
     samples = sum(r.size for r in problem.records)
     if samples < 10 * len(problem.free):
         raise UserError(f"{samples} samples are too few for {len(problem.free)} parameters; expected at least "
                         f"{10 * len(problem.free)}: record longer, or free fewer with --free")  # fmt: skip
-    return problem, ordered_fit(problem, fit(problem, start, starts, 0.1, seed))
+    best = ordered_fit(problem, fit(problem, start, starts, 0.1, seed))
+    return problem, with_monitors(problem, best, ready.drives)
 
 
 def stages(ready: Prepared) -> tuple[list[int], list[int], list[int]]:

@@ -109,7 +109,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"{after.z_slow:.1f} standard deviations; the residual of the held-out experiments is {found.held_ratio:.3f} "
         "times the noise."
     )
-    page.table(["residual, averaged over 0.1 s", "before", "after", "noise alone"], _tests(found))
+    page.table(["residual, averaged over 0.1 s", "before", "after", "sensor noise alone"], _tests(found))
 
 
 def _channels(page: Page, found: Discovery) -> None:
@@ -122,8 +122,9 @@ def _channels(page: Page, found: Discovery) -> None:
         if found.located.disturbance
         else "by an input of any form in each channel"
     )
+    evidence = sorted(found.located.evidence.items(), key=lambda entry: -entry[1])
     page.text(f"3. The channel through which the residual comes, {how}: {found.located.channel}.")
-    page.figure(bars(found.located.evidence, "log evidence"), "The evidence for each channel.")
+    page.figure(bars(dict(evidence), "log evidence"), "The evidence for each channel.")
 
 
 def _tests(found: Discovery) -> list[list[str]]:
@@ -160,7 +161,7 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     published = found.study.compiled.base.parameter_values()
     rows = []
     for effect in outcome["effects"]:
-        rows += [parameter_row(f"{effect['id']}: {name}", p) for name, p in effect["parameters"].items()]
+        rows += [[*parameter_row(f"{effect['id']}: {name}", p), ""] for name, p in effect["parameters"].items()]
     rows += [parameter_row(name, p, published[name]) for name, p in outcome["base_parameters"].items()]
     page.table(["parameter", "value", "95 % interval", "unit", "published"], rows)
     if outcome["undetermined"]:
