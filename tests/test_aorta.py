@@ -1,4 +1,4 @@
-"""The loop on measured aortic flow and pressure: a delay in vivo, nothing ex vivo; and on records made here."""
+"""The loop on measured aortic flow and pressure: a delay in vivo, nothing ex vivo; and on records made elsewhere."""
 
 from __future__ import annotations
 
@@ -9,25 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blind import aorta as blind
 from tubular_dea.cli import main
-from tubular_dea.discover.aorta import Record, modelled, relaxed, search
+from tubular_dea.discover.aorta.candidates import CANDIDATES, modelled, relaxed
+from tubular_dea.discover.aorta.fits import Fitted
+from tubular_dea.discover.aorta.records import FLOW, PRESSURE, Record, records
+from tubular_dea.discover.aorta.search import search
+from tubular_dea.identify.bench import AORTA
+from tubular_dea.identify.data import read_folder
+from tubular_dea.kernel import Kernel
+from tubular_dea.model.afterload import aortic_afterload
+from tubular_dea.protocol import Protocol
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "aorta"
-
-
-def beats(noise: float, late: float = 0.0, seed: int = 0) -> Record:
-    """Six beats of a windkessel whose flow is recorded `late` [s]; mmHg and mL/s."""
-    t = np.arange(0, 4.8, 0.005)
-    phase = t % 0.8
-
-    def flow(at: np.ndarray) -> np.ndarray:
-        return np.where(at % 0.8 < 0.3, 300 * np.sin(np.pi * (at % 0.8) / 0.3), 0.0) + 8 * np.sin(2 * np.pi * 1.7 * at)
-
-    empty = Record("made", t, flow(t), np.zeros_like(t), phase >= 0)
-    pressure = modelled(empty, (), {"R": 1.1, "C": 1.3, "Z_c": 0.06, "p_C_start": 85.0})
-    random = np.random.default_rng(seed)
-    rough = np.convolve(random.standard_normal(t.size), np.ones(4) / 2, mode="same")
-    return Record("made", t, flow(t - late), pressure + noise * rough, t <= 3.6)
+COMMAND = ["--model", "aortic-windkessel", "--out"]
 
 
 def test_the_windkessel_is_solved_exactly() -> None:
@@ -38,11 +33,82 @@ def test_the_windkessel_is_solved_exactly() -> None:
     assert found[2] == pytest.approx(2 + (ramp - 2) * np.exp(-0.4 / 0.5))
 
 
-def test_a_late_flow_probe_is_found_and_nothing_is_named_without_it() -> None:
-    late = search([beats(0.5, 0.03), beats(0.5, 0.03, 1)], lambda what: None)
-    assert late.chosen == ("flow_delay",)
-    assert late.after[0].values["flow_delay"] == pytest.approx(0.03, abs=0.003)
-    assert search([beats(0.5), beats(0.5, seed=1)], lambda what: None).chosen == ()
+@pytest.mark.parametrize("effect", CANDIDATES)
+def test_the_exported_model_has_every_effect(effect: str) -> None:
+    """The declared equations, driven by the true flow, give the pressure that the fit's closed formulas give."""
+    t = np.arange(0, 3, 0.005)
+    true = 80 * (1 + np.sin(2 * np.pi * 1.2 * t))
+    value = {"inertance": 0.003, "outflow_pressure": 30.0, "parallel_inertance": 8.0}.get(effect, 0.03)
+    late = effect == "flow_delay"
+    seen = np.interp(t - value, t, true) if late else true
+    record = Record("made", t, seen, np.zeros_like(t), t >= 0)
+    values = {"R": 1.1, "C": 1.3, "Z_c": 0.06, "p_C_start": 90.0, CANDIDATES[effect].unknown.name: value}
+    expected = modelled(record, (effect,), values) * PRESSURE
+    model = Kernel(aortic_afterload(Fitted(record, (effect,), values, {}, expected).si()))
+    run = model.simulate(Protocol(t, {"flow": true * FLOW}), t, {})
+    middle = slice(20, -20)  # a delay has nothing to look back to at the start, and nothing ahead at the end
+    np.testing.assert_allclose(run["measured_pressure"][middle], expected[middle], atol=0.4 * PRESSURE)
+    np.testing.assert_allclose(run["measured_flow"][middle], seen[middle] * FLOW, atol=1e-3 * FLOW * seen.max())
+
+
+def _searched(folder: Path, seed: int, effect: str, count: int = 2) -> tuple[str, ...]:
+    blind.write(folder / f"{effect}{seed}", seed, effect, count)
+    return search(records(read_folder(folder / f"{effect}{seed}", AORTA))).chosen
+
+
+@pytest.mark.parametrize("effect", ["flow_delay", "inertance"])
+def test_what_hides_in_records_made_elsewhere_is_found(tmp_path: Path, effect: str) -> None:
+    assert [_searched(tmp_path, seed, effect) for seed in range(4)] == 4 * [(effect,)]
+
+
+def test_nothing_is_named_where_nothing_is_missing(tmp_path: Path) -> None:
+    assert [_searched(tmp_path, seed, "none", 1 + seed % 2) for seed in range(16)] == 16 * [()]
+
+
+def _spoilt(kind: str, rows: list[list[str]], header: str) -> tuple[str, list[list[str]]]:
+    """Header and cells (time, flow, pressure) with a fault."""
+    if kind == "no flow":
+        return "time [s],pressure [mmHg]", [[t, p] for t, _, p in rows]
+    if kind == "labelled":
+        return header.replace("mmHg", "Pa"), rows
+    if kind == "milliseconds":
+        return header.replace("[s]", "[ms]"), rows
+    if kind == "short":
+        return header, rows[:60]
+    change = {
+        "constant pressure": lambda i, q, p: (q, "95"),
+        "constant flow": lambda i, q, p: ("5", p),
+        "reversed": lambda i, q, p: (str(-float(q)), p),
+        "frozen": lambda i, q, p: (rows[300][1] if 300 <= i < 360 else q, p),
+        "mL/s": lambda i, q, p: (str(float(q) * 1000 / 60), p),
+    }[kind]
+    return header, [[t, *change(i, q, p)] for i, (t, q, p) in enumerate(rows)]
+
+
+@pytest.mark.parametrize(("kind", "words"), [
+    ("no flow", ["record1.csv, line 1", "'flow [m3/s]' is missing"]),
+    ("labelled", ["record1.csv, line ", "'pressure'", "mmHg or kPa labelled Pa"]),
+    ("milliseconds", ["record1.csv, lines ", "'time'", "s labelled ms"]),
+    ("short", ["record1.csv", "too few samples: 60"]),
+    ("constant pressure", ["record1.csv, lines 2 to ", "'pressure'", "constant record"]),
+    ("constant flow", ["record1.csv, lines 2 to ", "'flow'", "constant record"]),
+    ("reversed", ["record1.csv, lines 2 to ", "'flow'", "turn its sign"]),
+    ("frozen", ["record1.csv, lines 302 to 361", "'flow'", "frozen"]),
+    ("mL/s", ["record1.csv, line ", "'flow'", "mL/s labelled L/min"]),
+])  # fmt: skip
+def test_a_fault_is_named_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture, kind: str, words: list[str]
+) -> None:
+    data = tmp_path / "data"
+    blind.write(data, 1)
+    header, *lines = (data / "record1.csv").read_text().splitlines()
+    spoilt, rows = _spoilt(kind, [line.split(",") for line in lines], header)
+    (data / "record1.csv").write_text("\n".join([spoilt, *(",".join(row) for row in rows)]) + "\n")
+    assert main(["close-loop", str(data), *COMMAND, str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in words), said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def _measured(kind: str, number: str, folder: Path) -> None:
@@ -67,28 +133,24 @@ def _measured(kind: str, number: str, folder: Path) -> None:
 
 
 def test_a_pig_in_vivo_and_its_heart_ex_vivo(tmp_path: Path) -> None:
+    results = {}
     for kind, numbers in (("invivo", "12"), ("exvivo", "1")):
         for number in numbers:
             _measured(kind, number, tmp_path / kind)
-        assert (
-            main(
-                [
-                    "close-loop",
-                    str(tmp_path / kind),
-                    "--model",
-                    "aortic-windkessel",
-                    "--out",
-                    str(tmp_path / "o" / kind),
-                ]
-            )
-            == 0
-        )
-    inside = json.loads((tmp_path / "o" / "invivo" / "result.json").read_text())
+        assert main(["close-loop", str(tmp_path / kind), *COMMAND, str(tmp_path / "o" / kind)]) == 0
+        results[kind] = json.loads((tmp_path / "o" / kind / "result.json").read_text())
+    inside, outside = results["invivo"], results["exvivo"]
+    assert inside["verdict"] == "effect_found"
     assert [e["id"] for e in inside["effects"]] == ["flow_delay"]
     for record in inside["error"]["recalibrated"]["per_experiment"].values():
         assert record["fit_percent"] == pytest.approx(61.5, abs=1)
     for record in inside["error"]["after"]["per_experiment"].values():
         assert record["fit_percent"] > 72
-    outside = json.loads((tmp_path / "o" / "exvivo" / "result.json").read_text())
     assert outside["verdict"] == "no_effect"
-    assert (tmp_path / "o" / "invivo" / "fmi2" / "AorticAfterload.fmu").exists()
+    out = tmp_path / "o" / "invivo"
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "flow_delay convinces" in page
+    assert "not explained" in page
+    assert main(["build", "--model", str(out / "model.json"), "--out", str(tmp_path / "built")]) == 0
+    name = Path("fmi2", "AorticAfterload.fmu")
+    assert (tmp_path / "built" / name).read_bytes() == (out / name).read_bytes()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tubular_dea.cli import main
 from tubular_dea.identify.data import DataError, read_experiment, read_folder
 from tubular_dea.identify.drive import drive
 from tubular_dea.identify.monitors import jumps, noise_level, polyline
@@ -87,6 +88,14 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
         table[:, 3] = 0.0162 + 15e-6 * np.random.default_rng(1).standard_normal(table.shape[0])
     elif kind == "mm":
         table[:, 3] *= 1e3
+    elif kind == "ms":
+        table[:, 0] /= 1e3
+    elif kind == "frozen pressure":
+        table[230:330, 1] = table[230, 1]
+    elif kind == "saturated pressure":
+        table[:, 1] = np.minimum(table[:, 1], 7000.0)
+    elif kind == "infinite":
+        table[100, 2] = np.inf
     return table
 
 
@@ -99,6 +108,10 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
     ("below", ["line ", "'radius'", "below the tube's own radius"]),
     ("constant", ["'radius'", "constant record"]),
     ("mm", ["'radius'", "labelled m"]),
+    ("ms", ["lines 2 to 401", "'time'", "s labelled ms"]),
+    ("frozen pressure", ["lines 232 to 331", "'pressure'", "frozen"]),
+    ("saturated pressure", ["line ", "'pressure'", "saturated", "read 7000"]),
+    ("infinite", ["line 102", "'voltage'", "finite"]),
 ])  # fmt: skip
 def test_bad_recordings_are_refused_with_their_place(tmp_path: Path, kind: str, words: list[str]) -> None:
     path = written(tmp_path, _spoil(kind, rows()))
@@ -106,6 +119,62 @@ def test_bad_recordings_are_refused_with_their_place(tmp_path: Path, kind: str, 
         read_experiment(path)
     for word in [str(path), *words]:
         assert word in str(refusal.value)
+
+
+@pytest.mark.parametrize("command", ["identify", "close-loop"])
+@pytest.mark.parametrize("kind", ["time", "kV", "frozen", "constant", "below"])
+def test_the_commands_say_it_in_one_line_and_write_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture, command: str, kind: str
+) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    written(data, rows())
+    written(data, _spoil(kind, rows()), name="b.csv")
+    assert main([command, str(data), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "b.csv, line" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("command", "step", "words"), [
+    ("identify", 6, "67 samples are too few for 9 parameters"),
+    ("close-loop", 1, "300 samples beside those held out are too few"),
+])  # fmt: skip
+def test_too_few_samples_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture, command: str, step: int, words: str
+) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    written(data, rows()[::step])
+    assert main([command, str(data), "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_a_computer_wrote_may_stand_still(tmp_path: Path) -> None:
+    """A noiseless record is no frozen sensor: a smooth rise, then rest."""
+    table = rows()
+    t = table[:, 0]
+    table[:, 1] = 8000 * np.sin(np.pi * np.minimum(t, 0.5)) ** 2
+    table[:, 2] = 4000.0 * (t >= 1.0)
+    table[:, 3] = 0.015 + 2e-7 * table[:, 1]
+    assert read_experiment(written(tmp_path, table)).time.size == 400
+
+
+def test_the_message_quotes_what_stands_in_the_file(tmp_path: Path) -> None:
+    table = _spoil("frozen", rows()) - [0, 0, 0, 0.015]
+    words = rf"column 'displacement': the sensor is frozen: 80 equal values {table[150, 3]:g}"
+    with pytest.raises(DataError, match=words):
+        read_experiment(written(tmp_path, table, HEADER.replace("radius", "displacement")))
+
+
+def test_decimal_commas_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, rows())
+    header, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([header, *(line.replace(".", ",") for line in lines)]))
+    with pytest.raises(DataError, match="line 2: .* decimal commas"):
+        read_experiment(path)
 
 
 def test_missing_columns_and_too_few_samples_are_refused(tmp_path: Path) -> None:
@@ -131,6 +200,9 @@ def test_bench_file_gives_geometry_and_noise(tmp_path: Path) -> None:
     recordings = read_folder(tmp_path)
     assert recordings.geometry == {"r_o": pytest.approx(0.0148)}
     assert recordings.noise == {"radius": pytest.approx(20e-6)}
+    (tmp_path / "bench.toml").write_text("[noise]\nradius = -1\n")
+    with pytest.raises(DataError, match="radius: expected more than 0"):
+        read_folder(tmp_path)
     (tmp_path / "bench.toml").write_text("[geometry]\nradius_of_the_tube = 3\n")
     with pytest.raises(DataError, match="radius_of_the_tube"):
         read_folder(tmp_path)

@@ -47,7 +47,10 @@ def run(options: argparse.Namespace) -> None:
     """Build every FMU into `options.out`."""
     targets = platforms(options.platforms)
     if options.model is not None:
-        written = build([load(options.model)], options.out, targets)
+        model = load(options.model)
+        written = build([model], options.out, targets)
+        if model.delays:
+            print(f"no pythonfmu FMU: {model.name} has pure delays, which only the native ones carry")
     else:
         written = build([tubular_dea(), *COMPANIONS], options.out, targets)
         written.append(build_archive(options.out))
@@ -63,7 +66,10 @@ def platforms(names: list[str]) -> list[Platform]:
 
 
 def build(models: list[Model], out: Path, targets: list[Platform]) -> list[Path]:
-    """Write fmi2/, fmi3/ and python/ FMUs of `models` below `out`; returns their paths. Shows progress."""
+    """Write fmi2/, fmi3/ and python/ FMUs of `models` below `out`; returns their paths. Shows progress.
+
+    The companions, and models with pure delays, come without python/.
+    """
     written = []
     with tqdm(total=2 * len(models) * len(targets) + 1, unit="library", disable=None) as bar:
 
@@ -75,7 +81,7 @@ def build(models: list[Model], out: Path, targets: list[Platform]) -> list[Path]
             for version in (2, 3):
                 path = out / f"fmi{version}" / f"{model.name}.fmu"
                 written.append(native_fmu(model, version, path, targets, progress))
-            if model not in COMPANIONS:
+            if model not in COMPANIONS and not model.delays:
                 written.append(python_fmu(model, out / "python" / f"{model.name}.fmu"))
                 progress("python")
     return written

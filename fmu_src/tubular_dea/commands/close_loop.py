@@ -2,21 +2,29 @@
 
 DATA is a folder of CSV files, one experiment each, starting from a rested tube:
   time [s],pressure [Pa],voltage [V],radius [m]
-mmHg, kPa, kV, mm, um, ms and `displacement` in place of `radius` are understood. Written are result.json,
-report.html, model.json (for `tubular-dea build --model`) and fmi2/TubularDEA.fmu.
+mmHg, kPa, kV, mm, um, ms and `displacement` in place of `radius` are understood. With --model aortic-windkessel:
+  time [s],flow [L/min],pressure [mmHg]
+Written are result.json, report.html, model.json (for `tubular-dea build --model`) and the FMU below fmi2/.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from ..errors import UserError
-from ..export.compile import PLATFORMS, Platform, write_atomically
+from ..export.compile import PLATFORMS
+from ..files import write_atomically
 from ..model.declare import Model
+
+if TYPE_CHECKING:
+    from ..report.page import Page
 
 EXAMPLE = """example:
   tubular-dea close-loop cosim_examples/data/bench --out out
@@ -38,45 +46,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
-    if options.out.exists() and not options.out.is_dir():
-        raise UserError(f"--out: expected a folder but {options.out} is a file")
-    if options.model == "aortic-windkessel":
-        from ..discover.aorta import close_loop
-
-        close_loop(options.data, options.out)
-        return
-    _tube(options)
+    (_aorta if options.model == "aortic-windkessel" else _tube)(options)
 
 
 def _tube(options: argparse.Namespace) -> None:
     from ..discover import engine, outcome
     from ..identify.data import read_folder
     from ..identify.fit import uncertainty
-    from ..model.saved import as_json
     from ..report import close_loop as report
-    from .build import platforms
 
-    targets = platforms(options.platforms)
     recordings = read_folder(options.data)
-    with tqdm(total=STEPS, unit="step", disable=None) as bar:
-
-        def tell(what: str) -> None:
-            bar.set_postfix_str(what)
-            bar.update()
-
+    with _bar(STEPS) as tell:
         found = engine.discover(recordings, tell, seed=engine.SEED if options.seed is None else options.seed)
         tell("model and report")
         result = outcome.result(found)
         model = outcome.final_model(found)
-        text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-        page = report.report(found, result)
-        fmu = _fmu(model, targets)
-    write_atomically(options.out / "fmi2" / f"{model.name}.fmu", fmu)
-    covariance = uncertainty(found.chosen.fitted, model)
-    saved = as_json(model, f"identified from {recordings.source}", covariance)
-    write_atomically(options.out / "model.json", saved.encode())
-    page.write(options.out / "report.html")
-    write_atomically(options.out / "result.json", text.encode())
+        covariance = uncertainty(found.chosen.fitted, model)
+        _write(options, model, recordings.source, report.report(found, result), result, covariance)
     print(f"{result['verdict']}: {report.headline(found)}")
     e = result["error"]
     print(
@@ -86,13 +72,58 @@ def _tube(options: argparse.Namespace) -> None:
     )
 
 
-def _fmu(model: Model, targets: list[Platform]) -> bytes:
-    import tempfile
+def _aorta(options: argparse.Namespace) -> None:
+    from ..discover.aorta import outcome
+    from ..discover.aorta.candidates import CANDIDATES
+    from ..discover.aorta.records import records
+    from ..discover.aorta.search import search
+    from ..identify.bench import AORTA
+    from ..identify.data import read_folder
+    from ..report import aorta as report
 
+    recordings = read_folder(options.data, AORTA)
+    with _bar(2 * len(CANDIDATES) + 2) as tell:
+        loop = search(records(recordings), tell)
+        tell("model and report")
+        result = outcome.result(loop)
+        page = report.report(loop, result, recordings.source)
+        _write(options, outcome.final_model(loop), recordings.source, page, result)
+    before, after = result["error"]["recalibrated"], result["error"]["after"]
+    print(f"{result['verdict']}: {report.headline(result)}")
+    print(
+        f"fit {before['fit_percent']:.1f} -> {after['fit_percent']:.1f} %, held out "
+        f"{before['held_out_fit_percent']:.1f} -> {after['held_out_fit_percent']:.1f} %. {report.left_over(result)}"
+    )
+    print(f"wrote {options.out}")
+
+
+@contextmanager
+def _bar(steps: int) -> Iterator[Callable[[str], None]]:
+    """A progress bar of about so many steps, and what tells it the next one."""
+    with tqdm(total=steps, unit="step", disable=None) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_postfix_str(what)
+            bar.update()
+
+        yield tell
+
+
+def _write(options: argparse.Namespace, model: Model, source: str, page: Page, result: dict[str, Any],
+           covariance: dict[str, Any] | None = None) -> None:  # fmt: skip
+    """All four files, once each of them is made."""
     from ..export.package import native_fmu
+    from ..model.saved import as_json
+    from .build import platforms
 
+    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     with tempfile.TemporaryDirectory() as folder:
-        return native_fmu(model, 2, Path(folder) / f"{model.name}.fmu", targets).read_bytes()
+        made = native_fmu(model, 2, Path(folder) / f"{model.name}.fmu", platforms(options.platforms))
+        fmu = made.read_bytes()
+    write_atomically(options.out / "fmi2" / f"{model.name}.fmu", fmu)
+    write_atomically(options.out / "model.json", as_json(model, f"identified from {source}", covariance).encode())
+    page.write(options.out / "report.html")
+    write_atomically(options.out / "result.json", text.encode())
 
 
 def _um(value: float | None) -> str:

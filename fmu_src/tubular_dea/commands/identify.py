@@ -2,8 +2,8 @@
 
 DATA is a folder of CSV files, one experiment each, starting from a rested tube:
   time [s],pressure [Pa],voltage [V],radius [m]
-Written are parameters.json (values, standard errors, 95 % intervals, goodness of fit), model.json (for
-`tubular-dea build --model`) and fit.png.
+Written are parameters.json (verdict: adequate, or misfit where more than noise is left; values, standard errors, 95 %
+intervals, goodness of fit), model.json (for `tubular-dea build --model`) and fit.png.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from typing import Any
 from tqdm import tqdm
 
 from ..errors import UserError
-from ..export.compile import write_atomically
+from ..files import write_atomically
 from ..identify import procedure
 from ..identify.data import read_folder
 from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
+from ..identify.misfit import misfit
 from ..identify.problem import Problem
 from ..model.dea import tubular_dea
 from ..model.declare import Model
@@ -73,15 +74,35 @@ def run(options: argparse.Namespace) -> None:
     _write(options.out, ready, model, problem, best, content)
     for name, p in content["parameters"].items():
         print(f"{name:8s} {p['value']:.6g} +- {p['stderr']:.2g} {p['unit']}")
-    if content["undetermined"]:
-        print(f"not determined by these recordings: {', '.join(content['undetermined'])}")
+    for line in _remarks(content, options):
+        print(line)
     print(f"fit {content['fit_percent']:.2f} %, error {content['rmse_m'] * 1e6:.1f} um; wrote {options.out}")
+
+
+def _remarks(content: dict[str, Any], options: argparse.Namespace) -> list[str]:
+    """What has to be known of the values above."""
+    remarks = []
+    if not content["converged"]:
+        remarks.append("the search has not converged: give more --starts, or other starting values with --start")
+    if content["undetermined"]:
+        remarks.append(f"not determined by these recordings: {', '.join(content['undetermined'])}")
+    if content["verdict"] == "misfit":
+        mend = (
+            "free all parameters (leave out --free)"
+            if options.free
+            else f"to find what it is, run tubular-dea close-loop {options.data} --out closed"
+        )
+        remarks.append(
+            f"the model lacks something: the misfit is {content['residual_over_noise']:.2f} times the noise of "
+            f"{content['noise_floor_m'] * 1e6:.1f} um, so the intervals are too narrow; {mend}"
+        )
+    return remarks
 
 
 def _content(ready: procedure.Prepared, problem: Problem, best: Fit, profile: bool) -> dict[str, Any]:
     """What parameters.json says, in SI units."""
     model = ready.kernel.model
-    outputs = problem.response.outputs(best.values)
+    outputs, left = problem.response.outputs(best.values), misfit(problem, best)
     parameters = {}
     for name in best.names:
         ends = profile_interval(problem, best, name) if profile else interval(best, name)
@@ -90,10 +111,12 @@ def _content(ready: procedure.Prepared, problem: Problem, best: Fit, profile: bo
     each = {e.name: {"rmse_m": rmse([r], [y]), "fit_percent": goodness([r], [y])}
             for e, r, y in zip(ready.experiments, problem.records, outputs, strict=True)}  # fmt: skip
     return {
+        "verdict": "misfit" if left.significant else "adequate",
+        "residual_over_noise": left.ratio, "residual_slow_z": left.slow,
         "parameters": parameters, "undetermined": best.undetermined(), "converged": best.converged,
+        "intervals": "profile likelihood" if profile else "covariance",
         "rmse_m": rmse(problem.records, outputs), "fit_percent": goodness(problem.records, outputs),
         "noise_floor_m": ready.noise.rms, "noise_correlation": ready.noise.correlation, "per_experiment": each,
-        "intervals": "profile likelihood" if profile else "covariance",
     }  # fmt: skip
 
 

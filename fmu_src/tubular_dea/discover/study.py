@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..errors import UserError
 from ..identify.data import Experiment, Recordings
 from ..identify.drive import drive
 from ..identify.noise import Noise
@@ -19,6 +20,7 @@ from .compiled import Compiled, Ids
 
 PRIOR = 2.0  # width of the weak prior: a factor of e^2 for what is positive, twice the size for the rest
 HELD_SHARE = 4  # one experiment in so many takes no part in any fit
+LEAST_SAMPLES = 600  # in training: fewer tell no effect from noise
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,10 @@ class Study:
 
 
 def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None = None) -> Study:
-    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`."""
+    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`.
+
+    Raises `UserError` where too little is left for fits.
+    """
     bench = recordings.bench
     drives = [drive(e, bench, recordings.noise) for e in recordings.experiments]
     noise = sensor_noise(recordings, drives)
@@ -81,6 +86,12 @@ def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None =
         whole = Piece(experiment.name, Case(driven.protocol, experiment.time[seen]), experiment.output[seen],
                       experiment.name in names, np.ones(int(seen.sum())))  # fmt: skip
         pieces += [whole] if len(drives) > 1 else _split(whole)
+    training = sum(p.record.size for p in pieces if not p.held_out)
+    if training < LEAST_SAMPLES:
+        raise UserError(
+            f"{recordings.source}: {training} samples beside those held out are too few to tell an effect from noise; "
+            f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
+        )
     levels = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in bench.inputs}
     return Study(pieces, noise, levels, Compiled(model), bench.measured, dict(recordings.geometry))
 

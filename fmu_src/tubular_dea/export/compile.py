@@ -18,7 +18,7 @@ from importlib import resources
 from pathlib import Path
 
 from ..errors import UserError
-from ..files import write_atomically as write_atomically  # noqa: PLC0414
+from ..files import write_atomically
 
 
 class CompileError(UserError, RuntimeError):

@@ -15,8 +15,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from ..emit.variables import guid
+from ..files import write_atomically
 from ..model.declare import Model
-from .compile import cache_folder, cached_library, host, write_atomically
+from .compile import cache_folder, cached_library, host
 
 MAKERS = ("emit", "native", "export", "model", "kernel.py", "tangents.py", "sweep/batch.py")
 

@@ -72,10 +72,10 @@ TUBE = Bench(
 
 AORTA = Bench(
     model="AorticAfterload",
-    inputs=(Signal("flow", "m3/s", False, 0.0, 0.1, ("", "mL/s or L/min labelled m3/s")),),
+    inputs=(Signal("flow", "m3/s", False, 1.5e-5, 2e-3, ("L/min labelled mL/s", "mL/s labelled L/min or m3/s")),),
     output=Signal("pressure", "Pa", False, 1000.0, 1e5, ("mmHg or kPa labelled Pa", "Pa labelled mmHg or kPa")),
     absolute_names=("pressure",),
     relative_names=(),
-    measured="aortic_pressure",
+    measured="measured_pressure",
     least_samples=100,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -10,32 +10,36 @@ from .bench import Bench, Signal
 from .monitors import noise_level
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
+QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point, and may stand still
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
 def findings(
-    time: np.ndarray, inputs: Mapping[str, np.ndarray], output: np.ndarray, bench: Bench, lines: np.ndarray
+    inputs: Mapping[str, np.ndarray], output: np.ndarray, bench: Bench, lines: np.ndarray, name: str, rest: float
 ) -> Iterator[str]:
-    """All that is wrong with a recording, the plainest first."""
+    """All that is wrong with a recording in SI units, the plainest first; `lines` (n,) are those in the file.
+
+    `output` (n,) is as it stands in the file's column `name`, NaN where missing; `rest` is what it reads at rest.
+    """
     for signal in bench.inputs:
-        yield from _wrong_unit(inputs[signal.name], signal, lines)
+        yield from _wrong_unit(inputs[signal.name], signal.name, signal, lines)
+        yield from _standstill(inputs[signal.name], signal.name, lines, stops=(np.max,))
     seen = np.flatnonzero(np.isfinite(output))
-    name = bench.output.name
     if seen.size < bench.least_samples:
         yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {bench.least_samples}"
         return
     values, there = output[seen], lines[seen]
-    yield from _wrong_unit(values + bench.rest, bench.output, there)
-    yield from _constant(values, name, there)
+    yield from _wrong_unit(values, name, bench.output, there)
+    yield from constant(values, name, there, "the output moves")
     yield from _standstill(values, name, there)
     if bench.rest:
-        yield from _below_rest(values, bench, there)
+        yield from _below_rest(values, name, there, rest, bench.rest)
 
 
-def _wrong_unit(values: np.ndarray, signal: Signal, lines: np.ndarray) -> Iterator[str]:
+def _wrong_unit(values: np.ndarray, name: str, signal: Signal, lines: np.ndarray) -> Iterator[str]:
     problem = mislabelled(values, signal)
     if problem:
-        yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {signal.name!r}: {problem}"
+        yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {name!r}: {problem}"
 
 
 def mislabelled(values: np.ndarray, signal: Signal) -> str:
@@ -46,31 +50,33 @@ def mislabelled(values: np.ndarray, signal: Signal) -> str:
     if top > signal.most:
         return f"{what}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
     if 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
-        return f"{what}; expected some hundred or thousand: {signal.mislabelled[0]}?"
+        return f"{what}; expected at least {signal.least:g} {signal.unit}: {signal.mislabelled[0]}?"
     return ""
 
 
-def _constant(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:
+def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
+    """A finding where `values` (n,) hold nothing but noise; `wanted` says in words what was expected of them."""
     if np.ptp(values) <= 12.0 * noise_level(values) or np.ptp(values) == 0:
         yield (
             f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
-            "nothing; expected one in which the output moves"
+            f"nothing; expected one in which {wanted}"
         )
 
 
-def _standstill(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[str]:
+def _standstill(
+    values: np.ndarray, name: str, lines: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)
+) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation."""
-    equal = np.diff(values) == 0
-    if equal.mean() > 0.5:
-        return  # a noiseless or coarse record: standing still means nothing
-    for extreme in (values.max(), values.min()):
+    if not _noisy(values):
+        return
+    for extreme in (stop(values) for stop in stops):
         there = np.flatnonzero(values == extreme)
         if there.size >= max(STANDSTILL, 0.03 * values.size):
             yield (
                 f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} "
                 f"of {values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
             )
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
             yield (
@@ -79,12 +85,23 @@ def _standstill(values: np.ndarray, name: str, lines: np.ndarray) -> Iterator[st
             )
 
 
-def _below_rest(values: np.ndarray, bench: Bench, lines: np.ndarray) -> Iterator[str]:
-    """Smoothed over a few samples, so that noise about rest is no finding."""
+def _noisy(values: np.ndarray) -> bool:
+    """Where they move, neighbouring values differ by noise: more than their resolution and a share of the span."""
+    step = np.abs(np.diff(values))
+    moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
+    if moving.sum() < STANDSTILL:
+        return False
+    noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
+    return noise > max(QUIET * float(np.ptp(values)), float(step[step > 0].min()))
+
+
+def _below_rest(values: np.ndarray, name: str, lines: np.ndarray, rest: float, size: float) -> Iterator[str]:
+    """Smoothed over a few samples, so that noise about rest is no finding; `size` is the tube's."""
     smooth = np.convolve(values, np.ones(9) / 9, mode="valid")
     lowest = int(np.argmin(smooth))
-    if smooth[lowest] < -0.05 * bench.rest:
+    if smooth[lowest] < rest - 0.05 * size:
+        own = "radius" if rest else "displacement"
         yield (
-            f"line {lines[lowest + 4]}, column {bench.output.name!r}: {smooth[lowest] + bench.rest:.4g} m is below the "
-            f"tube's own radius {bench.rest:g} m; expected a radius (or 'displacement'), or set r_o in bench.toml"
+            f"line {lines[lowest + 4]}, column {name!r}: {smooth[lowest]:.4g} m is below the tube's own {own} at rest, "
+            f"{rest:g} m; expected a 'radius' that starts there or a 'displacement' from 0, or set r_o in bench.toml"
         )

@@ -15,10 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
-from ..model.units import UnitError, factor
+from ..model.units import UnitError, factor, quantity
 from ..tabular import TableError, headings, rows
 from . import checks
 from .bench import TUBE, Bench, Signal
+
+SHORTEST, COARSEST = 0.3, 0.5  # s that a recording lasts, and between its samples
 
 
 class DataError(UserError, ValueError):
@@ -83,16 +85,22 @@ def read_experiment(path: Path, bench: Bench = TUBE, rest: float = TUBE.rest) ->
         raise DataError(
             f"{path}: too few samples: {len(table) - 1} lines below the header; expected at least {bench.least_samples}"
         )
+    for line, cells in table[1:]:
+        if any(cells[len(table[0][1]) :]):
+            raise DataError(
+                f"{path}, line {line}: {len(cells)} cells below {len(table[0][1])} headings; expected one each, with "
+                "points in the numbers: decimal commas?"
+            )
     lines = np.array([line for line, _ in table[1:]])
     values = {name: _values(path, table[1:], name, place, scale) for name, (place, scale) in columns.items()}
     time = values.pop("time")
     _check_time(path, lines, time)
-    output = _output(values, bench, rest)
+    name = next(n for n in bench.output_names if n in values)
+    zero = rest if name in bench.absolute_names else 0.0
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in bench.inputs}
-    experiment = Experiment(path.stem, time, inputs, output, lines)
-    for finding in checks.findings(experiment.time, inputs, output, bench, lines):
+    for finding in checks.findings(inputs, values[name], bench, lines, name, zero):
         raise DataError(f"{path}, {finding}")
-    return experiment
+    return Experiment(path.stem, time, inputs, values[name] - zero, lines)
 
 
 def _columns(path: Path, header: list[str], bench: Bench) -> dict[str, tuple[int, float]]:
@@ -134,11 +142,6 @@ def _values(path: Path, table: list[tuple[int, list[str]]], name: str, place: in
     return values
 
 
-def _output(values: Mapping[str, np.ndarray], bench: Bench, rest: float) -> np.ndarray:
-    name = next(n for n in bench.output_names if n in values)
-    return values[name] - (rest if name in bench.absolute_names else 0.0)
-
-
 def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Signal) -> np.ndarray:
     """An input with its gaps closed: the last value where the signal is held, a straight line where it is not."""
     there = np.flatnonzero(np.isfinite(values))
@@ -160,6 +163,13 @@ def _check_time(path: Path, lines: np.ndarray, time: np.ndarray) -> None:
         raise DataError(
             f"{path}, line {lines[i + 1]}, column 'time': expected ascending times but {time[i + 1]:g} s follows "
             f"{time[i]:g} s; sort the lines and remove doubles"
+        )
+    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    if span < SHORTEST or step > COARSEST:
+        label = "s labelled ms" if span < SHORTEST else "ms labelled s"
+        raise DataError(
+            f"{path}, lines {lines[0]} to {lines[-1]}, column 'time': {span:g} s in steps of {step:g} s; expected at "
+            f"least {SHORTEST:g} s in steps of at most {COARSEST:g} s: {label}?"
         )
 
 
@@ -186,10 +196,10 @@ def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> f
         raise DataError(f"{path}: {name!r} is not known; expected some of {', '.join(units)}")
     if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
         raise DataError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
-    number, _, unit = str(value).partition(" ")
     try:
-        return float(number) * (factor(unit, units[name]) if unit else 1.0)
-    except (ValueError, UnitError) as problem:
-        raise DataError(
-            f"{path}: {name}: expected a number with a unit like {units[name]!r} but found {value!r}: {problem}"
-        ) from None
+        amount = quantity(str(value), units[name])
+    except UnitError as problem:
+        raise DataError(f"{path}: {name}: {problem}") from None
+    if amount <= 0:
+        raise DataError(f"{path}: {name}: expected more than 0 but found {value!r}")
+    return amount

@@ -15,10 +15,14 @@ from .monitors import jumps, noise_level, polyline
 
 @dataclass(frozen=True)
 class Drive:
-    """`protocol` of one experiment, and what was taken away: `noise` (standard deviation, SI) by input."""
+    """`protocol` of one experiment, and what was taken away: `noise` (standard deviation, SI) by input.
+
+    `corners` are the times (k,) [s] at which the line through each continuous input bends.
+    """
 
     protocol: Protocol
     noise: dict[str, float]
+    corners: dict[str, np.ndarray]
 
 
 def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None = None) -> Drive:
@@ -29,7 +33,8 @@ def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None =
         values = experiment.inputs[signal.name]
         make = _held if signal.held else _continuous
         lines.append(make(experiment.time, values, levels[signal.name]))
-    return Drive(_joined(lines, [s.name for s in bench.inputs]), levels)
+    corners = {s.name: times for s, (times, _) in zip(bench.inputs, lines, strict=True) if not s.held}
+    return Drive(_joined(lines, [s.name for s in bench.inputs]), levels, corners)
 
 
 def _continuous(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -97,7 +97,7 @@ def fit(
     costs = np.array([2 * s.cost for s in found])
     best = found[int(np.argmin(costs))]
     near = costs[costs < costs.min() + 10]
-    return _described(problem, best.x, bool(best.status > 0), float(np.ptp(near)))
+    return described(problem, best.x, bool(best.status > 0), float(np.ptp(near)))
 
 
 def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
@@ -110,7 +110,8 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: fl
     )  # fmt: skip
 
 
-def _described(problem: Problem, scaled: np.ndarray, converged: bool, spread: float) -> Fit:
+def described(problem: Problem, scaled: np.ndarray, converged: bool = True, spread: float = 0.0) -> Fit:
+    """The fit that ends at `scaled` (k,): residual, Jacobian and covariance there."""
     residual, jacobian = problem.linearised(scaled)
     covariance = inverse(jacobian.T @ jacobian)
     values = problem.values(scaled)
@@ -122,15 +123,19 @@ def _described(problem: Problem, scaled: np.ndarray, converged: bool, spread: fl
 
 def inverse(information: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-200))
     value, vector = np.linalg.eigh(information / np.outer(scale, scale))
     inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
     return inverted / np.outer(scale, scale)
 
 
 def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of one parameter (SI units) from the profile of the likelihood; infinite where it is open."""
+    """The 95 % interval of one parameter (SI units) from the profile of the likelihood; infinite where it is open.
+
+    Where `best.covariance` counts more than the sensor's noise, the likelihood may fall by as much more.
+    """
     i = best.names.index(name)
+    fall = CHI2_95 * best.covariance[i, i] / inverse(best.jacobian.T @ best.jacobian)[i, i]
     others = [f for f in problem.free if f.name != name]
     one = problem.free[i]
     deviation = float(np.sqrt(best.covariance[i, i]))
@@ -143,7 +148,7 @@ def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, flo
         )
         low, high = held.bounds()
         solution = _search(held, np.clip(guess, low + 1e-9, high - 1e-9), 6)
-        return np.inf if solution is None else 2 * solution.cost - best.cost - CHI2_95
+        return np.inf if solution is None else 2 * solution.cost - best.cost - fall
 
     ends = []
     for side in (-1, 1):

@@ -11,7 +11,7 @@ exchangeable), so the stages move them apart by their relaxation times.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..model.declare import Model
 from . import noise as noises
 from .bench import Bench
 from .data import Experiment, Recordings
+from .doubt import with_monitors
 from .drive import Drive, drive
 from .fit import Fit, FitError, fit
 from .noise import Noise
@@ -29,6 +30,7 @@ from .response import Case, Response
 
 ELASTIC_LOW, ELASTIC_HIGH = ("C_1", "eps_r"), ("C_2", "C_3")
 VISCOUS = ("eta_o", "k_1", "eta_1", "k_2", "eta_2")
+EXCHANGED = {"k_1": "k_2", "k_2": "k_1", "eta_1": "eta_2", "eta_2": "eta_1"}  # the branches, told apart by order only
 TABLE_II = {
     "C_1": 195e3, "C_2": -1.5e3, "C_3": 2.5e3, "eps_r": 2.8, "eta_o": 500e3,
     "k_1": 10e6, "eta_1": 500e3, "k_2": 10e6, "eta_2": 500e3,
@@ -43,6 +45,7 @@ class Prepared:
     """Experiments with their drives and noise, ready for problems."""
 
     experiments: list[Experiment]
+    drives: list[Drive]
     cases: list[Case]
     noise: Noise
     kernel: Kernel
@@ -62,7 +65,8 @@ def prepare(recordings: Recordings, model: Model) -> Prepared:
     drives = [drive(e, recordings.bench, recordings.noise) for e in recordings.experiments]
     noise = sensor_noise(recordings, drives)
     cases = [Case(d.protocol, e.time[e.seen]) for d, e in zip(drives, recordings.experiments, strict=True)]
-    return Prepared(recordings.experiments, cases, noise, Kernel(model), recordings.bench, dict(recordings.geometry))
+    kernel, geometry = Kernel(model), dict(recordings.geometry)
+    return Prepared(recordings.experiments, drives, cases, noise, kernel, recordings.bench, geometry)
 
 
 def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> Noise:
@@ -110,23 +114,33 @@ def ordered(values: Mapping[str, float]) -> dict[str, float]:
     """Branches may be exchanged: the faster one is called the first, as in Table III."""
     if values["k_1"] / values["eta_1"] >= values["k_2"] / values["eta_2"]:
         return dict(values)
-    return dict(values) | {
-        "k_1": values["k_2"],
-        "eta_1": values["eta_2"],
-        "k_2": values["k_1"],
-        "eta_2": values["eta_1"],
-    }
+    return {name: values[EXCHANGED.get(name, name)] for name in values}
+
+
+def ordered_fit(problem: Problem, best: Fit) -> Fit:
+    """The same for a fit, its covariance and its Jacobian; as it is where some of the branches' parameters are held."""
+    values = ordered(best.values)
+    if values == best.values or not set(EXCHANGED) <= set(best.names):
+        return best
+    order = [best.names.index(EXCHANGED.get(n, n)) for n in best.names]
+    stderr = {n: best.stderr[EXCHANGED.get(n, n)] for n in best.names}
+    return replace(best, values=values, scaled=problem.scaled(values), stderr=stderr,
+                   jacobian=best.jacobian[:, order], covariance=best.covariance[np.ix_(order, order)])  # fmt: skip
 
 
 def joint(ready: Prepared, model: Model, start: Mapping[str, float], starts: int = 3, seed: int = 0,
           names: Sequence[str] | None = None) -> tuple[Problem, Fit]:  # fmt: skip
-    """All parameters (or `names`) from all experiments at once, from several starts around `start`."""
+    """All parameters (or `names`) from all experiments at once, from several starts around `start`.
+
+    The branches are ordered (`ordered_fit`), and the doubt counts the monitors' noise (`doubt.with_monitors`).
+    """
     problem = ready.problem(free_parameters(model, start, names), start)
     samples = sum(r.size for r in problem.records)
     if samples < 10 * len(problem.free):
         raise UserError(f"{samples} samples are too few for {len(problem.free)} parameters; expected at least "
                         f"{10 * len(problem.free)}: record longer, or free fewer with --free")  # fmt: skip
-    return problem, fit(problem, start, starts, 0.1, seed)
+    best = ordered_fit(problem, fit(problem, start, starts, 0.1, seed))
+    return problem, with_monitors(problem, best, ready.drives)
 
 
 def stages(ready: Prepared) -> tuple[list[int], list[int], list[int]]:

@@ -1,0 +1,65 @@
+"""What reports on a closed loop have in common: a record with its models, and a row of a table of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from .figures import COLOURS
+
+POINTS = 700  # drawn of each record: averages over as many blocks
+PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+RECORD, BEFORE, AFTER = "#1b2733", COLOURS[0], COLOURS[1]
+
+
+def record_and_residuals(
+    time: np.ndarray, record: np.ndarray, models: Mapping[str, np.ndarray], axis: str, residual: tuple[str, float]
+) -> go.Figure:
+    """A record (n,) over `time` (n,) with one or two models by legend name above, what they leave below.
+
+    `axis` is the label of the record; `residual` the label of what is left, and the factor to its unit.
+    """
+    drawn = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.55, 0.45], vertical_spacing=0.06)
+    t, (label, scale) = thinned(time), residual
+    drawn.add_trace(go.Scatter(x=t, y=thinned(record), name="record", line={"color": RECORD}), row=1, col=1)
+    for (name, values), colour in zip(models.items(), (BEFORE, AFTER), strict=False):
+        line = {"color": colour, "width": 1.5}
+        drawn.add_trace(go.Scatter(x=t, y=thinned(values), name=name, line=line), row=1, col=1)
+        left = thinned(record - values) * scale
+        drawn.add_trace(go.Scatter(x=t, y=left, name=name, line=line, showlegend=False), row=2, col=1)
+    drawn.update_yaxes(title=axis, row=1).update_yaxes(title=label, row=2)
+    return drawn.update_xaxes(title="time [s]", row=2).update_layout(height=460)
+
+
+def thinned(values: np.ndarray) -> np.ndarray:
+    """Averages over as many equal blocks as are drawn."""
+    size = max(1, values.size // POINTS)
+    return values[: values.size // size * size].reshape(-1, size).mean(axis=1)
+
+
+def bars(values: Mapping[str, float], label: str, line: float | None = None) -> go.Figure:
+    """Named values as horizontal bars in their order, the first on top; `line` marks a value to compare with."""
+    drawn = go.Figure(go.Bar(x=list(values.values()), y=list(values), orientation="h", marker={"color": AFTER}))
+    if line is not None:
+        drawn.add_vline(x=line, line={"color": BEFORE, "width": 2})
+    drawn.update_yaxes(autorange="reversed", automargin=True).update_xaxes(title=label)
+    return drawn.update_layout(height=120 + 24 * len(values))
+
+
+def parameter_row(name: str, p: Mapping[str, Any], *others: float) -> list[str]:
+    """Name, value, 95 % interval and unit of a parameter of result.json, then other values of it in that unit."""
+    scale, unit = readable(p["value"], p["unit"])
+    low, high = ("open" if e is None else f"{e / scale:.4g}" for e in p["ci95"])
+    return [name, f"{p['value'] / scale:.4g}", f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
+
+
+def readable(value: float, unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI value has one to three digits before the point."""
+    if value == 0 or not unit[0].isalpha() or unit[1:2].isdigit() or unit.startswith("kg"):
+        return 1.0, unit
+    power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -3, 3)) * 3
+    return 10.0**power, PREFIXES[power] + unit

@@ -1,0 +1,91 @@
+"""How often the 95 % intervals of an identification hold: `python -m blind.coverage` from `tests/` prints a table.
+
+Every trial draws a tube and writes recordings by the independent bench, with the noise of sensor and monitors; nothing
+is missing in the model. Noise and drives are found from the files as `identify` does. One step of Gauss and
+Newton from the truth gives the estimate and its covariance, which costs one linearisation; `--full N` runs N whole
+joint fits from Table III besides (or from Table II by the paper's stages: `--table-2 N`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from blind import bench
+from tubular_dea.identify import procedure
+from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.doubt import with_monitors
+from tubular_dea.identify.fit import described, interval
+from tubular_dea.model.dea import IDENTIFIED, tubular_dea
+
+NAMES = [q.name for q in IDENTIFIED]
+Ends = list[tuple[float, float, float, float]]  # of each parameter: truth, estimate, lower and upper end
+
+
+def recorded(seed: int, only: list[str] | None = None) -> tuple[procedure.Prepared, dict[str, float]]:
+    """Recordings in which nothing is missing, as `identify` prepares them, and the truth behind them."""
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder) / "data"
+        tube = bench.draw(seed, "none")
+        bench.write(tube, data, seed, only)
+        ready = procedure.prepare(read_folder(data), tubular_dea())
+    return ready, dict(zip(NAMES, tube.identified, strict=True))
+
+
+def linearised(seed: int, only: list[str] | None = None) -> Ends:
+    """Intervals from one linearisation at the truth."""
+    ready, truth = recorded(seed, only)
+    problem = ready.problem(procedure.free_parameters(tubular_dea(), truth), truth)
+    at = problem.scaled(truth)
+    there = described(problem, at)
+    found = at - there.covariance @ (there.jacobian.T @ there.residual)
+    half = 1.96 * np.sqrt(np.diag(with_monitors(problem, there, ready.drives).covariance))
+    si = [[f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)] for row in (found, found - half,
+                                                                                       found + half)]  # fmt: skip
+    return [(truth[n], *row) for n, row in zip(problem.names, zip(*si, strict=True), strict=True)]
+
+
+def full(seed: int, table_2: bool = False, only: list[str] | None = None) -> Ends:
+    """Intervals of a whole identification."""
+    ready, truth = recorded(seed, only)
+    model = tubular_dea()
+    start = model.parameter_values()
+    if table_2:
+        start = procedure.staged(ready, model, start | procedure.TABLE_II)
+    _, best = procedure.joint(ready, model, start, 1)
+    return [(truth[n], best.values[n], *interval(best, n)) for n in best.names]
+
+
+def table(trials: list[Ends]) -> str:
+    """A line a parameter: how often the interval has the truth, and the error of the estimate."""
+    ends = np.array(trials)  # (trials, parameters, 4)
+    truth, found, low, high = np.moveaxis(ends, 2, 0)
+    held = (np.minimum(low, high) <= truth) & (truth <= np.maximum(low, high))
+    error = np.abs(found / truth - 1)
+    lines = [f"{n:8s} holds {held[:, i].mean():6.1%}   error median {np.median(error[:, i]):.2%}, "
+             f"largest {error[:, i].max():.2%}" for i, n in enumerate(NAMES)]  # fmt: skip
+    doubt = np.sqrt(0.95 * 0.05 / held.size)
+    return "\n".join([*lines, f"all      holds {held.mean():6.1%} of {held.size} (chance: +-{1.96 * doubt:.1%})"])
+
+
+def main() -> None:
+    """Run the trials and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=60, help="linearised at the truth")
+    parser.add_argument("--full", type=int, default=0, help="whole joint fits from Table III")
+    parser.add_argument("--table-2", type=int, default=0, help="the paper's stages from Table II, then joint fits")
+    options = parser.parse_args()
+    for words, count, run in (
+        ("linearised at the truth", options.trials, linearised),
+        ("joint fits from Table III", options.full, full),
+        ("stages from Table II, then joint fits", options.table_2, lambda seed: full(seed, True)),
+    ):
+        if count:
+            print(f"{words}, {count} tubes\n{table([run(seed) for seed in range(1, count + 1)])}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
