@@ -12,6 +12,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -117,7 +118,20 @@ def protocols() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray, float]]:
         ),
         "08_heartbeat_5kV": _merge(_beats(12), _switched(_assists(12), 10.8)),
     }
-    return {name: (*arrays, float(arrays[0][-1])) for name, arrays in made.items()}
+    return {name: (*_sampled(*arrays), float(arrays[0][-1])) for name, arrays in made.items()}
+
+
+def _sampled(time: np.ndarray, pressure: np.ndarray, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The protocol with a voltage that holds from sample to sample, as the amplifier's does; stairs where it ramps."""
+    ramps = np.any((np.diff(time) > 0) & (np.diff(voltage) != 0))
+    if not ramps:
+        return time, pressure, voltage
+    samples = np.arange(1, round(time[-1] * RATE)) / RATE
+    inner = np.setdiff1d(np.round(time, 9), np.round(np.append(samples, 0), 9))
+    grid = np.sort(np.concatenate([[0.0], samples, samples, inner]))
+    first = np.append(np.diff(grid) == 0, False)
+    latest = np.floor(grid * RATE + 1e-6 - first) / RATE
+    return grid, np.interp(grid, time, pressure), np.interp(latest, time, voltage)
 
 
 def _levels(levels: list[float], hold: float) -> list[tuple[float, float]]:
@@ -189,16 +203,8 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
         grid = np.unique(np.concatenate([time, np.minimum(time + late, stop)]))
         grid = np.sort(np.concatenate([grid, time[1:][np.diff(time) == 0]]))
         doubled = np.append(False, np.diff(grid) == 0)
-        left = np.array(
-            [
-                voltage[np.searchsorted(time, t, "right") - 1]
-                if d or t not in time
-                else voltage[np.searchsorted(time, t, "left")]
-                for t, d in zip(grid, doubled, strict=True)
-            ]
-        )
-        between = ~np.isin(grid, time)
-        left[between] = [_between(time, voltage, t) for t in grid[between]]
+        place = np.where(doubled, np.searchsorted(time, grid, "right") - 1, np.searchsorted(time, grid, "left"))
+        left = np.where(np.isin(grid, time), voltage[np.minimum(place, time.size - 1)], _between(time, voltage, grid))
         pressure = np.interp(grid - late, time, pressure)
         time, voltage = grid, left
     n = round(stop * RATE)
@@ -267,10 +273,11 @@ def _whitened(tube: Tube, readings: np.ndarray) -> np.ndarray:
     return white / tube.laser_rms
 
 
-def _between(time: np.ndarray, values: np.ndarray, t: float) -> float:
-    right = int(np.clip(np.searchsorted(time, t, "right"), 1, time.size - 1))
+def _between(time: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Values at times `t`, the later ones where a time is listed twice."""
+    right = np.clip(np.searchsorted(time, t, "right"), 1, time.size - 1)
     span = time[right] - time[right - 1]
-    return float(values[right - 1] + (t - time[right - 1]) / span * (values[right] - values[right - 1]))
+    return values[right - 1] + (t - time[right - 1]) / span * (values[right] - values[right - 1])
 
 
 def _sensed(tube: Tube, true: np.ndarray) -> np.ndarray:
@@ -295,28 +302,28 @@ def _ptr(array: np.ndarray) -> ctypes.c_void_p:
     return array.ctypes.data_as(ctypes.c_void_p)
 
 
-def write(tube: Tube, folder: Path, seed: int, only: list[str] | None = None) -> Path:
-    """The recordings of a tube as CSV files, with the noise of sensor and monitors."""
-    random = np.random.default_rng([seed, 77])
+def truths(tube: Tube, only: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """The noiseless reading of every protocol [m] (or of some), by its name."""
+    return {name: radius(tube, protocol) for name, protocol in protocols().items() if only is None or name in only}
+
+
+def write(tube: Tube, folder: Path, seed: int | list[int], only: Sequence[str] | None = None,
+          true: dict[str, np.ndarray] | None = None) -> Path:  # fmt: skip
+    """The recordings of a tube as CSV files, with the noise of sensor and monitors; `true` are its `truths`."""
+    random = np.random.default_rng([*np.atleast_1d(seed), 77])
     folder.mkdir(parents=True, exist_ok=True)
-    for name, protocol in protocols().items():
-        truth = radius(tube, protocol)
-        t = np.arange(truth.size) / RATE
-        held = np.array([_held(protocol, s) for s in t])
+    for name, readings in (truths(tube, only) if true is None else true).items():
+        time, pressure, voltage, _ = protocols()[name]
+        t = np.arange(readings.size) / RATE
         columns = np.column_stack([
             t,
-            np.interp(t, protocol[0], protocol[1]) + 25 * random.standard_normal(t.size),
-            held + 4 * random.standard_normal(t.size),
-            2e-6 * np.round((truth + _laser(tube, t.size, random)) / 2e-6),
+            np.interp(t, time, pressure) + 25 * random.standard_normal(t.size),
+            _between(time, voltage, t + 1e-9) + 4 * random.standard_normal(t.size),
+            2e-6 * np.round((readings + _laser(tube, t.size, random)) / 2e-6),
         ])  # fmt: skip
-        if only is None or name in only:
-            np.savetxt(folder / f"{name}.csv", columns, delimiter=",", fmt=["%.4f", "%.1f", "%.1f", "%.6f"],
-                       header="time [s],pressure [Pa],voltage [V],radius [m]", comments="")  # fmt: skip
+        np.savetxt(folder / f"{name}.csv", columns, delimiter=",", fmt=["%.4f", "%.1f", "%.1f", "%.6f"],
+                   header="time [s],pressure [Pa],voltage [V],radius [m]", comments="")  # fmt: skip
     return folder
-
-
-def _held(protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float], t: float) -> float:
-    return _between(protocol[0], protocol[2], t + 1e-9)
 
 
 def _laser(tube: Tube, n: int, random: np.random.Generator) -> np.ndarray:

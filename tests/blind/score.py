@@ -2,7 +2,7 @@
 
 Each trial is a folder of CSV files written by `bench`, which imports nothing of the package; the package sees the
 folder alone, and only then the verdict is compared with what was drawn. `--shared` adds the bench sets beside the
-repository. `--nulls N` runs N full nulls; linearised nulls are drawn on each of them.
+repository. `--nulls N` runs N full nulls; on each of them, 10 linearised ones are drawn besides.
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from blind import bench
+from tubular_dea.discover import bank, engine, outcome
+from tubular_dea.discover.parameters import base_parameters
+from tubular_dea.discover.study import study
+from tubular_dea.identify.data import read_folder
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bench"
 DECLARED = {
@@ -28,6 +32,7 @@ DECLARED = {
     "set-3": [],
     "set-4": ["mullins_softening"],
 }
+REDRAWN = 10  # linearised nulls on each full one
 CLEAR = 5.0  # times the false-alarm threshold: an effect that is there to be found
 
 
@@ -53,9 +58,10 @@ class Trial:
 
 def trial(name: str, folder: Path, hidden: list[str]) -> Trial:
     """Run the discovery on a folder and note what it says."""
-    from tubular_dea.discover import engine, outcome
-    from tubular_dea.identify.data import read_folder
+    return _noted(name, hidden, folder)[0]
 
+
+def _noted(name: str, hidden: list[str], folder: Path) -> tuple[Trial, engine.Discovery]:
     started, cpu = time.time(), time.process_time()
     found = engine.discover(read_folder(folder))
     result = outcome.result(found)
@@ -67,19 +73,38 @@ def trial(name: str, folder: Path, hidden: list[str]) -> Trial:
         result["residual"]["channel"], error["after"]["held_out_rmse_m"] / floor,
         error["recalibrated"]["rmse_m"] / floor,
         tests["largest_score"], tests["threshold"], time.time() - started, time.process_time() - cpu,
-        linearised=list(found.search.rounds[0].null.largest[::40]),
-    )  # fmt: skip
+    ), found  # fmt: skip
 
 
-def blind_trial(kind: str, seed: int) -> Trial:
-    """Draw, write, run."""
+def blind_trial(kind: str, seed: int, redrawn: int = 0) -> Trial:
+    """Draw, write, run; where nothing is hidden, score `redrawn` further records of the same tube besides."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
         tube = bench.make(seed, data, kind)
-        done = trial(f"{kind}-{seed}", data, list(tube.effects))
+        done, found = _noted(f"{kind}-{seed}", list(tube.effects), data)
+        if redrawn:
+            done.linearised = linearised(found, tube, Path(folder), redrawn)
     if tube.effects and not right(done):  # what was found was there to be found
         done.signature = min(bench.signature(tube, name) for name in tube.effects)
     return done
+
+
+def linearised(found: engine.Discovery, tube: bench.Tube, folder: Path, count: int) -> list[float]:
+    """The catalogue's largest score on each of `count` records with new noise of laser and monitors.
+
+    The base model follows every record linearly, and the candidates' columns are those of the first.
+    """
+    work, fitted = found.study, found.base.fitted
+    listed, true = bank.candidates(work, fitted), bench.truths(tube)
+    held = [p.name for p in work.held_out]
+    largest = []
+    for number in range(count):
+        again = read_folder(bench.write(tube, folder / f"again-{number}", [number, 1000], true=true))
+        fresh = study(again, work.compiled.base, held).weighted([p.weight for p in work.pieces])
+        problem = fresh.problem((), base_parameters(work.compiled.base), {})
+        residual, jacobian = problem.linearised(problem.scaled(fitted.values))
+        largest.append(bank.scores(listed, residual, jacobian)[0].gain)
+    return largest
 
 
 def right(t: Trial) -> bool:
@@ -166,7 +191,7 @@ def main() -> None:
         work += [(blind_trial, k, i) for k in (options.only or bench.EFFECTS)]
     work += [(blind_trial, "two", i) for i in range(options.seed, options.seed + options.doubles)]
     work += [(blind_trial, "foreign", i) for i in range(options.seed, options.seed + options.foreign)]
-    work += [(blind_trial, "none", i) for i in range(options.seed, options.seed + options.nulls)]
+    work += [(blind_trial, "none", i, REDRAWN) for i in range(options.seed, options.seed + options.nulls)]
     if options.shared:
         work = [(trial, s.name, s, DECLARED.get(s.name, ["?"])) for s in sorted(SHARED.glob("set-*"))] + work
     trials = []
@@ -179,7 +204,7 @@ def main() -> None:
                 continue
             if options.out:
                 with options.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(asdict(trials[-1]) | {"linearised": []}) + "\n")
+                    file.write(json.dumps(asdict(trials[-1])) + "\n")
             print(table(trials[-1:]).splitlines()[1], file=sys.stderr, flush=True)
     print(table(trials))
 
