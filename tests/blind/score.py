@@ -53,6 +53,8 @@ class Trial:
     seconds: float
     cpu: float
     signature: float = np.inf
+    errors: list[float] = field(default_factory=list)
+    covered: list[bool] = field(default_factory=list)
     linearised: list[float] = field(default_factory=list)
 
 
@@ -82,11 +84,20 @@ def blind_trial(kind: str, seed: int, redrawn: int = 0) -> Trial:
         data = Path(folder) / "data"
         tube = bench.make(seed, data, kind)
         done, found = _noted(f"{kind}-{seed}", list(tube.effects), data)
+        _identified(done, tube, outcome.result(found)["base_parameters"])
         if redrawn:
             done.linearised = linearised(found, tube, Path(folder), redrawn)
     if tube.effects and not right(done):  # what was found was there to be found
         done.signature = min(bench.signature(tube, name) for name in tube.effects)
     return done
+
+
+def _identified(done: Trial, tube: bench.Tube, parameters: dict) -> None:
+    """Note the relative errors of the identified parameters, and which of the intervals have the truth."""
+    for name, truth in zip(bench.NAMES, tube.identified, strict=True):
+        value, ends = parameters[name]["value"], parameters[name]["ci95"]
+        done.errors.append(abs(value / truth - 1))
+        done.covered.append(min(ends) <= truth <= max(ends))
 
 
 def linearised(found: engine.Discovery, tube: bench.Tube, folder: Path, count: int) -> list[float]:
@@ -150,6 +161,7 @@ def shares(trials: list[Trial]) -> list[str]:
     first = [bool(t.found) and t.found[0] == t.hidden[0] for t in singles]
     classes = [bool(t.found) and bench.channel(t.found[0]) == bench.channel(t.hidden[0]) for t in singles]
     held = [t.held_out_over_noise for t in [*singles, *doubles] if right(t)]
+    good = [t for t in singles if right(t)]
     channel = [t.channel == bench.channel(t.hidden[0]) for t in foreign]
     return [
         _share("false alarms, full runs of nulls", [t.verdict != "no_effect" for t in nulls]),
@@ -163,10 +175,20 @@ def shares(trials: list[Trial]) -> list[str]:
         f"held-out error over noise, found effects: median {np.median(held):.3f}, worst {max(held):.3f}"
         if held
         else "",
+        _share("95 % intervals of the identified parameters that hold, nulls", [c for t in nulls for c in t.covered]),
+        _share("the same, effect found", [c for t in good for c in t.covered]),
+        f"error of the identified parameters, median by name, nulls: {_errors(nulls)}",
+        f"the same, effect found: {_errors(good)}",
         f"verdicts: {dict(Counter(t.verdict for t in trials))}",
         "too faint for anybody and left out: "
         + ", ".join(f"{t.name} ({t.signature:.0f})" for t in trials if t.hidden and not detectable(t)),
     ]
+
+
+def _errors(trials: list[Trial]) -> str:
+    known = [t.errors for t in trials if t.errors]
+    medians = np.median(known, axis=0) if known else []
+    return ", ".join(f"{n} {100 * e:.2f} %" for n, e in zip(bench.NAMES, medians, strict=False))
 
 
 def _share(what: str, hits: list[bool]) -> str:

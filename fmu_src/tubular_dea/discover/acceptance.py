@@ -11,6 +11,7 @@ one of two effects alone may predict them worse than none.
 
 from __future__ import annotations
 
+from ..model.effects import catalogue
 from .options import Option
 from .residuals import Adequacy
 
@@ -72,6 +73,8 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str) -> s
     """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
     first = base.fitted.cost - before.fitted.cost
     part = FORM_PART if nearly(before.adequacy, base.adequacy) else SECOND_PART
+    if all(catalogue()[one].exact for one in before.ids):
+        part = 0.0
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
     if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):

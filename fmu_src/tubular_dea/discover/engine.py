@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..identify.data import Recordings
+from ..identify.doubt import with_monitors
 from ..identify.fit import Fit
+from ..identify.procedure import ordered_fit
 from ..identify.threads import one_blas_thread
 from ..model.dea import tubular_dea
 from ..model.declare import Model
@@ -69,6 +71,7 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     held = _held_ratio(work, found.chosen)
     equivalent = equivalence.equivalents(found.base, found.chosen, found.rivals)
     verdict = decide(found, held, equivalent)
+    found.chosen = _described(work, found.chosen)
     left = None
     if verdict == "unexplained" and found.chosen.ids:
         left = channels.localise(work, found.chosen.ids, found.chosen.fitted, found.chosen.adequacy.excess)
@@ -95,6 +98,15 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
     first = base.recalibrate(work, seed=seed)
     weighted = work.weighted(inputs_noise.weights(work, first.values))
     return weighted, base.recalibrate(weighted, 1, seed, first.values)
+
+
+def _described(work: Study, option: Option) -> Option:
+    """The option as it is reported: branches in order, and intervals that count the monitors' noise."""
+    fitted = option.fitted
+    fixed = {n: v for n, v in fitted.values.items() if n not in fitted.names}
+    problem = work.problem(option.ids, fitted.free, fixed)
+    doubtful = with_monitors(problem, ordered_fit(problem, fitted), [p.driven for p in work.training])
+    return replace(option, fitted=doubtful)
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

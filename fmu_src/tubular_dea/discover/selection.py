@@ -72,8 +72,6 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
             _drop(study, found)
         _refine(study, found, tell)
         accepted.append(found.chosen)
-        if clean(found.chosen.adequacy):
-            break
     _settle(found, accepted)
     return found
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import UserError
 from ..identify.data import Experiment, Recordings
-from ..identify.drive import drive
+from ..identify.drive import Drive, drive
 from ..identify.noise import Noise
 from ..identify.problem import Free, Problem
 from ..identify.procedure import sensor_noise
@@ -32,6 +32,7 @@ class Piece:
     record: np.ndarray
     held_out: bool
     weight: np.ndarray
+    driven: Drive
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None =
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
         seen = experiment.seen
         whole = Piece(experiment.name, Case(driven.protocol, experiment.time[seen]), experiment.output[seen],
-                      experiment.name in names, np.ones(int(seen.sum())))  # fmt: skip
+                      experiment.name in names, np.ones(int(seen.sum())), driven)  # fmt: skip
         pieces += [whole] if len(drives) > 1 else _split(whole)
     training = sum(p.record.size for p in pieces if not p.held_out)
     if training < LEAST_SAMPLES:
@@ -140,5 +141,6 @@ def _split(piece: Piece) -> list[Piece]:
     parts = []
     for name, part, held in ((piece.name, slice(0, cut), False), (f"{piece.name} (end)", slice(cut, None), True)):
         case = Case(piece.case.protocol, piece.case.times[part])
-        parts.append(Piece(name, case, piece.record[part], held, piece.weight[part]))
+        parts.append(replace(piece, name=name, case=case, record=piece.record[part], held_out=held,
+                             weight=piece.weight[part]))  # fmt: skip
     return parts

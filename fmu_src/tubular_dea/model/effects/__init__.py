@@ -37,7 +37,7 @@ class Effect:
     For identification: the response to the `off` parameters is taken at each point of the grid `shapes` (parameters
     that mean nothing while the effect is off). `on` are values that are held while the others are fitted: the share
     of a lag, say, is 1. `fit` names what is identified; `refine` what may be freed after that if the record asks for
-    a slightly different form.
+    a slightly different form. An `exact` effect has but one form: what it leaves over is something else.
     """
 
     id: str
@@ -50,6 +50,7 @@ class Effect:
     shapes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     on: Values = field(default_factory=dict)
     refine: tuple[str, ...] = ()
+    exact: bool = False
     documentation: str = ""
 
     def __post_init__(self) -> None:

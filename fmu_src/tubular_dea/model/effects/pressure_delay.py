@@ -27,5 +27,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "pressure_delay", "pressure", "The wall feels the recorded pressure later", _apply, PARAMETERS,
-    off={"pressure_delay": 0.0}, typical={"pressure_delay": 0.012},
+    off={"pressure_delay": 0.0}, typical={"pressure_delay": 0.012}, exact=True,
 )  # fmt: skip

@@ -25,5 +25,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "pressure_gain", "pressure", "The recorded pressure's scale is off", _apply, PARAMETERS,
-    off={"pressure_gain": 1.0}, typical={"pressure_gain": 1.03},
+    off={"pressure_gain": 1.0}, typical={"pressure_gain": 1.03}, exact=True,
 )  # fmt: skip

@@ -26,5 +26,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "pressure_offset", "pressure", "The recorded pressure has an offset", _apply, PARAMETERS,
-    off={"pressure_offset": 0.0}, typical={"pressure_offset": 200.0},
+    off={"pressure_offset": 0.0}, typical={"pressure_offset": 200.0}, exact=True,
 )  # fmt: skip

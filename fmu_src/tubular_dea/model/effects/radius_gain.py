@@ -27,5 +27,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "radius_gain", "sensor", "The recorded radius's scale is off", _apply, PARAMETERS,
-    off={"radius_gain": 1.0}, typical={"radius_gain": 1.03, "gain_from": 0.0}, refine=("gain_from",),
+    off={"radius_gain": 1.0}, typical={"radius_gain": 1.03, "gain_from": 0.0}, refine=("gain_from",), exact=True,
 )  # fmt: skip

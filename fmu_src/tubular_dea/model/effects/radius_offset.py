@@ -22,5 +22,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "radius_offset", "sensor", "The recorded radius has an offset", _apply, PARAMETERS,
-    off={"radius_offset": 0.0}, typical={"radius_offset": 5e-5},
+    off={"radius_offset": 0.0}, typical={"radius_offset": 5e-5}, exact=True,
 )  # fmt: skip

@@ -26,5 +26,5 @@ def _apply(model: Model) -> Model:
 
 EFFECT = Effect(
     "sensor_delay", "sensor", "The recorded radius is late", _apply, PARAMETERS,
-    off={"sensor_delay": 0.0}, typical={"sensor_delay": 0.012},
+    off={"sensor_delay": 0.0}, typical={"sensor_delay": 0.012}, exact=True,
 )  # fmt: skip
