@@ -88,7 +88,8 @@ def slave(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mo
 
 def in_another_process(code: str, *arguments: str | Path, seed: str = "random") -> str:
     """What a program that may import the tests' helpers prints."""
-    environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).parent)}
+    path = [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(path)}
     command = [sys.executable, "-W", "error::RuntimeWarning", "-c", code, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
     assert done.returncode == 0, done.stderr

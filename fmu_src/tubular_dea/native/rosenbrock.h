@@ -28,11 +28,14 @@ typedef struct {
     double bend[3][AT_LEAST_ONE(MODEL_NX)]; /* off the straight line; set only where there is an observer */
 } Step;
 
+#define LATELY 10 /* attempts: where one of the last ones came to a state's minimum, that is why there is no step */
+
 typedef enum {
     SOLVER_OK,
     SOLVER_STOPPED,        /* the observer asked to stop after a step */
     SOLVER_TOO_MANY_STEPS, /* the bound on internal steps was reached */
-    SOLVER_STEP_TOO_SMALL  /* no step, however small, meets the tolerance or stays finite */
+    SOLVER_STEP_TOO_SMALL, /* no step, however small, meets the tolerance or stays finite */
+    SOLVER_BELOW_MINIMUM   /* the same, because a state would leave the range where the equations hold */
 } SolverStatus;
 
 /* Called after every accepted step; a non-zero answer stops the integration there. */

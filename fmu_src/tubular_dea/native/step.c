@@ -62,6 +62,20 @@ static int look(void *context, const Step *step)
     return watch->end < end || memcmp(instance->now.u, inputs.u, sizeof inputs.u);
 }
 
+/* The state that is nearest to its minimum, by its nominal value. */
+static const Variable *nearest_minimum(const double *x)
+{
+    const Variable *nearest = model_variables;
+    double least = INFINITY;
+    for (int i = 0; i < MODEL_VARIABLES; i++) {
+        const Variable *v = &model_variables[i];
+        if (v->kind != STATE) continue;
+        const double room = (x[v->index] - v->minimum) / model_nominal[v->index];
+        if (room < least) nearest = v, least = room;
+    }
+    return nearest;
+}
+
 static Status solver_failed(Instance *instance, SolverStatus failure, const Snapshot *reached)
 {
     char states[512] = "";
@@ -71,6 +85,13 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
         if (v->kind == STATE && used < sizeof states - 1)
             used += (size_t)snprintf(states + used, sizeof states - used, "%s%s = %.6g", used ? ", " : "", v->name,
                                      reached->x[v->index]);
+    }
+    if (failure == SOLVER_BELOW_MINIMUM) {
+        const Variable *v = nearest_minimum(reached->x);
+        return instance_report(instance, STATUS_ERROR,
+                               "%s would come to %g, where the equations end, at time %.9g with %s; the instance is as it "
+                               "was before the step; check inputs and parameters, and their units",
+                               v->name, v->minimum, reached->time, states);
     }
     if (failure == SOLVER_TOO_MANY_STEPS)
         return instance_report(instance, STATUS_ERROR,
@@ -137,7 +158,7 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     do outcome = run(instance, &solver, watch.end);
     while (outcome == SOLVER_STOPPED && now->time < watch.end);
     instance_forget(instance);
-    if (outcome == SOLVER_TOO_MANY_STEPS || outcome == SOLVER_STEP_TOO_SMALL) {
+    if (outcome != SOLVER_OK && outcome != SOLVER_STOPPED) {
         const Snapshot reached = instance->now;
         instance->now = before;
         return solver_failed(instance, outcome, &reached);
