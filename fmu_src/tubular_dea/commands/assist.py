@@ -76,9 +76,9 @@ def run(options: argparse.Namespace) -> None:
     runs = {}
     for name, voltage in (("without assist", 0.0), ("with assist", settings["scheduler.voltage_on"])):
         system = heart_assist(slaves, values, {**settings, "scheduler.voltage_on": voltage}, paced)
-        runs[name] = _simulate(system, stop, options, name)
-        runs[name].write(options.out / f"{name.replace(' ', '_')}.csv")
-        runs[name].completed()
+        runs[name] = _simulate(system, stop, options, name).completed()
+    for name, made in runs.items():
+        made.write(options.out / f"{name.replace(' ', '_')}.csv")
     _report(options, runs, settings)
 
 
