@@ -386,5 +386,7 @@ int main(int argc, char **argv)
     print_results(&experiment, results);
     if (timed)
         fprintf(stderr, "%.1f ns per step\n", least);
+    free(results);
+    free((void *)experiment.rows);
     return 0;
 }

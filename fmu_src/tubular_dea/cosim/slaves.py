@@ -52,7 +52,9 @@ class Slave:
             fmpy.extract(str(path), unzipdir=self._folder)
         except Exception as problem:  # FMPy and the parsers below it raise what they like
             why = str(problem) or type(problem).__name__
-            raise SlaveError(f"{self.name}: {path} cannot be read as an FMU: {why}; expected an archive with a valid description") from None
+            raise SlaveError(
+                f"{self.name}: {path} cannot be read as an FMU: {why}; expected an archive with a valid description"
+            ) from None
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
             raise SlaveError(
                 f"{self.name}: expected an FMI 2.0 co-simulation FMU but {path.name} is not; "
