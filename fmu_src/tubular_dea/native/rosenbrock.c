@@ -183,16 +183,17 @@ double solver_first_step(const Solver *solver, double time, const double *x, dou
     return resolving_step(&start, limit);
 }
 
-SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h)
+SolverStatus solver_advance(Solver *solver, double *time, double end, double span, double *x, double *h)
 {
-    double q[NQ];
+    const double begin = *time;
+    double q[NQ], elapsed = 0;
     Start start;
     Step step;
     long tries = 0, since_below = LATELY;
     int first = 1;
     model_prepare(solver->p, q);
-    while (*time < end) {
-        const double left = end - *time;
+    while (elapsed < span) {
+        const double left = span - elapsed;
         double wanted = *h;
         int rejected = 0;
         linearise(solver, q, *time, x, &start);
@@ -202,16 +203,17 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
         memcpy(step.x, x, sizeof step.x);
         for (;;) {
             if (tries++ >= solver->max_steps) return SOLVER_TOO_MANY_STEPS;
-            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * fabs(*time)); /* leave no crumbs */
+            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * elapsed); /* leave no crumbs */
             step.h = last ? left : wanted;
-            if (!(step.h > 4e-16 * fabs(*time) && step.h > 1e-300))
+            if (!(step.h > 4e-16 * elapsed && step.h > 1e-300))
                 return since_below < LATELY ? SOLVER_BELOW_MINIMUM : SOLVER_STEP_TOO_SMALL;
             const double error = attempt(solver, q, &start, &step);
             const double next = step.h * growth(error);
             since_below = error < 0 ? 0 : since_below + 1;
             if (error >= 0 && error <= 1) {
                 *h = rejected ? smaller(next, step.h) : last ? larger(next, wanted) : next;
-                *time = last ? end : *time + step.h;
+                elapsed = last ? span : elapsed + step.h;
+                *time = last ? end : begin + elapsed;
                 break;
             }
             wanted = next;

@@ -104,8 +104,8 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
                            reached->time, states);
 }
 
-/* Integrate towards `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
-static SolverStatus run(Instance *instance, Solver *solver, double end)
+/* Integrate over `span` to `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
+static SolverStatus run(Instance *instance, Solver *solver, double end, double span)
 {
     Snapshot *now = &instance->now;
     SolverStatus outcome;
@@ -116,11 +116,13 @@ static SolverStatus run(Instance *instance, Solver *solver, double end)
         memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
         delay_drive(instance, &solver->inputs);
         solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
-        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, stop - now->time);
-        outcome = solver_advance(solver, &now->time, stop, now->x, &now->h);
+        if (stop < end) span = stop - now->time;
+        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, span);
+        outcome = solver_advance(solver, &now->time, stop, span, now->x, &now->h);
         if (outcome != SOLVER_OK || now->time >= end) return outcome;
         inputs_move(&solver->inputs, now->time);
         memcpy(now->u, solver->inputs.u, sizeof now->u);
+        span = end - now->time;
     }
 }
 
@@ -155,8 +157,9 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     now->marks &= ~SPENT;
     now->time = time;
     take_sample(instance);
-    do outcome = run(instance, &solver, watch.end);
-    while (outcome == SOLVER_STOPPED && now->time < watch.end);
+    outcome = run(instance, &solver, watch.end, step);
+    while (outcome == SOLVER_STOPPED && now->time < watch.end)
+        outcome = run(instance, &solver, watch.end, watch.end - now->time);
     instance_forget(instance);
     if (outcome != SOLVER_OK && outcome != SOLVER_STOPPED) {
         const Snapshot reached = instance->now;
