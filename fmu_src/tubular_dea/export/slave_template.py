@@ -300,7 +300,8 @@ def resolving_step(begin: Begin, limit: float) -> float:
 def advance(
     time: float, span: float, x: Vector, h: float, u: Vector, p: Vector, tolerance: float
 ) -> tuple[Vector, float]:
-    """From `time` over `span` seconds under the inputs `u`: the states there, and the step size to go on with.
+    """From `time` over `span` seconds under the inputs `u`: the states there, and the step size to go on
+    with.
     `h` is the step size of before, or 0. Raises `Unsolvable`.
 
     What has elapsed is counted from `time`: far from zero, times themselves are coarse.
@@ -594,6 +595,11 @@ class Slave(Fmi2Slave):
             raise Refused(
                 f"communication point: expected the present time {now.time:.12g} s but was given {time:.12g};"
                 " the instance neither goes back in time nor skips any, unless a saved state is restored"
+            )
+        if not math.isfinite(time + step):
+            raise Refused(
+                f"communication step: expected an end that is a number but {step:g} s after {time:.12g} s "
+                "there is none"
             )
         if time + step > now.stop + slack:
             raise Refused(

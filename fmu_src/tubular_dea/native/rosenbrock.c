@@ -213,7 +213,7 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double spa
             if (error >= 0 && error <= 1) {
                 *h = rejected ? smaller(next, step.h) : last ? larger(next, wanted) : next;
                 elapsed = last ? span : elapsed + step.h;
-                *time = last ? end : begin + elapsed;
+                *time = last ? end : smaller(end, begin + elapsed);
                 break;
             }
             wanted = next;

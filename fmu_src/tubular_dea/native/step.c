@@ -24,6 +24,10 @@ static Status check_step(Instance *instance, double time, double step)
                                "communication point: expected the present time %.12g s but was given %.12g; the "
                                "instance neither goes back in time nor skips any, unless a saved state is restored",
                                now->time, time);
+    if (!isfinite(time + step))
+        return instance_report(instance, STATUS_ERROR,
+                               "communication step: expected an end that is a number but %g s after %.12g s there is none",
+                               step, time);
     if (time + step > now->stop + slack)
         return instance_report(instance, STATUS_ERROR,
                                "communication step: expected an end at or before the stop time %.12g s but was given "
