@@ -18,6 +18,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz-calls", type=int, default=100_000, help="calls of each FMI fuzzer (100000)")
     parser.addoption("--fuzz-cases", type=int, default=2000, help="random tubes of the physics fuzzer (2000)")
     parser.addoption("--fuzz-lives", type=int, default=300, help="create-run-free cycles of the leak test (300)")
+    parser.addoption("--fuzz-kills", type=int, default=2, help="kills of each writing command (2)")
     parser.addoption("--fuzz-seed", type=int, default=1, help="seed of the fuzzers (1)")
 
 

@@ -78,6 +78,29 @@ def test_mistakes_cost_one_line(
     assert not out.exists(), "bad input leaves nothing behind"
 
 
+MISTAKES = [
+    ([], "tubular-dea: the following arguments are required: COMMAND; see tubular-dea --help"),
+    (["simulte"], "tubular-dea: argument COMMAND: invalid choice: 'simulte'"),
+    (["simulate", "--stop", "soon"], "tubular-dea simulate: argument --stop: invalid float value: 'soon'"),
+    (["build", "--platforms", "amiga"], "tubular-dea build: argument --platforms: invalid choice: 'amiga'"),
+    (["sweep", "a.toml", "--out", "b", "--workers", "1", "--scheduler", "c"], "tubular-dea sweep: argument --sch"),
+    *(([c, *["x"] * (c in ("identify", "sweep", "close-loop")), "--out", "y", "--nope\0"],
+       f"tubular-dea {c}: unrecognized arguments: --nope\\x00; see tubular-dea {c} --help") for c in COMMANDS),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES)
+def test_mistaken_options_cost_one_line(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(*arguments)
+    assert exit_.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith(message)
+    assert line.endswith("--help")
+
+
 def test_build_writes_all_three_fmus(tmp_path: Path) -> None:
     assert run("build", "--out", str(tmp_path)) == 0
     names = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*.fmu")}

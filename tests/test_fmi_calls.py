@@ -329,6 +329,13 @@ def test_percent_signs_do_no_harm(fmu: Path) -> None:
         assert host.messages[-1].replace("%%", "%").endswith(f"'{category}'")
 
 
+def test_a_step_beyond_the_largest_number_is_refused(fmu: Path) -> None:
+    with Host(fmu) as host:
+        host.initialize(start=1.5e308)
+        with refused(host, "expected an end that is a number but 1.5e+308 s after 1.5e+308 s there is none"):
+            host.step(1.5e308, 1.5e308)
+
+
 # Life --------------------------------------------------------------------------------------------------
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from hosts import importers
-from hosts.compile import compile_host, find_wine, run_host, time_host
+from hosts.compile import Target, compile_host, find_wine, run_host, time_host
 
 STEP = 1e-3  # s
 STEPS = 1500
@@ -44,6 +44,12 @@ def unavailable(reason: str) -> None:
     if "CI" in os.environ:
         pytest.fail(reason)
     pytest.skip(reason)
+
+
+def require_wine() -> None:
+    """Skip unless Windows programs run here."""
+    if os.name != "nt" and find_wine() is None:
+        unavailable("the Windows binary needs wine (Debian: wine wine64)")
 
 
 def require_importer(importer: str) -> None:
@@ -150,11 +156,33 @@ def test_windows_binary_agrees_with_fmpy(
     trajectory: Trajectory,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    if os.name != "nt" and find_wine() is None:
-        unavailable("the Windows binary needs wine (Debian: wine wine64)")
+    require_wine()
     host = compile_host("x86_64-windows", tmp_path_factory.getbasetemp())
     reported = run_host(host, fmi2_fmu_windows, protocol(), ["lambda_2"])
     assert_same(reported, trajectory("fmpy", fmi2_fmu))
+
+
+@pytest.mark.parametrize(("giver", "taker"), [("host", "x86_64-windows"), ("x86_64-windows", "host"),
+                                              ("host", "host")])  # fmt: skip
+def test_states_move_between_platforms(
+    giver: Target, taker: Target, fmi2_fmu_windows: Path, tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:  # fmt: skip
+    """A state stored by one process in mid-motion, and taken up by another that came there along another way."""
+    if {giver, taker} != {"host"}:
+        require_wine()
+    whole, at, file = protocol()[:901], 600, tmp_path / "state"
+    other = whole.copy()
+    other[:at, 1:] = 1000.0
+    drive = {"host": "", "x86_64-windows": "" if os.name == "nt" else "Z:"}
+    hosts = {target: compile_host(target, tmp_path_factory.getbasetemp()) for target in (giver, taker)}
+    outputs = ["lambda_2", "lambda_2_rate", "sigma_vis1", "sigma_vis2"]
+    save, restore = (["--save", str(at), drive[giver] + str(file)], ["--restore", str(at), drive[taker] + str(file)])
+    given = run_host(hosts[giver], fmi2_fmu_windows, whole, outputs, save)
+    taken = run_host(hosts[taker], fmi2_fmu_windows, other, outputs, restore)
+    apart = np.abs(given - taken)[:, 1:] / [1, 10, 1e5, 1e5]
+    assert apart[at].max() > 1e-3, "the other way led to the same place"
+    assert apart[at + 1 :].max() <= (0 if giver == taker else 1e-12)
 
 
 def test_c_host_tells_what_is_wrong(

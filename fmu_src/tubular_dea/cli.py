@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from . import __version__
 from .errors import UserError
@@ -22,10 +23,19 @@ COMMANDS = {
 }
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that tells of a mistake in one line, and where help is."""
+
+    def error(self, message: str) -> NoReturn:
+        """One line to stderr, and exit with 2."""
+        print(f"{self.prog}: {printable(message)}; see {self.prog} --help", file=sys.stderr)
+        sys.exit(2)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 2 where the user has something to mend, 130 when interrupted."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="tubular-dea",
         description="A tubular dielectric elastomer actuator as a co-simulation unit.",
         epilog='Example: tubular-dea simulate --pressure "95 mmHg" --voltage "step 0 5 kV at 1" --stop 3 --out run',
@@ -42,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             subparser.description, subparser.epilog = module.__doc__, module.EXAMPLE
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
-    options = parser.parse_args(given)
+    options, left = parser.parse_known_args(given)
+    if left:
+        subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(left)}")
     try:
         if "out" in options:
             writable_folder(options.out)

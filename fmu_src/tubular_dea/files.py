@@ -6,11 +6,16 @@ import os
 import tempfile
 from pathlib import Path
 
+UNFINISHED = ".unfinished"
+
 
 def write_atomically(path: Path, data: bytes) -> Path:
-    """Write a file that is there whole or not at all, and the folders above it; returns its path."""
+    """Write a file that is there whole or not at all, and the folders above it; returns its path.
+
+    Where the process is killed meanwhile, what was there before stays, and a hidden `.NAME.*.unfinished` may be left.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
@@ -20,3 +25,8 @@ def write_atomically(path: Path, data: bytes) -> Path:
         os.unlink(name)
         raise
     return path
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether the file is what a killed process left of its writing."""
+    return path.name.startswith(".") and path.name.endswith(UNFINISHED)

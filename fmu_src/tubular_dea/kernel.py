@@ -118,7 +118,7 @@ class Kernel:
             pointer(x), pointer(y), counts, ctypes.byref(reached),
         )  # fmt: skip
         if status:
-            raise KernelError(_failure(status, reached.value))
+            raise KernelError(_failure(self.model, status, reached.value))
         named = self._named(protocol, times, x[here], y[here], with_fold)
         return Trajectory(times, named | self._late_values(y, earlier), counts[0], counts[1])
 
@@ -132,7 +132,7 @@ class Kernel:
     def _mesh(self, points: np.ndarray, u: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
         mesh, status, reached = self._tangents.mesh(values, points, u, tolerance)
         if status:
-            raise KernelError(_failure(status, reached))
+            raise KernelError(_failure(self.model, status, reached))
         return mesh
 
     @cached_property
@@ -150,7 +150,7 @@ class Kernel:
         columns = [name for name in names if name not in self._late.values()]
         found = self._tangents.run(values, points, u, mesh, columns, sampled)
         if found.status:
-            raise KernelError(_failure(found.status, found.reached))
+            raise KernelError(_failure(self.model, found.status, found.reached))
         places = [i for i, name in enumerate(names) if name not in self._late.values()]
         full = np.zeros((times.size, len(names)))
         derivatives = {}
@@ -262,11 +262,18 @@ def _library(model: Model) -> Path:
     return remembered_library(model, "kernel", lambda: core_sources(model, *native))
 
 
-def _failure(status: int, time: float) -> str:
+def _floors(model: Model) -> str:
+    """In words: a state with a minimum came to it."""
+    names = [f"{model.states[place].quantity.name} would come to {floor:g}" for place, floor in model.floors().items()]
+    return " or ".join(names)
+
+
+def _failure(model: Model, status: int, time: float) -> str:
     reasons = {
         -1: "there is no rest state to start at: the pressure is beyond the fold at this voltage; lower one of them, "
         "or do not start at equilibrium",
         2: "too many internal steps were needed; use a larger tolerance",
         3: "no step size, however small, solves the equations; check inputs and parameters",
+        4: f"{_floors(model)}, where the equations end; check start, inputs and parameters",
     }
     return f"the trajectory ended at {time:.6g} s: {reasons.get(status, f'status {status}')}"

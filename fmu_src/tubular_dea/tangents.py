@@ -78,7 +78,7 @@ class TangentLibrary:
                 ctypes.c_double(tolerance), ctypes.c_long(room), pointer(mesh), ctypes.byref(reached),
             )  # fmt: skip
             if n < 0:
-                return np.empty(0), int(n) + (10 if n == -11 else 20), reached.value
+                return np.empty(0), int(n) + 20, reached.value
             if n <= room:
                 return mesh[:n].copy(), 0, reached.value
             room = n

@@ -67,5 +67,5 @@ def test_random_calls(
     assert done.returncode == 0, done.stderr
     with capsys.disabled():
         print(f"\n{name}: {done.stdout.strip()}", end="")
-    assert f"{calls} calls" in done.stdout or calls < 1
+    assert int(done.stdout.split(" calls")[0].split()[-1]) >= calls  # those from inside steps count, too
     assert " 0 steps" not in done.stdout

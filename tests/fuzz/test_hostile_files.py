@@ -1,7 +1,9 @@
 """Hostile files for every reader: one clear line, exit code 2, nothing written and nothing carried out.
 
 Each text is a way in which files go wrong or are made to go wrong; each reader is a command with one file of its own
-replaced by it.
+replaced by it. Archives are read in two places: FMUs by sweeps (sweep/foreign.py) and by the master (cosim/slaves.py).
+SSPs are written (`build`) and read by nothing here. An FMU that is well-formed brings native code, which is carried out
+with all rights of the user: nothing here can or does protect from that.
 """
 
 from __future__ import annotations
@@ -135,8 +137,11 @@ def zipped(entries: dict[str, bytes], link: str = "") -> bytes:
     return buffer.getvalue()
 
 
-@pytest.mark.parametrize("where", ["../hacked", "../../hacked", "a/../../hacked", "/tmp/hacked-by-fmu", "C:\\hacked",
-                                   "..\\hacked", "a\\..\\..\\hacked", "link"])  # fmt: skip
+ELSEWHERE = ["../hacked", "../../hacked", "a/../../hacked", "/tmp/hacked-by-fmu", "C:\\hacked", "..\\hacked",
+             "a\\..\\..\\hacked", "link"]  # fmt: skip
+
+
+@pytest.mark.parametrize("where", ELSEWHERE)
 def test_archives_cannot_write_elsewhere(
     where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -152,14 +157,54 @@ def test_archives_cannot_write_elsewhere(
     assert not list(tmp_path.rglob("hacked*")) and not Path("/tmp/hacked-by-fmu").exists()
 
 
-@pytest.mark.parametrize("xml", [
-    b"", b"\0\0", b"<fmiModelDescription/>", b"<a>" * 100_000,
+XML = {
+    "empty": b"",
+    "NUL": b"\0\0",
+    "bare": b"<fmiModelDescription/>",
+    "deep": b"<a>" * 100_000,
+    "external entity":
     b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]><fmiModelDescription fmiVersion="2.0" modelName="&x;"/>',
+    "billion laughs":
     b'<!DOCTYPE a [<!ENTITY a "' + b"x" * 1000 + b'"><!ENTITY b "' + b"&a;" * 1000 + b'"><!ENTITY c "' + b"&b;" * 1000
     + b'">]><fmiModelDescription fmiVersion="2.0" modelName="&c;"/>',
-], ids=["empty", "NUL", "bare", "deep", "external entity", "billion laughs"])  # fmt: skip
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("xml", XML.values(), ids=XML)
 def test_hostile_descriptions(xml: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, out = tmp_path / "m.fmu", tmp_path / "out"
     file.write_bytes(zipped({"modelDescription.xml": xml}))
     said = refused(_plan(file, out, "C_1 = [3e5, 4e5]", model=file.name), tmp_path, out, capsys)
     assert "root:" not in said
+
+
+@pytest.mark.parametrize("where", [*ELSEWHERE, "no archive", *XML])
+def test_the_master_refuses_hostile_fmus(where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import tempfile
+
+    from tubular_dea.cosim.slaves import Slave, SlaveError
+    from tubular_dea.emit.model_description import fmi2
+    from tubular_dea.model.dea import tubular_dea
+
+    inner = tmp_path / "a" / "b" / "tmp"
+    inner.mkdir(parents=True)
+    monkeypatch.setattr(tempfile, "tempdir", str(inner))
+    good = {"modelDescription.xml": fmi2(tubular_dea(), "native").encode()}
+    content = zipped({"modelDescription.xml": XML[where]}) if where in XML else zipped(good | {where: b"!"})
+    content = {"link": zipped(good, link=str(tmp_path)), "no archive": b"PK"}.get(where, content)
+    file = tmp_path / "m.fmu"
+    file.write_bytes(content)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(SlaveError, match="cannot be read as an FMU|cannot be instantiated"):
+        Slave("tube", file)
+    assert sorted(tmp_path.rglob("*")) == before, "something was written, or left behind"
+    assert not Path("/tmp/hacked-by-fmu").exists()
+
+
+def test_archives_are_read_in_two_places() -> None:
+    import tubular_dea
+
+    package = Path(tubular_dea.__file__).parent
+    opening = ("fmpy.extract(", "extractall(", "read_model_description(", "unpack_archive(", "tarfile")
+    found = [p for p in package.rglob("*.py") if any(word in p.read_text() for word in opening)]
+    assert {p.relative_to(package).as_posix() for p in found} == {"sweep/foreign.py", "cosim/slaves.py"}

@@ -1,4 +1,7 @@
-"""No memory is lost over many lives of an instance, by LeakSanitizer; 10000 by `--fuzz-lives 10000`."""
+"""No memory is lost over many lives of an instance, by LeakSanitizer; 10000 by `--fuzz-lives 10000`.
+
+The binary as it is shipped, without a sanitizer, lives a tenth of that under valgrind (Debian: valgrind).
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from hosts.compile import FMI_HEADERS, run_host
+from hosts.compile import SOURCE as HOST
 from tubular_dea.export.package import sources
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.effects import with_effects
@@ -37,3 +43,22 @@ def test_nothing_leaks(
         print(f"\n{name}: {done.stdout.strip()}, nothing lost", end="")
     leaking = subprocess.run([tmp_path / "lives", "1", "leak"], capture_output=True, text=True)
     assert "LeakSanitizer" in leaking.stderr, "the sanitizer does not see leaks here"
+
+
+@pytest.mark.skipif(not shutil.which("valgrind") or not shutil.which("gcc"), reason="needs valgrind and gcc")
+def test_the_shipped_binary_under_valgrind(
+    fmi2_fmu: Path, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the C host: no error, no leak; states are saved on the way."""
+    host, checked, lives = tmp_path / "host", tmp_path / "checked", request.config.getoption("--fuzz-lives") // 10
+    flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-O1", "-g", f"-I{FMI_HEADERS}"]
+    subprocess.run(["gcc", *flags, "-o", str(host), str(HOST), "-lm", "-ldl"], check=True)
+    checked.write_text(f'#!/bin/sh\nexec valgrind -q --error-exitcode=9 --leak-check=full "{host}" "$@"\n')
+    checked.chmod(0o755)
+    time = np.arange(21)
+    inputs = np.column_stack([1e-3 * time, 12000.0 + 0 * time, np.where(time > 5, 5000.0, 0.0)])
+    outputs = ["lambda_2", "snap_through_pressure"]
+    seen = run_host(checked, fmi2_fmu, inputs, outputs, ["--repeat", str(lives), "--save", "10", str(tmp_path / "s")])
+    assert np.array_equal(seen, run_host(host, fmi2_fmu, inputs, outputs))
+    with capsys.disabled():
+        print(f"\nshipped binary under valgrind: {lives} lives, nothing lost", end="")

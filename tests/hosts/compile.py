@@ -81,13 +81,15 @@ def _remove_wine(folder: Path, environment: dict[str, str]) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def run_host(executable: Path, fmu: Path, inputs: np.ndarray, outputs: Sequence[str]) -> np.ndarray:
+def run_host(
+    executable: Path, fmu: Path, inputs: np.ndarray, outputs: Sequence[str], options: Sequence[str] = ()
+) -> np.ndarray:
     """Run an FMI 2.0 FMU in the host.
 
     `inputs`: rows `time [s], pressure [Pa], voltage [V]` at equidistant communication points, the
-    last of them the stop time. Returns rows `time [s], output...` at the same points.
+    last of them the stop time; `options` as in fmi2_host.c. Returns rows `time [s], output...` at the same points.
     """
-    stdout, _ = _run(executable, fmu, inputs, outputs, [])
+    stdout, _ = _run(executable, fmu, inputs, outputs, list(options))
     return np.loadtxt(stdout.splitlines(), delimiter=",", ndmin=2)
 
 

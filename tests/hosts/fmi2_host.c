@@ -1,7 +1,7 @@
 /* Runs one FMI 2.0 co-simulation unit with nothing but this file: no importer in between.
  *
  *   fmi2_host LIBRARY GUID RESOURCE_URI STOP STEP PRESSURE_VR VOLTAGE_VR OUTPUT_VR[,VR...]
- *             [--repeat N] [--time] < inputs
+ *             [--repeat N] [--time] [--save K FILE] [--restore K FILE] < inputs
  *
  * stdin:  one row `time [s] pressure [Pa] voltage [V]` per communication point 0, STEP, 2 STEP, ...;
  *         each row is held during the step that starts there. A row at STOP itself may be left out.
@@ -11,6 +11,8 @@
  * --repeat N  run N times, each with an instance of its own; the last run is printed
  * --time      print the nanoseconds per step (fmi2SetReal + fmi2DoStep + fmi2GetReal), the least of
  *             all runs, to stderr
+ * --save K FILE     after K steps, write the serialised state into FILE
+ * --restore K FILE  after K steps, go on from the serialised state in FILE instead
  *
  * Anything worse than fmi2Warning is told on stderr and ends the program with exit code 1.
  */
@@ -73,7 +75,7 @@ static double now_ns(void)
 
 #endif
 
-enum { POSITIONAL = 8, INPUTS = 2, MAX_OUTPUTS = 64 };
+enum { POSITIONAL = 8, INPUTS = 2, MAX_OUTPUTS = 64, MAX_STATE = 1 << 20 };
 
 typedef struct {
     fmi2InstantiateTYPE *instantiate;
@@ -85,6 +87,12 @@ typedef struct {
     fmi2GetRealTYPE *get_real;
     fmi2TerminateTYPE *terminate;
     fmi2FreeInstanceTYPE *free_instance;
+    fmi2GetFMUstateTYPE *get_state;
+    fmi2SetFMUstateTYPE *set_state;
+    fmi2FreeFMUstateTYPE *free_state;
+    fmi2SerializedFMUstateSizeTYPE *state_size;
+    fmi2SerializeFMUstateTYPE *serialize;
+    fmi2DeSerializeFMUstateTYPE *deserialize;
 } Unit;
 
 typedef struct {
@@ -92,8 +100,15 @@ typedef struct {
     fmi2Real held[INPUTS]; /* Pa, V */
 } Row;
 
+/* A state that is written or read after some steps; never, where there is no file. */
+typedef struct {
+    size_t after;
+    const char *file;
+} Stored;
+
 typedef struct {
     const char *guid, *resource_uri;
+    Stored saved, restored;
     double step; /* s */
     size_t steps;
     fmi2ValueReference inputs[INPUTS];
@@ -173,6 +188,12 @@ static Unit load_unit(const char *path)
         (fmi2GetRealTYPE *)require(library, "fmi2GetReal"),
         (fmi2TerminateTYPE *)require(library, "fmi2Terminate"),
         (fmi2FreeInstanceTYPE *)require(library, "fmi2FreeInstance"),
+        (fmi2GetFMUstateTYPE *)require(library, "fmi2GetFMUstate"),
+        (fmi2SetFMUstateTYPE *)require(library, "fmi2SetFMUstate"),
+        (fmi2FreeFMUstateTYPE *)require(library, "fmi2FreeFMUstate"),
+        (fmi2SerializedFMUstateSizeTYPE *)require(library, "fmi2SerializedFMUstateSize"),
+        (fmi2SerializeFMUstateTYPE *)require(library, "fmi2SerializeFMUstate"),
+        (fmi2DeSerializeFMUstateTYPE *)require(library, "fmi2DeSerializeFMUstate"),
     };
 }
 
@@ -192,6 +213,43 @@ static fmi2Component start(const Unit *unit, const Experiment *experiment)
     return tube;
 }
 
+static FILE *open_state(const char *path, const char *how)
+{
+    FILE *file = fopen(path, how);
+    if (!file)
+        fail("cannot open the state %s", path);
+    return file;
+}
+
+static void save_state(const Unit *unit, fmi2Component tube, const char *path, double time)
+{
+    fmi2FMUstate state = NULL;
+    size_t size = 0;
+    check(unit->get_state(tube, &state), "fmi2GetFMUstate", time);
+    check(unit->state_size(tube, state, &size), "fmi2SerializedFMUstateSize", time);
+    fmi2Byte *bytes = malloc(size);
+    if (!bytes)
+        fail("no memory for a state of %zu bytes", size);
+    check(unit->serialize(tube, state, bytes, size), "fmi2SerializeFMUstate", time);
+    check(unit->free_state(tube, &state), "fmi2FreeFMUstate", time);
+    FILE *file = open_state(path, "wb");
+    if (fwrite(bytes, 1, size, file) != size || fclose(file))
+        fail("cannot write the state %s", path);
+    free(bytes);
+}
+
+static void restore_state(const Unit *unit, fmi2Component tube, const char *path, double time)
+{
+    static fmi2Byte bytes[MAX_STATE];
+    fmi2FMUstate state = NULL;
+    FILE *file = open_state(path, "rb");
+    const size_t size = fread(bytes, 1, sizeof bytes, file);
+    fclose(file);
+    check(unit->deserialize(tube, bytes, size, &state), "fmi2DeSerializeFMUstate", time);
+    check(unit->set_state(tube, state), "fmi2SetFMUstate", time);
+    check(unit->free_state(tube, &state), "fmi2FreeFMUstate", time);
+}
+
 /* Fills `results` with the outputs at each communication point; returns the nanoseconds per step. */
 static double simulate(const Unit *unit, const Experiment *experiment, fmi2Real *results)
 {
@@ -203,6 +261,10 @@ static double simulate(const Unit *unit, const Experiment *experiment, fmi2Real 
     const double begin = now_ns();
     for (size_t k = 0; k < experiment->steps; ++k) {
         const double time = (double)k * experiment->step;
+        if (experiment->restored.file && experiment->restored.after == k)
+            restore_state(unit, tube, experiment->restored.file, time);
+        if (experiment->saved.file && experiment->saved.after == k)
+            save_state(unit, tube, experiment->saved.file, time);
         check(unit->set_real(tube, inputs, INPUTS, experiment->rows[k].held), "fmi2SetReal", time);
         check(unit->do_step(tube, time, experiment->step, fmi2True), "fmi2DoStep", time);
         check(unit->get_real(tube, outputs, count, results + (k + 1) * count), "fmi2GetReal", time);
@@ -271,15 +333,26 @@ static Experiment parse_experiment(char **arguments)
     return experiment;
 }
 
-static void parse_options(char **arguments, size_t *repeat, int *timed)
+static Stored parse_stored(char **arguments)
+{
+    if (!arguments[0] || !arguments[1])
+        fail("expected a number of steps and a file after --save and --restore");
+    return (Stored){(size_t)parse_number("steps before a state", arguments[0]), arguments[1]};
+}
+
+static void parse_options(char **arguments, size_t *repeat, int *timed, Experiment *experiment)
 {
     for (; *arguments; ++arguments) {
         if (!strcmp(*arguments, "--time"))
             *timed = 1;
         else if (!strcmp(*arguments, "--repeat") && arguments[1] && atol(arguments[1]) > 0)
             *repeat = (size_t)atol(*++arguments);
+        else if (!strcmp(*arguments, "--save"))
+            experiment->saved = parse_stored(arguments + 1), arguments += 2;
+        else if (!strcmp(*arguments, "--restore"))
+            experiment->restored = parse_stored(arguments + 1), arguments += 2;
         else
-            fail("expected --repeat N with N >= 1, or --time, but was given '%s'", *arguments);
+            fail("expected --repeat N with N >= 1, --time, --save or --restore, but was given '%s'", *arguments);
     }
 }
 
@@ -301,8 +374,8 @@ int main(int argc, char **argv)
 
     if (argc < 1 + POSITIONAL)
         fail("expected LIBRARY GUID RESOURCE_URI STOP STEP PRESSURE_VR VOLTAGE_VR OUTPUT_VR[,VR...]");
-    parse_options(argv + 1 + POSITIONAL, &repeat, &timed);
-    const Experiment experiment = parse_experiment(argv + 1);
+    Experiment experiment = parse_experiment(argv + 1);
+    parse_options(argv + 1 + POSITIONAL, &repeat, &timed, &experiment);
     const Unit unit = load_unit(argv[1]);
     fmi2Real *results = calloc((experiment.steps + 1) * experiment.output_count, sizeof *results);
     if (!results)
@@ -313,5 +386,7 @@ int main(int argc, char **argv)
     print_results(&experiment, results);
     if (timed)
         fprintf(stderr, "%.1f ns per step\n", least);
+    free(results);
+    free((void *)experiment.rows);
     return 0;
 }

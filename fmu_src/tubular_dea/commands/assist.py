@@ -21,11 +21,11 @@ from ..cosim.master import SCHEMES, Options, Run, simulate
 from ..cosim.system import System
 from ..errors import UserError
 from ..files import write_atomically
-from ..model.declare import Model, Quantity, nearest
 from ..model.patients import PATIENTS
 from ..model.units import UnitError, quantity
 from ..model.windkessel import PARAMETERS, checked_patient, patient
 from ..protocol import Protocol
+from .settings import part_values
 
 EXAMPLE = """example:
   tubular-dea assist --patient failing --voltage 5.5kV --out assisted
@@ -69,16 +69,16 @@ def run(options: argparse.Namespace) -> None:
         )
     values = read_patient(options.patient)
     beats = _beats(options)
-    settings = _settings(options.set, models(paced=beats is not None))
+    settings = part_values(models(paced=beats is not None), options.set)
     settings.setdefault("scheduler.voltage_on", _number(options.voltage, "V", "--voltage"))
     stop, paced = _stop(options, values, settings, beats)
     slaves = fmus(paced=paced is not None)
     runs = {}
     for name, voltage in (("without assist", 0.0), ("with assist", settings["scheduler.voltage_on"])):
         system = heart_assist(slaves, values, {**settings, "scheduler.voltage_on": voltage}, paced)
-        runs[name] = _simulate(system, stop, options, name)
-        runs[name].write(options.out / f"{name.replace(' ', '_')}.csv")
-        runs[name].completed()
+        runs[name] = _simulate(system, stop, options, name).completed()
+    for name, made in runs.items():
+        made.write(options.out / f"{name.replace(' ', '_')}.csv")
     _report(options, runs, settings)
 
 
@@ -107,24 +107,6 @@ def _number(text: str, unit: str, what: str) -> float:
         return quantity(text, unit)
     except UnitError as problem:
         raise UserError(f"{what}: {problem}") from None
-
-
-def _settings(texts: list[str], parts: Mapping[str, Model]) -> dict[str, float]:
-    settings = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        part, _, variable = name.strip().partition(".")
-        if part not in parts or not equals:
-            raise UserError(
-                f"--set {text}: expected {', '.join(parts)}, a dot, a parameter and a value, as in heart.C=1.2mL/mmHg"
-            )
-        declared: dict[str, Quantity] = {p.quantity.name: p.quantity for p in parts[part].parameters}
-        if variable not in declared:
-            raise UserError(
-                f"--set {text}: {parts[part].name} has no parameter {variable!r}{nearest(variable, declared)}"
-            )
-        settings[name.strip()] = _number(value, declared[variable].unit, f"--set {name}")
-    return settings
 
 
 def _beats(options: argparse.Namespace) -> np.ndarray | None:

@@ -21,9 +21,10 @@ from ..identify.bench import TUBE
 from ..identify.checks import mislabelled
 from ..kernel import Kernel, Trajectory
 from ..model.dea import tubular_dea
-from ..model.declare import Model, nearest
-from ..model.units import UnitError, factor, quantity
+from ..model.declare import Model
+from ..model.units import factor
 from ..protocol import Protocol, from_specifications, read_csv
+from .settings import parameter_values
 
 EXAMPLE = """example:
   tubular-dea simulate --pressure "ramp 0 95 mmHg from 0 to 1" --voltage "step 0 5 kV at 2 until 3" --stop 4 --out run
@@ -70,41 +71,6 @@ def run(options: argparse.Namespace) -> None:
     if beyond.any():
         at = response.time[beyond][0]
         print(f"the pressure passes the snap-through fold at {at:.3g} s: the tube runs away there")
-
-
-def parameter_values(model: Model, settings: list[str]) -> dict[str, float]:
-    """Parameters from "NAME=VALUE" or "NAME=VALUE UNIT", checked against the declaration; values in SI units."""
-    declared = {p.quantity.name: p.quantity for p in model.parameters}
-    values = {}
-    for setting in settings:
-        name, _, text = setting.partition("=")
-        name = name.strip()
-        if name in values:
-            raise UserError(f"--set {name} is there twice; give it once")
-        if name not in declared:
-            raise UserError(f"--set: {model.name} has no parameter {name!r}{nearest(name, declared)}")
-        q = declared[name]
-        try:
-            value = _truth(text) if q.type == "Boolean" else quantity(text, q.unit)
-        except UnitError as problem:
-            raise UserError(f"--set {setting}: {problem}; for example {name}={shown(q).replace(' ', '')}") from None
-        low, high = q.minimum, q.maximum
-        if not np.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
-            allowed = f"{'-inf' if low is None else low} to {'inf' if high is None else high}"
-            unit = "" if q.unit == "1" else f" {q.unit}"
-            raise UserError(f"--set {setting}: expected {allowed}{unit} but was given {value:g}")
-        if q.type == "Integer" and value != int(value):
-            raise UserError(f"--set {setting}: expected a whole number but was given {value:g}")
-        values[name] = value
-    return values
-
-
-def _truth(text: str) -> float:
-    """1.0 for "true" or "1", 0.0 for "false" or "0"."""
-    known = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
-    if text.strip().lower() not in known:
-        raise UnitError(f"expected true or false but was given {text!r}")
-    return known[text.strip().lower()]
 
 
 def _protocol(options: argparse.Namespace) -> Protocol:

@@ -72,7 +72,7 @@ def detect(ecg: Ecg) -> np.ndarray:
         from sleepecg.heartbeats import detect_heartbeats
     except ImportError:
         raise HeartbeatError(
-            "ECG: finding beats needs the package sleepecg; install tubular-dea[ecg], or give R times"
+            "ECG: finding beats needs the package sleepecg; pip install '.[ecg]', or give R times"
         ) from None
     signal = np.asarray(ecg.signal, dtype=float)
     if signal.ndim != 1 or signal.size < 2 * ecg.rate:
@@ -124,11 +124,13 @@ def read_r_times(path: Path) -> np.ndarray:
 
 
 def _read_wfdb(path: Path, lead: str | None) -> Ecg:
+    if not path.with_suffix(".hea").is_file():
+        raise HeartbeatError(f"{path}: cannot be read as a WFDB record: there is no file {path.with_suffix('.hea')}")
     try:
         import wfdb
     except ImportError:
         raise HeartbeatError(
-            f"{path}: reading WFDB records needs the package wfdb; install tubular-dea[ecg], or convert to CSV"
+            f"{path}: reading WFDB records needs the package wfdb; pip install '.[ecg]', or convert to CSV"
         ) from None
     try:
         record = wfdb.rdrecord(str(path))

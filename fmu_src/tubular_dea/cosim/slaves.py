@@ -6,7 +6,6 @@ import ctypes
 import itertools
 import shutil
 import tempfile
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -51,8 +50,11 @@ class Slave:
         try:
             self.description = fmpy.read_model_description(str(path), validate=False)
             fmpy.extract(str(path), unzipdir=self._folder)
-        except (OSError, zipfile.BadZipFile, KeyError) as problem:
-            raise SlaveError(f"{self.name}: {path} cannot be read as an FMU: {problem}") from None
+        except Exception as problem:  # FMPy and the parsers below it raise what they like
+            why = str(problem) or type(problem).__name__
+            raise SlaveError(
+                f"{self.name}: {path} cannot be read as an FMU: {why}; expected an archive with a valid description"
+            ) from None
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
             raise SlaveError(
                 f"{self.name}: expected an FMI 2.0 co-simulation FMU but {path.name} is not; "

@@ -98,8 +98,22 @@ def header(model: Model) -> str:
     lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model))]
     lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */"]
     lines += ["#include <math.h>", "", *with_powers([definition(f, "static inline ") for f in solver.functions])]
+    lines += _below(model)
     lines += ["#endif", "", "#endif", ""]
     return "\n".join(lines)
+
+
+def _below(model: Model) -> list[str]:
+    """`model_below`, which the integrator asks of every stage; compilers drop it where no state has a minimum."""
+    tests = " | ".join(f"(x[{place}] <= {floor!r})" for place, floor in model.floors().items())
+    return [
+        "/* Whether a state is not above its minimum, where the equations end. */",
+        "static inline int model_below(const double *x)",
+        "{",
+        f"    return {tests};" if tests else "    (void)x;\n    return 0;",
+        "}",
+        "",
+    ]
 
 
 def source(model: Model) -> str:

@@ -105,6 +105,7 @@ def _model_block(model: Model) -> str:
         *(_row(v) for v in variables(model)),
         ")",
         *tuple_lines("NOMINAL = ", [repr(float(s.quantity.nominal)) for s in model.states]),
+        f"FLOORS: tuple[tuple[int, float], ...] = {tuple(model.floors().items())!r}",
         _curve(model),
     ]
     parts = ["\n".join(lines), HELPERS, *emitted, integrator_functions(model)]
@@ -149,14 +150,14 @@ def _stages(model: Model) -> str:
         *unpacked([f"t_{s}" for s in states], "dx_dt"),
     ]
     for number, stage in enumerate(STAGES, start=1):
-        lines += _stage(number, stage, states)
+        lines += _stage(number, stage, states, model.floors())
     last = [f"k{len(STAGES)}_{s}" for s in states]
     lines += tuple_lines("    y = ", [f"y_{s} + {error}" for s, error in zip(states, last, strict=True)])
     lines += tuple_lines("    error = ", last)
     return "\n".join([*lines, "    return y, error", "", "", ""])
 
 
-def _stage(number: int, stage: Stage, states: list[str]) -> list[str]:
+def _stage(number: int, stage: Stage, states: list[str], floors: dict[int, float]) -> list[str]:
     """Where the stage stands, the rates there, and its k."""
     lines: list[str] = []
     if number > 1:
@@ -165,6 +166,7 @@ def _stage(number: int, stage: Stage, states: list[str]) -> list[str]:
             lines += wrapped(f"    y_{s} = ", place.replace("+ -", "- "))
         at = "time + h" if stage.alpha == 1 else f"time + {stage.alpha!r} * h"
         lines += tuple_lines("    y = ", [f"y_{s}" for s in states])
+        lines += [f"    if y_{states[i]} <= {floor!r}:\n        raise BelowMinimum" for i, floor in floors.items()]
         lines.append(f"    rates = derivatives({at}, y, u, HELD, p, NO_FOLD)")
         lines += unpacked([f"r_{s}" for s in states], "rates")
     for s in states:

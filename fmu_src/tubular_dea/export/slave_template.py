@@ -68,13 +68,14 @@ GUID = "{00000000-0000-4000-8000-000000000000}"
 VARIABLES: tuple[Variable, ...] = (
     Variable("time", "s", "TIME", 0, "Real", "continuous", -INF, INF, 0.0, False),
     Variable("load", "N", "INPUT", 0, "Real", "continuous", -INF, INF, 0.0, False),
-    Variable("x", "1", "STATE", 0, "Real", "continuous", -INF, INF, 0.0, False),
+    Variable("x", "1", "STATE", 0, "Real", "continuous", -10.0, INF, 0.0, False),
     Variable("margin", "N", "OUTPUT", 0, "Real", "continuous", -INF, INF, 0.0, True),
     Variable("der(x)", "1/s", "DERIVATIVE", 0, "Real", "continuous", -INF, INF, 0.0, False),
     Variable("damping", "N.s", "PARAMETER", 0, "Real", "tunable", 1e-3, INF, 0.1, False),
     Variable("at_rest", "1", "PARAMETER", 1, "Boolean", "fixed", -INF, INF, 0.0, False),
 )
 NOMINAL = (1.0,)
+FLOORS = ((0, -10.0),)
 CURVE: Curve | None = Curve(0, 1, (), -1.0, 0.0, 2.0)
 
 
@@ -144,6 +145,21 @@ class Unsolvable(ArithmeticError):
     def __init__(self, why: str, time: float, x: Vector) -> None:
         super().__init__(why)
         self.time, self.x = time, x
+
+
+LATELY = 10  # attempts: where one of the last came to a state's minimum, that is why there is no step
+BELOW = -1.0  # what `attempt` gives for an error where a state goes below its minimum
+
+
+class BelowMinimum(ArithmeticError):
+    """A step or a stage of it left the range in which the equations hold."""
+
+
+def check_above(x: Vector) -> None:
+    """Raises `BelowMinimum` where a state is not above its minimum (`FLOORS`: places and minima)."""
+    for place, floor in FLOORS:
+        if x[place] <= floor:
+            raise BelowMinimum
 
 
 class Begin(NamedTuple):
@@ -228,6 +244,7 @@ def stages(
         elif k:
             y = [y[i] + k[-1][i] for i in range(NX)]
         if k:
+            check_above(y)
             rates = derivatives(time + stage.alpha * h, y, u, HELD, p, NO_FOLD)
         sums = [sum(c * before[i] for c, before in zip(stage.c, k)) for i in range(NX)]
         k.append(solve(L, [rates[i] + sums[i] / h + stage.delta * h * dx_dt[i] for i in range(NX)]))
@@ -236,13 +253,19 @@ def stages(
 
 def attempt(begin: Begin, h: float, u: Vector, p: Vector) -> tuple[Vector, float]:
     """One step: the states at its end, and the square of the error over its tolerance, infinite where the
-    step broke down. A pivot that is small beside the shift has lost its digits."""
+    step broke down, `BELOW` where a state left the range of the equations.
+
+    A pivot that is small beside the shift has lost its digits.
+    """
     shift = 1 / (h * GAMMA)
     try:
         L, pivots = factorise(shift, begin.J)
         if not min(map(abs, pivots)) > 1e-9 * shift:
             return begin.x, INF
         x_new, difference = stages(begin.time, begin.x, begin.dx, begin.dx_dt, h, L, u, p)
+        check_above(x_new)
+    except BelowMinimum:
+        return begin.x, BELOW
     except (ArithmeticError, ValueError):
         return begin.x, INF
     error = mean_square(begin.scale, difference)
@@ -251,7 +274,7 @@ def attempt(begin: Begin, h: float, u: Vector, p: Vector) -> tuple[Vector, float
 
 def growth(error: float) -> float:
     """By how much the step may grow (or must shrink) for the square of an error of order 5."""
-    if not error < INF:
+    if not 0 <= error < INF:
         return 0.1
     return min(10.0, max(0.1, 0.8 * max(error, 1e-12) ** -0.1))
 
@@ -275,33 +298,39 @@ def resolving_step(begin: Begin, limit: float) -> float:
 
 
 def advance(
-    time: float, end: float, x: Vector, h: float, u: Vector, p: Vector, tolerance: float
+    time: float, span: float, x: Vector, h: float, u: Vector, p: Vector, tolerance: float
 ) -> tuple[Vector, float]:
-    """From `time` to `end` under the inputs `u`: the states there, and the step size to go on with. `h` is
-    the step size of before, or 0. Raises `Unsolvable`."""
+    """From `time` over `span` seconds under the inputs `u`: the states there, and the step size to go on
+    with.
+    `h` is the step size of before, or 0. Raises `Unsolvable`.
+
+    What has elapsed is counted from `time`: far from zero, times themselves are coarse.
+    """
     begin = linearised(time, x, u, p, tolerance)
-    h = resolving_step(begin, h if h > 0 else end - time)
-    tries = 0
+    h = resolving_step(begin, h if h > 0 else span)
+    tries, since_below, elapsed = 0, LATELY, 0.0
     while True:
-        left = end - begin.time
+        left = span - elapsed
         wanted, rejected = h, False
         while True:
             tries += 1
             if tries > MAX_STEPS:
                 raise Unsolvable("steps", begin.time, begin.x)
-            last = wanted >= left * (1 - 1e-9)
+            last = wanted >= left - max(1e-9 * left, 4e-15 * elapsed)  # leave no crumbs
             step = left if last else wanted
-            if not (step > 4e-16 * abs(begin.time) and step > 1e-300):
-                raise Unsolvable("size", begin.time, begin.x)
+            if not (step > 4e-16 * elapsed and step > 1e-300):
+                raise Unsolvable("minimum" if since_below < LATELY else "size", begin.time, begin.x)
             x_new, error = attempt(begin, step, u, p)
             proposed = step * growth(error)
-            if error <= 1:
+            since_below = 0 if error == BELOW else since_below + 1
+            if 0 <= error <= 1:
                 break
             wanted, rejected = proposed, True
         h = min(proposed, step) if rejected else max(proposed, wanted) if last else proposed
         if last:
             return x_new, h
-        begin = linearised(begin.time + step, x_new, u, p, tolerance)
+        elapsed += step
+        begin = linearised(time + elapsed, x_new, u, p, tolerance)
 
 
 # Equilibrium ----------------------------------------------------------------------------------------------
@@ -547,7 +576,7 @@ class Slave(Fmi2Slave):
         try:
             self._allow("fmi2DoStep", STEPPING)
             self._check_step(current_time, step_size)
-            self._step(current_time, current_time + step_size)
+            self._step(current_time, step_size)
         except Refused as refusal:
             _tell_python(self.instance_name, refusal)
             self.log(str(refusal), Fmi2Status.discard, "logStatusDiscard")
@@ -567,6 +596,11 @@ class Slave(Fmi2Slave):
                 f"communication point: expected the present time {now.time:.12g} s but was given {time:.12g};"
                 " the instance neither goes back in time nor skips any, unless a saved state is restored"
             )
+        if not math.isfinite(time + step):
+            raise Refused(
+                f"communication step: expected an end that is a number but {step:g} s after {time:.12g} s "
+                "there is none"
+            )
         if time + step > now.stop + slack:
             raise Refused(
                 f"communication step: expected an end at or before the stop time {now.stop:.12g} s but was "
@@ -578,13 +612,13 @@ class Slave(Fmi2Slave):
                 "more"
             )
 
-    def _step(self, time: float, end: float) -> None:
+    def _step(self, time: float, step: float) -> None:
         now = self._now
         try:
-            x, h = advance(time, end, now.x, now.h, now.u, now.p, now.tolerance)
+            x, h = advance(time, step, now.x, now.h, now.u, now.p, now.tolerance)
         except Unsolvable as failure:
             raise Refused(_explained(failure)) from None
-        self._now = now._replace(time=end, x=x, h=h)
+        self._now = now._replace(time=time + step, x=x, h=h)
         self._y = None
 
     # Values
@@ -757,6 +791,12 @@ class Slave(Fmi2Slave):
                     " the voltage, or do not start at equilibrium"
                 )
         assert x is not None
+        for variable in VARIABLES:
+            if variable.kind == "STATE" and x[variable.place] <= variable.minimum:
+                raise Refused(
+                    f"start value of {variable.name}: expected more than {variable.minimum:g}, where the "
+                    f"equations end, but was given {x[variable.place]:.6g}"
+                )
         self._now = now._replace(x=tuple(x))
         self._start_is_stale = False
         self._y = None
@@ -797,12 +837,18 @@ def _check_range(function: str, variable: Variable, value: float) -> None:
 
 def _explained(failure: Unsolvable) -> str:
     """What the integrator could not do, and where it was."""
-    names = [v.name for v in sorted((v for v in VARIABLES if v.kind == "STATE"), key=lambda v: v.place)]
-    states = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, failure.x))
-    where = f"at time {failure.time:.9g} with {states}; the instance is as it was before the step"
+    states = sorted((v for v in VARIABLES if v.kind == "STATE"), key=lambda v: v.place)
+    values = ", ".join(f"{v.name} = {value:.6g}" for v, value in zip(states, failure.x))
+    where = f"at time {failure.time:.9g} with {values}; the instance is as it was before the step"
     if str(failure) == "steps":
         return (
             f"more than {MAX_STEPS} internal steps were needed: stopped {where}; use a shorter step or a "
             "larger tolerance"
+        )
+    if str(failure) == "minimum":
+        v = min(states, key=lambda v: (failure.x[v.place] - v.minimum) / NOMINAL[v.place])
+        return (
+            f"{v.name} would come to {v.minimum:g}, where the equations end, {where}; check inputs and "
+            "parameters, and their units"
         )
     return f"no step size, however small, solves the equations {where}; check inputs and parameters"

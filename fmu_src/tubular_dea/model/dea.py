@@ -84,7 +84,8 @@ PARAMETERS = (
     *(Parameter(quantity) for quantity in GEOMETRY),
 )
 
-LAMBDA_2 = Quantity("lambda_2", "1", "Hoop stretch R / r_o at the middle of the tube", source="Eq. (17)")
+LAMBDA_2 = Quantity("lambda_2", "1", "Hoop stretch R / r_o at the middle of the tube", source="Eq. (17)",
+                    minimum=0.0)  # lambda_3 is its inverse
 LAMBDA_2_RATE = Quantity("lambda_2_rate", "1/s", "Rate of the hoop stretch", source="Eq. (17)", nominal=10.0)
 SIGMA_VIS1 = Quantity("sigma_vis1", "Pa", "Stress of Maxwell branch 1", source="Eq. (10)", nominal=1e5,
                       display_unit="kPa")

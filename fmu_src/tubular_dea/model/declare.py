@@ -28,8 +28,8 @@ class Quantity:
     """A physical quantity: its name in the paper (ASCII), its SI unit, what it is and where it comes from.
 
     `value` is the start or default value in `unit`; `nominal` its typical size (used to scale tolerances);
-    `minimum` and `maximum` are inclusive and enforced wherever a value is set. `type` is the FMI type:
-    "Real", "Integer" or "Boolean".
+    `minimum` and `maximum` are inclusive and enforced wherever a value is set. A state stays above its minimum: there
+    the equations end, and what would come to it is an error. `type` is the FMI type: "Real", "Integer" or "Boolean".
     """
 
     name: str
@@ -187,6 +187,10 @@ class Model:
         names = [definition.quantity.name for definition in self.definitions]
         raise DeclarationError(f"{self.name} has no definition {name!r}{nearest(name, names)}")
 
+    def floors(self) -> dict[int, float]:
+        """The minima of states that have one, by the place of the state."""
+        return {i: s.quantity.minimum for i, s in enumerate(self.states) if s.quantity.minimum is not None}
+
     def parameter_values(self) -> dict[str, float]:
         """Default parameter values by name, in SI units."""
         return {p.quantity.name: float(p.quantity.value or 0.0) for p in self.parameters}
@@ -318,6 +322,10 @@ def _check_order(model: Model) -> None:
         known.add(definition.quantity.symbol)
     for state in model.states:
         _check_known(model, f"der({state.quantity.name})", state.derivative, known)
+        if state.quantity.maximum is not None:
+            raise DeclarationError(
+                f"{model.name}: {state.quantity.name} is a state; expected no maximum: it would not be enforced"
+            )
     for delay in model.delays:
         _check_delay(model, delay)
     _check_samples(model)

@@ -11,7 +11,6 @@
 #define NU AT_LEAST_ONE(MODEL_NU)
 #define NQ AT_LEAST_ONE(MODEL_NQ)
 #define NY AT_LEAST_ONE(MODEL_NY)
-#define NO_REST_STATE (-1)
 #define PARTS 4 /* of a step, at whose ends probes look */
 
 /* The fold, kept as long as what moves it stays: all inputs but the load. One `Fold` serves one set of parameters. */
@@ -25,7 +24,7 @@ typedef struct {
     long row; /* -1: none */
     const double *p;
     double start, stop, near; /* breakpoints nearer than `near` are one */
-    long segment[NU], tries, steps;
+    long segment[NU], tries, steps, since_below; /* the last: attempts since one came to a state's minimum */
     Fold fold;
 } Trip;
 
@@ -272,6 +271,7 @@ static void begin(Run *run, int l)
         double q[NQ];
         memset(trip, 0, sizeof *trip);
         trip->row = run->next_row++;
+        trip->since_below = LATELY;
         trip->p = batch->p + trip->row * MODEL_NP;
         trip->start = batch->start;
         trip->stop = batch->stop[trip->row * batch->stop_stride];
@@ -289,7 +289,7 @@ static void begin(Run *run, int l)
 }
 
 /* After an attempt and the move that follows it: on to the next piece or trajectory where one has ended. */
-static void carry_on(Run *run, int l, double before)
+static void carry_on(Run *run, int l)
 {
     const Lanes *lanes = &run->lanes;
     Trip *trip = &run->trips[l];
@@ -301,8 +301,10 @@ static void carry_on(Run *run, int l, double before)
         }
     }
     if (trip->row < 0) return;
+    trip->since_below = lanes->below[l] > 0 ? 0 : trip->since_below + 1;
     if (++trip->tries >= run->batch->max_steps) finish(run, l, SOLVER_TOO_MANY_STEPS);
-    else if (!(lanes->h[l] > 4e-16 * fabs(before) && lanes->h[l] > 1e-300)) finish(run, l, SOLVER_STEP_TOO_SMALL);
+    else if (!(lanes->wanted[l] > 4e-16 * fabs(lanes->time[l]) && lanes->wanted[l] > 1e-300))
+        finish(run, l, trip->since_below < LATELY ? SOLVER_BELOW_MINIMUM : SOLVER_STEP_TOO_SMALL);
 }
 
 static void survey(Run *run)
@@ -331,7 +333,6 @@ void batch_trajectories(const Batch *batch)
         run.lanes.wanted[l] = run.lanes.piece_end[l] = 1;
     }
     while (busy) {
-        double before[LANES];
         busy = 0;
         for (int l = 0; l < LANES; l++) {
             if (run.trips[l].row < 0) begin(&run, l);
@@ -339,13 +340,11 @@ void batch_trajectories(const Batch *batch)
         }
         if (!busy) break;
         lanes_attempt(&run.lanes, run.looks_inside);
-        for (int l = 0; l < LANES; l++) {
-            before[l] = run.lanes.time[l];
+        for (int l = 0; l < LANES; l++)
             if (run.looks_inside && run.trips[l].row >= 0 && run.lanes.accepted[l] > 0) look_inside(&run, l);
-        }
         lanes_move(&run.lanes);
         for (int l = 0; l < LANES; l++)
-            if (run.trips[l].row >= 0) carry_on(&run, l, before[l]);
+            if (run.trips[l].row >= 0) carry_on(&run, l);
     }
 }
 

@@ -63,7 +63,7 @@ typedef struct {
 KERNEL_EXPORT void batch_trajectories(const Batch *batch);
 
 /* Rest states under constant inputs (n x MODEL_NU values in `u`); of the probes, only `source` and `index` are read.
- * `status` is 0, or -1 where there is no rest state. */
+ * `status` is 0, or NO_REST_STATE. */
 KERNEL_EXPORT void batch_rest(long n, const double *p, const double *u, long n_probes, const Probe *probes,
                               double *results, int *status);
 

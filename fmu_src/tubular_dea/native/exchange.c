@@ -34,6 +34,8 @@ Status instance_set_states(Instance *instance, const double *x, size_t n)
         if (!isfinite(x[i]))
             return instance_report(instance, STATUS_ERROR, "continuous state %s: expected a finite number but was given %g",
                                    instance_name_of(STATE, (int)i), x[i]);
+    /* Not an error: a solver that tried too large a step tries a smaller one. */
+    if (instance_above_minima(instance, "continuous state", x, STATUS_DISCARD) != STATUS_OK) return STATUS_DISCARD;
     if (n > 0) memcpy(instance->now.x, x, n * sizeof *x);
     instance->outputs_are_stale = 1;
     return STATUS_OK;

@@ -224,6 +224,18 @@ void instance_update_fold(Instance *instance)
     instance->fold_is_stale = 0;
 }
 
+Status instance_above_minima(Instance *instance, const char *what, const double *x, Status status)
+{
+    for (int i = 0; i < MODEL_VARIABLES; i++) {
+        const Variable *v = &model_variables[i];
+        if (v->kind == STATE && x[v->index] <= v->minimum)
+            return instance_report(instance, status,
+                                   "%s %s: expected more than %g, where the equations end, but was given %.6g", what, v->name,
+                                   v->minimum, x[v->index]);
+    }
+    return STATUS_OK;
+}
+
 /* Initial states from parameters and inputs, while in initialization mode. */
 Status instance_update_start(Instance *instance)
 {
@@ -248,6 +260,7 @@ Status instance_update_start(Instance *instance)
                                    instance->fold, u[CURVE_LOAD]);
     }
 #endif
+    if (instance_above_minima(instance, "start value of", now->x, STATUS_ERROR) != STATUS_OK) return STATUS_ERROR;
     instance->start_is_stale = 0;
     instance->outputs_are_stale = 1;
     return STATUS_OK;

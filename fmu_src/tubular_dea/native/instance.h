@@ -123,6 +123,9 @@ Status instance_get_states(Instance *instance, double *x, size_t n);
 Status instance_get_derivatives(Instance *instance, double *dx, size_t n);
 Status instance_get_nominals(Instance *instance, double *nominal, size_t n);
 
+/* OK where all states are above their minima; `status` and a message that names the first one that is not. */
+Status instance_above_minima(Instance *instance, const char *what, const double *x, Status status);
+
 /* The name of a variable for messages. */
 const char *instance_name_of(Kind kind, int index);
 

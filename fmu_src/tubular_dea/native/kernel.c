@@ -54,7 +54,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y};
-    SolverStatus status = SOLVER_OK;
+    int status = SOLVER_OK;
     const long first = piece_first(n_points, points);
     long last = n_points - 2;
     while (last > first && points[last + 1] <= points[last]) last--;
@@ -64,9 +64,10 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     solver.observer = sample;
     solver.context = &recorder;
     *reached = time;
-    Instance *start = piece_start(p, u + first * MODEL_NU, time, state);
-    if (!start) return -1;
+    Instance *start = piece_start(p, u + first * MODEL_NU, time, state, &status);
+    if (!start) return status;
     instance_free(start);
+    status = SOLVER_OK;
     for (long k = first; k <= last && status == SOLVER_OK; k++) {
         if (points[k + 1] <= points[k]) continue;
         piece_inputs(&solver.inputs, points, u, k);
@@ -74,7 +75,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         recorder.last_piece = k == last;
         if (!(h > 0)) h = solver_first_step(&solver, time, state, points[k + 1] - time);
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
-        status = solver_advance(&solver, &time, points[k + 1], state, &h);
+        status = solver_advance(&solver, &time, points[k + 1], points[k + 1] - time, state, &h);
     }
     counts[0] = solver.steps;
     counts[1] = solver.rejected;

@@ -10,13 +10,15 @@
 #define KERNEL_EXPORT __attribute__((visibility("default")))
 #endif
 
+#define NO_REST_STATE (-1) /* beside the SolverStatus: there is none to start at */
+
 /* Integrates from points[0] to points[n_points - 1] with inputs that run straight between points (n_points x MODEL_NU
  * values in `u`); a time listed twice is a jump. `p` are the parameters.
  *
  * Writes states (n_samples x MODEL_NX) and outputs (n_samples x MODEL_NY + 1, the fold last; it is computed only if
  * `with_fold`; none at all where `y` is NULL) at the ascending times `samples`; at a jump they carry the values after
  * it. `counts` receives internal steps and rejected ones, `reached` the time at which the integration ended.
- * Returns 0, a SolverStatus, or -1 where there is no rest state to start at. */
+ * Returns 0, a SolverStatus, or NO_REST_STATE. */
 KERNEL_EXPORT int kernel_trajectory(const double *p, long n_points, const double *points, const double *u,
                                     double tolerance, long n_samples, const double *samples, int with_fold, double *x,
                                     double *y, long *counts, double *reached);

@@ -99,13 +99,15 @@ static void factorise(Lanes *lanes, Work *work)
     EVERY_LANE(l) {
         double J[NJ], L[NL], pivot[NX], b[NX], k[NX];
         const double left = lanes->piece_end[l] - lanes->time[l];
-        const int last = lanes->wanted[l] >= left * (1 - 1e-9);
+        const double crumb = larger(1e-9 * left, 4e-15 * fabs(lanes->time[l]));
+        const int last = lanes->wanted[l] >= left - crumb;
         const double h = last ? left : lanes->wanted[l];
         const double inverse_h = 1 / h, shift = inverse_h * (1 / GAMMA);
         double good = 1;
         TAKE(J, work->J, MODEL_NJ);
         model_factorise(shift, J, L, pivot);
         for (int i = 0; i < MODEL_NX; i++) good = fabs(pivot[i]) > 1e-9 * shift ? good : 0;
+        lanes->below[l] = 0;
         for (int i = 0; i < MODEL_NX; i++) b[i] = work->dx[i][l] + DELTA[0] * h * work->dx_dt[i][l];
         model_solve(L, b, k);
         PUT(work->L, L, MODEL_NL);
@@ -129,6 +131,7 @@ static inline __attribute__((always_inline)) void stage(Lanes *lanes, Work *work
             if (s <= 5)
                 for (int j = 0; j < s; j++) x[i] += A[s][j] * work->k[j][i][l];
         }
+        lanes->below[l] = model_below(x) ? 1 : lanes->below[l];
         TAKE(q, lanes->q, MODEL_NQ);
         TAKE(L, work->L, MODEL_NL);
         TAKE(du, lanes->du, MODEL_NU);
@@ -142,8 +145,10 @@ static inline __attribute__((always_inline)) void stage(Lanes *lanes, Work *work
         model_solve(L, b, k);
         PUT(work->k[s], k, MODEL_NX);
         if (s >= 5) PUT(work->at, x, MODEL_NX);
-        if (s == STAGES - 1)
-            for (int i = 0; i < MODEL_NX; i++) lanes->x_new[i][l] = x[i] + k[i];
+        if (s < STAGES - 1) continue;
+        for (int i = 0; i < MODEL_NX; i++) x[i] += k[i];
+        PUT(lanes->x_new, x, MODEL_NX);
+        lanes->below[l] = model_below(x) ? 1 : lanes->below[l];
     }
 }
 
@@ -157,7 +162,8 @@ static void judge(Lanes *lanes, const Work *work)
             error += scaled * scaled;
         }
         error /= NX;
-        const int finite = (error < INFINITY) & (work->regular[l] > 0), accepted = finite & (error <= 1);
+        const int finite = (error < INFINITY) & (work->regular[l] > 0) & !(lanes->below[l] > 0);
+        const int accepted = finite & (error <= 1);
         const double factor = finite ? smaller(10, larger(0.1, 0.8 * inverse_tenth_root(larger(error, 1e-12)))) : 0.1;
         const double h = lanes->h[l], next = h * factor, wanted = lanes->wanted[l];
         const double after_last = lanes->last[l] > 0 ? larger(next, wanted) : next;

@@ -24,6 +24,7 @@ typedef struct {
     Lane rejected; /* 1: the last attempt was refused */
     /* Results of the last attempt: a step of size h to x_new, accepted or not, to the end of the piece or not. */
     Lane h, accepted, last;
+    Lane below; /* 1: a stage or the end of the last attempt left the range of the equations */
     Lane x_new[AT_LEAST_ONE(MODEL_NX)], bend[3][AT_LEAST_ONE(MODEL_NX)]; /* bend as in Step */
     double tolerance;
 } Lanes;

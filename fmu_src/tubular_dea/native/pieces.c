@@ -21,9 +21,10 @@ void piece_inputs(Inputs *inputs, const double *points, const double *u, long k)
     }
 }
 
-Instance *piece_start(const double *p, const double *u, double time, double *x)
+Instance *piece_start(const double *p, const double *u, double time, double *x, int *status)
 {
     char problem[PROBLEM_SIZE];
+    *status = NO_REST_STATE;
     Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
     if (!instance) return NULL;
     memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
@@ -31,6 +32,7 @@ Instance *piece_start(const double *p, const double *u, double time, double *x)
     instance->now.time = time;
     instance_enter_initialization(instance);
     if (instance_get_states(instance, x, MODEL_NX) == STATUS_OK) return instance;
+    if (instance_above_minima(instance, "", instance->now.x, STATUS_ERROR) != STATUS_OK) *status = SOLVER_BELOW_MINIMUM;
     instance_free(instance);
     return NULL;
 }

@@ -3,7 +3,7 @@
 #define PIECES_H
 
 #include "instance.h"
-#include "rosenbrock.h"
+#include "kernel.h"
 
 #define MAX_STEPS 10000000 /* in one trajectory */
 
@@ -14,7 +14,7 @@ long piece_first(long n_points, const double *points);
 void piece_inputs(Inputs *inputs, const double *points, const double *u, long k);
 
 /* An instance in initialization at `time`, under parameters and first inputs, and the states `x` that it starts in;
- * NULL where there are none. The caller frees it. */
-Instance *piece_start(const double *p, const double *u, double time, double *x);
+ * NULL where there are none: NO_REST_STATE or SOLVER_BELOW_MINIMUM in `status`. The caller frees it. */
+Instance *piece_start(const double *p, const double *u, double time, double *x, int *status);
 
 #endif

@@ -78,8 +78,11 @@ static inline int regular(const double *pivot, double shift)
     return good;
 }
 
+/* What `attempt` answers where a state goes below its minimum: no error is negative. */
+#define BELOW (-1.0)
+
 /* One step of size step->h from step->x; returns the square of the error over its tolerance, infinite where the step
- * broke down. */
+ * broke down, BELOW where a stage or its end left the range of the equations. */
 static double attempt(const Solver *solver, const double *q, const Start *start, Step *step)
 {
     double k[STAGES][NX], x[NX], b[NX], L[NL], pivot[NX], u[NU], du[NU];
@@ -95,6 +98,7 @@ static double attempt(const Solver *solver, const double *q, const Start *start,
                 for (int j = 0; j < s; j++) sum += A[s][j] * k[j][i];                                 \
             x[i] = sum;                                                                               \
         }                                                                                             \
+        if (model_below(x)) return BELOW;                                                             \
         if (s < 6) input_values(&solver->inputs, step->time + ALPHA[s] * h, u, du);                   \
         model_slopes(step->time + ALPHA[s] * h, x, u, du, q, b);                                      \
         for (int i = 0; i < MODEL_NX; i++) {                                                          \
@@ -117,6 +121,7 @@ static double attempt(const Solver *solver, const double *q, const Start *start,
     STAGE(7);
 #undef STAGE
     for (int i = 0; i < MODEL_NX; i++) step->x_new[i] = x[i] + k[STAGES - 1][i];
+    if (model_below(step->x_new)) return BELOW;
     if (solver->observer)
         for (int d = 0; d < 3; d++)
             for (int i = 0; i < MODEL_NX; i++) {
@@ -150,7 +155,7 @@ static inline double larger(double a, double b) { return a > b ? a : b; }
  * that its order gives: steps swing less, and fewer are rejected. To remember the error before would gain nothing. */
 static double growth(double error)
 {
-    if (!(error < INFINITY)) return 0.1;
+    if (!(error >= 0 && error < INFINITY)) return 0.1;
     return smaller(10, larger(0.1, 0.8 * inverse_root(larger(error, 1e-12), 12)));
 }
 
@@ -178,16 +183,17 @@ double solver_first_step(const Solver *solver, double time, const double *x, dou
     return resolving_step(&start, limit);
 }
 
-SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h)
+SolverStatus solver_advance(Solver *solver, double *time, double end, double span, double *x, double *h)
 {
-    double q[NQ];
+    const double begin = *time;
+    double q[NQ], elapsed = 0;
     Start start;
     Step step;
-    long tries = 0;
+    long tries = 0, since_below = LATELY;
     int first = 1;
     model_prepare(solver->p, q);
-    while (*time < end) {
-        const double left = end - *time;
+    while (elapsed < span) {
+        const double left = span - elapsed;
         double wanted = *h;
         int rejected = 0;
         linearise(solver, q, *time, x, &start);
@@ -197,14 +203,17 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
         memcpy(step.x, x, sizeof step.x);
         for (;;) {
             if (tries++ >= solver->max_steps) return SOLVER_TOO_MANY_STEPS;
-            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * fabs(*time)); /* leave no crumbs */
+            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * elapsed); /* leave no crumbs */
             step.h = last ? left : wanted;
-            if (!(step.h > 4e-16 * fabs(*time) && step.h > 1e-300)) return SOLVER_STEP_TOO_SMALL;
+            if (!(step.h > 4e-16 * elapsed && step.h > 1e-300))
+                return since_below < LATELY ? SOLVER_BELOW_MINIMUM : SOLVER_STEP_TOO_SMALL;
             const double error = attempt(solver, q, &start, &step);
             const double next = step.h * growth(error);
-            if (error <= 1) {
+            since_below = error < 0 ? 0 : since_below + 1;
+            if (error >= 0 && error <= 1) {
                 *h = rejected ? smaller(next, step.h) : last ? larger(next, wanted) : next;
-                *time = last ? end : *time + step.h;
+                elapsed = last ? span : elapsed + step.h;
+                *time = last ? end : smaller(end, begin + elapsed);
                 break;
             }
             wanted = next;

@@ -24,6 +24,10 @@ static Status check_step(Instance *instance, double time, double step)
                                "communication point: expected the present time %.12g s but was given %.12g; the "
                                "instance neither goes back in time nor skips any, unless a saved state is restored",
                                now->time, time);
+    if (!isfinite(time + step))
+        return instance_report(instance, STATUS_ERROR,
+                               "communication step: expected an end that is a number but %g s after %.12g s there is none",
+                               step, time);
     if (time + step > now->stop + slack)
         return instance_report(instance, STATUS_ERROR,
                                "communication step: expected an end at or before the stop time %.12g s but was given "
@@ -62,6 +66,20 @@ static int look(void *context, const Step *step)
     return watch->end < end || memcmp(instance->now.u, inputs.u, sizeof inputs.u);
 }
 
+/* The state that is nearest to its minimum, by its nominal value. */
+static const Variable *nearest_minimum(const double *x)
+{
+    const Variable *nearest = model_variables;
+    double least = INFINITY;
+    for (int i = 0; i < MODEL_VARIABLES; i++) {
+        const Variable *v = &model_variables[i];
+        if (v->kind != STATE) continue;
+        const double room = (x[v->index] - v->minimum) / model_nominal[v->index];
+        if (room < least) nearest = v, least = room;
+    }
+    return nearest;
+}
+
 static Status solver_failed(Instance *instance, SolverStatus failure, const Snapshot *reached)
 {
     char states[512] = "";
@@ -71,6 +89,13 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
         if (v->kind == STATE && used < sizeof states - 1)
             used += (size_t)snprintf(states + used, sizeof states - used, "%s%s = %.6g", used ? ", " : "", v->name,
                                      reached->x[v->index]);
+    }
+    if (failure == SOLVER_BELOW_MINIMUM) {
+        const Variable *v = nearest_minimum(reached->x);
+        return instance_report(instance, STATUS_ERROR,
+                               "%s would come to %g, where the equations end, at time %.9g with %s; the instance is as it "
+                               "was before the step; check inputs and parameters, and their units",
+                               v->name, v->minimum, reached->time, states);
     }
     if (failure == SOLVER_TOO_MANY_STEPS)
         return instance_report(instance, STATUS_ERROR,
@@ -83,8 +108,8 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
                            reached->time, states);
 }
 
-/* Integrate towards `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
-static SolverStatus run(Instance *instance, Solver *solver, double end)
+/* Integrate over `span` to `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
+static SolverStatus run(Instance *instance, Solver *solver, double end, double span)
 {
     Snapshot *now = &instance->now;
     SolverStatus outcome;
@@ -95,11 +120,13 @@ static SolverStatus run(Instance *instance, Solver *solver, double end)
         memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
         delay_drive(instance, &solver->inputs);
         solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
-        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, stop - now->time);
-        outcome = solver_advance(solver, &now->time, stop, now->x, &now->h);
+        if (stop < end) span = stop - now->time;
+        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, span);
+        outcome = solver_advance(solver, &now->time, stop, span, now->x, &now->h);
         if (outcome != SOLVER_OK || now->time >= end) return outcome;
         inputs_move(&solver->inputs, now->time);
         memcpy(now->u, solver->inputs.u, sizeof now->u);
+        span = end - now->time;
     }
 }
 
@@ -134,10 +161,11 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     now->marks &= ~SPENT;
     now->time = time;
     take_sample(instance);
-    do outcome = run(instance, &solver, watch.end);
-    while (outcome == SOLVER_STOPPED && now->time < watch.end);
+    outcome = run(instance, &solver, watch.end, step);
+    while (outcome == SOLVER_STOPPED && now->time < watch.end)
+        outcome = run(instance, &solver, watch.end, watch.end - now->time);
     instance_forget(instance);
-    if (outcome == SOLVER_TOO_MANY_STEPS || outcome == SOLVER_STEP_TOO_SMALL) {
+    if (outcome != SOLVER_OK && outcome != SOLVER_STOPPED) {
         const Snapshot reached = instance->now;
         instance->now = before;
         return solver_failed(instance, outcome, &reached);

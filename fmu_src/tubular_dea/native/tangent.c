@@ -69,12 +69,12 @@ static unsigned reference_of(Kind kind, int index)
     return vr;
 }
 
-/* The start states, and how they move with the columns of the blocks; 0 where there are none. */
+/* The start states, and how they move with the columns of the blocks; SOLVER_OK or why there are none. */
 static int start(const double *p, const double *u, double time, double *x, Block *blocks, long n_blocks)
 {
-    Instance *instance = piece_start(p, u, time, x);
-    int found = 1;
-    if (!instance) return 0;
+    int found = 1, status;
+    Instance *instance = piece_start(p, u, time, x, &status);
+    if (!instance) return status;
     for (long b = 0; found && b < n_blocks; b++)
         for (int l = 0; l < WIDTH; l++)
             for (int i = 0; i < MODEL_NX && blocks[b].parameter[l] >= 0; i++) {
@@ -85,7 +85,7 @@ static int start(const double *p, const double *u, double time, double *x, Block
                 blocks[b].x[i][l] = moved;
             }
     instance_free(instance);
-    return found;
+    return found ? SOLVER_OK : NO_REST_STATE;
 }
 
 /* The parameters of one column moved by `by`, as the solver wants them. */
@@ -122,8 +122,8 @@ static void prepare(Run *run, const int *columns, const double *sizes)
 
 /* One step ----------------------------------------------------------------------------------------------------- */
 
-/* Takes the step from `x`; 0 where it breaks down. */
-static int take(const Run *run, double time, double h, const double *x, Taken *s)
+/* Takes the step from `x`. */
+static SolverStatus take(const Run *run, double time, double h, const double *x, Taken *s)
 {
     double b[NX], pivot[NX], unused[NJ], dx_dt[NX], u[NU], du[NU];
     const double inverse_h = 1 / h, shift = inverse_h * (1 / GAMMA);
@@ -137,12 +137,13 @@ static int take(const Run *run, double time, double h, const double *x, Taken *s
             at[i] = x[i];
             for (int j = 0; j < stage; j++) at[i] += A[stage][j] * s->k[j][i];
         }
+        if (model_below(at)) return SOLVER_BELOW_MINIMUM;
         inputs_at(&run->inputs, time + ALPHA[stage] * h, u, du);
         model_gradients(time + ALPHA[stage] * h, at, u, du, run->gradients, b, s->J[stage], s->P[stage]);
         if (stage == 0) {
             model_factorise(shift, s->J[0], s->L, pivot);
             for (int i = 0; i < MODEL_NX; i++)
-                if (!(fabs(pivot[i]) > 1e-9 * shift)) return 0;
+                if (!(fabs(pivot[i]) > 1e-9 * shift)) return SOLVER_STEP_TOO_SMALL;
         }
         for (int i = 0; i < MODEL_NX; i++) {
             double sum = 0;
@@ -153,9 +154,9 @@ static int take(const Run *run, double time, double h, const double *x, Taken *s
     }
     for (int i = 0; i < MODEL_NX; i++) {
         s->x_new[i] = s->x[STAGES - 1][i] + s->k[STAGES - 1][i];
-        if (!isfinite(s->x_new[i])) return 0;
+        if (!isfinite(s->x_new[i])) return SOLVER_STEP_TOO_SMALL;
     }
-    return 1;
+    return model_below(s->x_new) ? SOLVER_BELOW_MINIMUM : SOLVER_OK;
 }
 
 /* J and df/dt at a place `sign` sizes along the columns. */
@@ -346,7 +347,8 @@ static void record_within(Run *run, const Taken *s, double time, double *v)
 static int step_to(Run *run, double time, double end, double *x, double *v)
 {
     Taken s;
-    if (!take(run, time, end - time, x, &s)) return SOLVER_STEP_TOO_SMALL;
+    const SolverStatus status = take(run, time, end - time, x, &s);
+    if (status != SOLVER_OK) return status;
     for (long b = 0; b < run->n_blocks; b++) differentiate(&s, &run->blocks[b]);
     if (run->next < run->n_samples && run->samples[run->next] < end) {
         bend(&s, run->blocks, run->n_blocks);
@@ -400,8 +402,8 @@ int kernel_tangents(const double *p, long n_points, const double *points, const 
     *reached = points[0];
     if (run.blocks && v) {
         prepare(&run, columns, sizes);
-        status = -1;
-        if (start(p, u + first * MODEL_NU, points[0], state, run.blocks, run.n_blocks))
+        status = start(p, u + first * MODEL_NU, points[0], state, run.blocks, run.n_blocks);
+        if (status == SOLVER_OK)
             status = walk(&run, n_points, points, u, n_mesh, mesh, state, v, reached);
     }
     free(run.blocks);
@@ -430,18 +432,18 @@ long kernel_mesh(const double *p, long n_points, const double *points, const dou
     double x[NX], time = points[0], h = 0;
     Notes notes = {mesh, room, 0};
     Solver solver = {0};
-    SolverStatus status = SOLVER_OK;
+    int status;
     const long first = piece_first(n_points, points);
     solver.p = p, solver.tolerance = tolerance, solver.max_steps = MAX_STEPS;
     solver.observer = note, solver.context = &notes;
     *reached = time;
-    if (!start(p, u + first * MODEL_NU, time, x, NULL, 0)) return -11;
+    status = start(p, u + first * MODEL_NU, time, x, NULL, 0);
     for (long k = first; k < n_points - 1 && status == SOLVER_OK; k++) {
         if (points[k + 1] <= points[k]) continue;
         piece_inputs(&solver.inputs, points, u, k);
         if (!(h > 0)) h = solver_first_step(&solver, time, x, points[k + 1] - time);
-        status = solver_advance(&solver, &time, points[k + 1], x, &h);
+        status = solver_advance(&solver, &time, points[k + 1], points[k + 1] - time, x, &h);
     }
     *reached = time;
-    return status == SOLVER_OK ? notes.n : (long)status - 20;
+    return status == SOLVER_OK ? notes.n : status - 20;
 }

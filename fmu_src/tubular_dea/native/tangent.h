@@ -5,7 +5,7 @@
 #include "kernel.h"
 
 /* The ends of the steps that the integrator takes (at most `room` are written); their number, or a negative status as
- * kernel_trajectory returns it, minus 10. Points and inputs as in kernel_trajectory. */
+ * kernel_trajectory returns it, minus 20. Points and inputs as in kernel_trajectory. */
 KERNEL_EXPORT long kernel_mesh(const double *p, long n_points, const double *points, const double *u, double tolerance,
                                long room, double *mesh, double *reached);
 

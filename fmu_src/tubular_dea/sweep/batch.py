@@ -32,6 +32,7 @@ MESSAGES = {
     -1: "there is no rest state: the load is beyond the fold at these inputs, or below the curve",
     2: f"more than {MAX_STEPS} internal steps were needed",
     3: "no step size, however small, solves the equations",
+    4: "a state would come to its minimum, where the equations end; check inputs and parameters",
 }
 
 

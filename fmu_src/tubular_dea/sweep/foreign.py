@@ -34,7 +34,9 @@ def _unpacked(fmu: ForeignFmu) -> tuple[str, Any]:
         description = fmpy.read_model_description(folder)
     except Exception as problem:
         shutil.rmtree(folder)
-        raise PlanError(f"model: {fmu.name}: cannot be read as an FMU: {problem}") from None
+        raise PlanError(
+            f"model: {fmu.name}: cannot be read as an FMU: {problem}; expected an archive with a valid description"
+        ) from None
     import atexit
 
     atexit.register(shutil.rmtree, folder, ignore_errors=True)

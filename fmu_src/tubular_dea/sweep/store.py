@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UserError
-from ..files import write_atomically
+from ..files import is_unfinished, write_atomically
 from .extra import load
 from .parts import Part, arrow
 from .plan import Plan
@@ -62,7 +62,7 @@ class Store:
         path = folder / "manifest.json"
         if path.exists():
             _same(_manifest(path), mine, folder)
-        elif folder.exists() and any(folder.iterdir()):
+        elif folder.exists() and any(entry for entry in folder.iterdir() if not is_unfinished(entry)):
             raise StoreError(f"{folder}: it is not empty and holds no sweep; give another --out, or empty it")
         else:
             check_room(plan, folder)
@@ -164,11 +164,15 @@ def write_cube(store: Store, plan: Plan) -> Path:
     """The cube as DIR/cube.zarr."""
     load("zarr", "a cube")
     made = cube(store, plan)
-    fresh, path = store.folder / "cube.zarr.new", store.folder / "cube.zarr"
+    path = store.folder / "cube.zarr"
+    fresh, old = path.with_suffix(".zarr.new"), path.with_suffix(".zarr.old")
     shutil.rmtree(fresh, ignore_errors=True)
     made.to_zarr(fresh, mode="w", zarr_format=2, consolidated=True)
-    shutil.rmtree(path, ignore_errors=True)
+    shutil.rmtree(old, ignore_errors=True)
+    if path.exists():
+        path.rename(old)  # whole: a folder cannot be replaced at one stroke as a file can
     fresh.rename(path)
+    shutil.rmtree(old, ignore_errors=True)
     return path
 
 
