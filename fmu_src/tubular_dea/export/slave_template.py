@@ -147,7 +147,7 @@ class Unsolvable(ArithmeticError):
         self.time, self.x = time, x
 
 
-LATELY = 10  # attempts: where one of the last came to a state's minimum, that is why there is no step
+LATELY = 10  # attempts: where one of the last ones came to a state's minimum, that is why there is no step
 BELOW = -1.0  # what `attempt` gives for an error where a state goes below its minimum
 
 
@@ -298,27 +298,23 @@ def resolving_step(begin: Begin, limit: float) -> float:
 
 
 def advance(
-    time: float, span: float, x: Vector, h: float, u: Vector, p: Vector, tolerance: float
+    time: float, end: float, x: Vector, h: float, u: Vector, p: Vector, tolerance: float
 ) -> tuple[Vector, float]:
-    """From `time` over `span` seconds under the inputs `u`: the states there, and the step size to go on
-    with.
-    `h` is the step size of before, or 0. Raises `Unsolvable`.
-
-    What has elapsed is counted from `time`: far from zero, times themselves are coarse.
-    """
+    """From `time` to `end` under the inputs `u`: the states there, and the step size to go on with. `h` is
+    the step size of before, or 0. Raises `Unsolvable`."""
     begin = linearised(time, x, u, p, tolerance)
-    h = resolving_step(begin, h if h > 0 else span)
-    tries, since_below, elapsed = 0, LATELY, 0.0
+    h = resolving_step(begin, h if h > 0 else end - time)
+    tries, since_below = 0, LATELY
     while True:
-        left = span - elapsed
+        left = end - begin.time
         wanted, rejected = h, False
         while True:
             tries += 1
             if tries > MAX_STEPS:
                 raise Unsolvable("steps", begin.time, begin.x)
-            last = wanted >= left - max(1e-9 * left, 4e-15 * elapsed)  # leave no crumbs
+            last = wanted >= left - max(1e-9 * left, 4e-15 * abs(begin.time))  # leave no crumbs
             step = left if last else wanted
-            if not (step > 4e-16 * elapsed and step > 1e-300):
+            if not (step > 4e-16 * abs(begin.time) and step > 1e-300):
                 raise Unsolvable("minimum" if since_below < LATELY else "size", begin.time, begin.x)
             x_new, error = attempt(begin, step, u, p)
             proposed = step * growth(error)
@@ -329,8 +325,7 @@ def advance(
         h = min(proposed, step) if rejected else max(proposed, wanted) if last else proposed
         if last:
             return x_new, h
-        elapsed += step
-        begin = linearised(time + elapsed, x_new, u, p, tolerance)
+        begin = linearised(begin.time + step, x_new, u, p, tolerance)
 
 
 # Equilibrium ----------------------------------------------------------------------------------------------
@@ -576,7 +571,7 @@ class Slave(Fmi2Slave):
         try:
             self._allow("fmi2DoStep", STEPPING)
             self._check_step(current_time, step_size)
-            self._step(current_time, step_size)
+            self._step(current_time, current_time + step_size)
         except Refused as refusal:
             _tell_python(self.instance_name, refusal)
             self.log(str(refusal), Fmi2Status.discard, "logStatusDiscard")
@@ -612,13 +607,13 @@ class Slave(Fmi2Slave):
                 "more"
             )
 
-    def _step(self, time: float, step: float) -> None:
+    def _step(self, time: float, end: float) -> None:
         now = self._now
         try:
-            x, h = advance(time, step, now.x, now.h, now.u, now.p, now.tolerance)
+            x, h = advance(time, end, now.x, now.h, now.u, now.p, now.tolerance)
         except Unsolvable as failure:
             raise Refused(_explained(failure)) from None
-        self._now = now._replace(time=time + step, x=x, h=h)
+        self._now = now._replace(time=end, x=x, h=h)
         self._y = None
 
     # Values

@@ -75,8 +75,10 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         recorder.last_piece = k == last;
         if (!(h > 0)) h = solver_first_step(&solver, time, state, points[k + 1] - time);
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
-        status = solver_advance(&solver, &time, points[k + 1], points[k + 1] - time, state, &h);
+        status = solver_advance(&solver, &time, points[k + 1], state, &h);
     }
+    while (status == SOLVER_OK && recorder.next < n_samples && samples[recorder.next] <= time)
+        record(&recorder, time, state); /* one at the very end, where the last step's own end was rounded to before it */
     counts[0] = solver.steps;
     counts[1] = solver.rejected;
     *reached = time;

@@ -183,17 +183,16 @@ double solver_first_step(const Solver *solver, double time, const double *x, dou
     return resolving_step(&start, limit);
 }
 
-SolverStatus solver_advance(Solver *solver, double *time, double end, double span, double *x, double *h)
+SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h)
 {
-    const double begin = *time;
-    double q[NQ], elapsed = 0;
+    double q[NQ];
     Start start;
     Step step;
     long tries = 0, since_below = LATELY;
     int first = 1;
     model_prepare(solver->p, q);
-    while (elapsed < span) {
-        const double left = span - elapsed;
+    while (*time < end) {
+        const double left = end - *time;
         double wanted = *h;
         int rejected = 0;
         linearise(solver, q, *time, x, &start);
@@ -203,17 +202,16 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double spa
         memcpy(step.x, x, sizeof step.x);
         for (;;) {
             if (tries++ >= solver->max_steps) return SOLVER_TOO_MANY_STEPS;
-            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * elapsed); /* leave no crumbs */
+            const int last = wanted >= left - larger(1e-9 * left, 4e-15 * fabs(*time)); /* leave no crumbs */
             step.h = last ? left : wanted;
-            if (!(step.h > 4e-16 * elapsed && step.h > 1e-300))
+            if (!(step.h > 4e-16 * fabs(*time) && step.h > 1e-300))
                 return since_below < LATELY ? SOLVER_BELOW_MINIMUM : SOLVER_STEP_TOO_SMALL;
             const double error = attempt(solver, q, &start, &step);
             const double next = step.h * growth(error);
             since_below = error < 0 ? 0 : since_below + 1;
             if (error >= 0 && error <= 1) {
                 *h = rejected ? smaller(next, step.h) : last ? larger(next, wanted) : next;
-                elapsed = last ? span : elapsed + step.h;
-                *time = last ? end : smaller(end, begin + elapsed);
+                *time = last ? end : *time + step.h;
                 break;
             }
             wanted = next;

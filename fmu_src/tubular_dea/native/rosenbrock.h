@@ -28,7 +28,7 @@ typedef struct {
     double bend[3][AT_LEAST_ONE(MODEL_NX)]; /* off the straight line; set only where there is an observer */
 } Step;
 
-#define LATELY 10 /* attempts: where one of the last came to a state's minimum, that is why there is no step */
+#define LATELY 10 /* attempts: where one of the last ones came to a state's minimum, that is why there is no step */
 
 typedef enum {
     SOLVER_OK,
@@ -61,10 +61,9 @@ void inputs_move(Inputs *inputs, double time);
  * states have jumped, the step size of before says nothing. */
 double solver_first_step(const Solver *solver, double time, const double *x, double limit);
 
-/* From `*time` to `end`, over `span` seconds: end - *time, or more exactly where the caller knows it, because far from
- * zero times are coarse (0.2 us today, counted from 1970). `x` and `*time` are advanced as far as the integration came,
- * `*h` is the step size to go on with. */
-SolverStatus solver_advance(Solver *solver, double *time, double end, double span, double *x, double *h);
+/* From `*time` to `end`; `x` and `*time` are advanced as far as the integration came, `*h` is the step size to go
+ * on with. */
+SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h);
 
 /* The solution inside an accepted step that was handed to an observer (order 4 in between, exact at both ends). */
 void step_interpolate(const Step *step, double time, double *x);

@@ -108,8 +108,8 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
                            reached->time, states);
 }
 
-/* Integrate over `span` to `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
-static SolverStatus run(Instance *instance, Solver *solver, double end, double span)
+/* Integrate towards `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
+static SolverStatus run(Instance *instance, Solver *solver, double end)
 {
     Snapshot *now = &instance->now;
     SolverStatus outcome;
@@ -120,13 +120,11 @@ static SolverStatus run(Instance *instance, Solver *solver, double end, double s
         memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
         delay_drive(instance, &solver->inputs);
         solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
-        if (stop < end) span = stop - now->time;
-        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, span);
-        outcome = solver_advance(solver, &now->time, stop, span, now->x, &now->h);
+        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, stop - now->time);
+        outcome = solver_advance(solver, &now->time, stop, now->x, &now->h);
         if (outcome != SOLVER_OK || now->time >= end) return outcome;
         inputs_move(&solver->inputs, now->time);
         memcpy(now->u, solver->inputs.u, sizeof now->u);
-        span = end - now->time;
     }
 }
 
@@ -161,9 +159,8 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     now->marks &= ~SPENT;
     now->time = time;
     take_sample(instance);
-    outcome = run(instance, &solver, watch.end, step);
-    while (outcome == SOLVER_STOPPED && now->time < watch.end)
-        outcome = run(instance, &solver, watch.end, watch.end - now->time);
+    do outcome = run(instance, &solver, watch.end);
+    while (outcome == SOLVER_STOPPED && now->time < watch.end);
     instance_forget(instance);
     if (outcome != SOLVER_OK && outcome != SOLVER_STOPPED) {
         const Snapshot reached = instance->now;

@@ -442,7 +442,7 @@ long kernel_mesh(const double *p, long n_points, const double *points, const dou
         if (points[k + 1] <= points[k]) continue;
         piece_inputs(&solver.inputs, points, u, k);
         if (!(h > 0)) h = solver_first_step(&solver, time, x, points[k + 1] - time);
-        status = solver_advance(&solver, &time, points[k + 1], points[k + 1] - time, x, &h);
+        status = solver_advance(&solver, &time, points[k + 1], x, &h);
     }
     *reached = time;
     return status == SOLVER_OK ? notes.n : status - 20;
