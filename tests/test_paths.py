@@ -58,3 +58,15 @@ def test_simulate_fmu_as_a_user_would(fmi2_fmu: Path, fmi3_fmu: Path) -> None:
     ]  # fmt: skip
     assert np.ptp(results) < 1e-7
     assert 17.9e-3 < results[0] < 18.40e-3  # creeping from 17.82 mm towards 18.40 mm
+
+
+def test_the_last_sample_is_the_solution_whatever_the_grid(kernel: Kernel) -> None:
+    """A step that ends at the last sample may end a rounding error before it; the sample is written all the same."""
+    random = np.random.default_rng(5)
+    for stop in np.round(random.uniform(0.5, 3.0, 300), 3):
+        on = round(float(random.uniform(0.1, 0.4)), 4)
+        protocol = Protocol(np.array([0, on, on, stop]), {"pressure": np.array([0.0, 9e3, 9e3, 9e3]),
+                                                          "voltage": np.array([0.0, 0.0, 4e3, 4e3])})  # fmt: skip
+        times = np.append(np.arange(0, stop, 4e-3), stop)
+        rough, fine = (kernel.simulate(protocol, times, {}, tolerance)["lambda_2"] for tolerance in (1e-6, 1e-8))
+        assert np.abs(rough - fine).max() < 1e-5, stop
