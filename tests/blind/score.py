@@ -96,8 +96,8 @@ def _identified(done: Trial, tube: bench.Tube, parameters: dict) -> None:
     """Note the relative errors of the identified parameters, and which of the intervals have the truth."""
     for name, truth in zip(bench.NAMES, tube.identified, strict=True):
         value, ends = parameters[name]["value"], parameters[name]["ci95"]
-        done.errors.append(abs(value / truth - 1))
-        done.covered.append(min(ends) <= truth <= max(ends))
+        done.errors.append(float(abs(value / truth - 1)))
+        done.covered.append(bool(min(ends) <= truth <= max(ends)))
 
 
 def linearised(found: engine.Discovery, tube: bench.Tube, folder: Path, count: int) -> list[float]:
@@ -207,6 +207,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=None, help="trials as JSON lines")
+    parser.add_argument("--read", type=Path, nargs="+", default=[], help="trials of earlier runs, to be counted too")
     options = parser.parse_args()
     work: list[tuple] = []
     for i in range(options.seed, options.seed + options.singles):
@@ -216,7 +217,7 @@ def main() -> None:
     work += [(blind_trial, "none", i, REDRAWN) for i in range(options.seed, options.seed + options.nulls)]
     if options.shared:
         work = [(trial, s.name, s, DECLARED.get(s.name, ["?"])) for s in sorted(SHARED.glob("set-*"))] + work
-    trials = []
+    trials = [Trial(**json.loads(line)) for path in options.read for line in path.read_text("utf-8").splitlines()]
     with ProcessPoolExecutor(options.workers) as pool:
         for job in [pool.submit(*w) for w in work]:
             try:
