@@ -12,6 +12,7 @@ one of two effects alone may predict them worse than none.
 from __future__ import annotations
 
 from ..model.effects import catalogue
+from .compiled import Ids
 from .options import Option
 from .residuals import Adequacy
 
@@ -69,11 +70,16 @@ def settled(base: Option, accepted: list[Option]) -> Option:
     return best
 
 
+def all_exact(ids: Ids) -> bool:
+    """Whether these effects have but one form, so that whatever they leave over is something else."""
+    return all(catalogue()[one].exact for one in ids)
+
+
 def no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
     """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
     first = base.fitted.cost - before.fitted.cost
     part = FORM_PART if nearly(before.adequacy, base.adequacy) else SECOND_PART
-    if all(catalogue()[one].exact for one in before.ids):
+    if all_exact(before.ids):
         part = 0.0
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from ..identify.fit import Fit, FitError
 from ..model.effects import catalogue
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, clean, denied, no_further_effect, settled
+from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, no_further_effect, settled
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
@@ -72,6 +72,8 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
             _drop(study, found)
         _refine(study, found, tell)
         accepted.append(found.chosen)
+        if clean(found.chosen.adequacy) and not all_exact(found.chosen.ids):
+            break
     _settle(found, accepted)
     return found
 
