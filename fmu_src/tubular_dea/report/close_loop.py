@@ -56,7 +56,8 @@ def headline(found: Discovery) -> str:
 
 def summary(effect: str) -> str:
     """An effect's id and what it is."""
-    return f"{effect} ({catalogue()[effect].summary.lower()})"
+    words = catalogue()[effect].summary
+    return f"{effect} ({words[0].lower()}{words[1:]})"
 
 
 def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
