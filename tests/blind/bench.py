@@ -277,7 +277,7 @@ def _whitened(tube: Tube, readings: np.ndarray) -> np.ndarray:
 def _between(time: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Values at times `t`, the later ones where a time is listed twice."""
     right = np.clip(np.searchsorted(time, t, "right"), 1, time.size - 1)
-    span = time[right] - time[right - 1]
+    span = np.maximum(time[right] - time[right - 1], 1e-12)
     return values[right - 1] + (t - time[right - 1]) / span * (values[right] - values[right - 1])
 
 
