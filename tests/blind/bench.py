@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 HERE = Path(__file__).parent
 RATE = 250.0  # Hz
 STEP, COARSE = 0.25e-3, 2e-3  # s, of the integrator for records, and for differences
-FOLLOWS, NUDGE = 8, 5e-4  # steps by which the other numbers follow, and the relative move of their differences
+FOLLOWS, NUDGE = 16, 5e-4  # steps by which the other numbers follow, and the relative move of their differences
 MMHG = 133.322
 TABLE_III = (333.056e3, -32.5032e3, 2.86041e3, 2.8, 745.854e3, 19.6758e6, 6495.68e3, 2.414e6, 6508.21e3)
 NAMES = ("C_1", "C_2", "C_3", "eps_r", "eta_o", "k_1", "eta_1", "k_2", "eta_2")  # as they follow in TABLE_III

@@ -78,9 +78,8 @@ def all_exact(ids: Ids) -> bool:
 def no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
     """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
     first = base.fitted.cost - before.fitted.cost
-    part = FORM_PART if nearly(before.adequacy, base.adequacy) else SECOND_PART
-    if all_exact(before.ids):
-        part = 0.0
+    all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids)
+    part = FORM_PART if all_there_is else SECOND_PART
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
     if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):

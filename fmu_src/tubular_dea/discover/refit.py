@@ -16,21 +16,42 @@ from .study import Study
 
 FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
 ROUGH = 1e-4  # relative change of the cost at which the first steps end
+PROMISED = 0.8  # share of its score that a refit is content with
+FAR = 1.0  # as far as the linear model is believed, in the solver's numbers
 TINY = 1e-3  # of its typical size: no amplitude starts at its bound
 
 
 def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]) -> Fit | None:
-    """The present model with the effect of `scored` (its best shapes) added, after a few steps; None without answer."""
+    """The present model with the effect of `scored` (its best shapes) added, after a few steps; None without answer.
+
+    Where that gains much less than the score promised, the search starts once more, from where the score's linear
+    model has the present parameters too: they may have stood in for the effect.
+    """
     ids = (*present, scored[0].candidate.effect.id)
-    best: Fit | None = None
-    for score in scored:
+    starts = [start_values(fitted, score) for score in scored]
+    best = _best(study, ids, starts)
+    if best is not None and fitted.cost - best.cost > PROMISED * scored[0].gain:
+        return best
+    again = _best(study, ids, [starts[0] | moved(fitted, scored[0])])
+    return min((f for f in (best, again) if f is not None), key=lambda f: f.cost, default=None)
+
+
+def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]]) -> Fit | None:
+    found = []
+    for start in starts:
         try:
-            found = fit_effects(study, ids, start_values(fitted, score), FIRST, precision=ROUGH)
+            found.append(fit_effects(study, ids, start, FIRST, precision=ROUGH))
         except FitError:
             continue
-        if best is None or found.cost < best.cost:
-            best = found
-    return best
+    return min(found, key=lambda f: f.cost, default=None)
+
+
+def moved(fitted: Fit, score: Score) -> dict[str, float]:
+    """The present parameters (SI) where the linear model has them beside the score's amplitudes."""
+    amplitudes = np.array([score.amplitudes[n] for n in score.candidate.names])
+    left = fitted.residual + score.candidate.columns @ amplitudes
+    step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=1e-8)[0], -FAR, FAR)
+    return {f.name: clipped(f, f.to_si(float(s))) for f, s in zip(fitted.free, fitted.scaled + step, strict=True)}
 
 
 def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: int = FULL,

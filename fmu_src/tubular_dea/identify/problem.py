@@ -14,6 +14,8 @@ import numpy as np
 from .noise import Noise
 from .response import KernelError, Response
 
+FAR = 10.0  # of a logarithm: 20 000 times the usual size, or a part of it
+
 
 @dataclass(frozen=True)
 class Free:
@@ -97,8 +99,13 @@ class Problem:
         return np.concatenate(parts)
 
     def residuals(self, scaled: np.ndarray) -> np.ndarray:
-        """Model minus record, whitened, shape (N,), the prior last; infinite where the model has no answer."""
+        """Model minus record, whitened, shape (N,), the prior last; infinite where the model has no answer.
+
+        Far from any usual size it is not asked: it may ring there for millions of steps.
+        """
         try:
+            if any(f.logarithmic and abs(s) > FAR for f, s in zip(self.free, scaled, strict=True)):
+                raise KernelError("a parameter is far from any usual size")
             outputs = self.response.outputs(self.values(scaled))
         except KernelError:
             rows = sum(r.size for r in self.records) + (len(self.free) if self.prior else 0)
