@@ -108,6 +108,16 @@ static Status solver_failed(Instance *instance, SolverStatus failure, const Snap
                            reached->time, states);
 }
 
+/* The input that its derivatives have carried beyond every number; NULL where there is none. */
+static const Variable *endless_input(const Instance *instance)
+{
+    for (int i = 0; i < MODEL_VARIABLES; i++) {
+        const Variable *v = &model_variables[i];
+        if (v->kind == INPUT && !isfinite(instance->now.u[v->index][0])) return v;
+    }
+    return NULL;
+}
+
 /* Integrate towards `end` with the instance's present inputs; the observer, if any, may stop it on the way. */
 static SolverStatus run(Instance *instance, Solver *solver, double end)
 {
@@ -170,6 +180,14 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
     if (outcome == SOLVER_OK) {
         inputs_move(&solver.inputs, now->time);
         memcpy(now->u, solver.inputs.u, sizeof now->u);
+    }
+    const Variable *endless = endless_input(instance);
+    if (endless) {
+        instance->now = before;
+        return instance_report(instance, STATUS_ERROR,
+                               "input %s: expected derivatives under which it stays a number but they carry it beyond the "
+                               "largest one within the step of %g s; the instance is as it was before the step",
+                               endless->name, step);
     }
     now->marks |= SPENT;
     instance_note(instance, LOG_SOLVER, "stepped to time %.9g: %ld internal steps, %ld rejected", now->time,
