@@ -63,6 +63,7 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     work, fitted = _recalibrated(work, seed)
     numeric = numerics.numeric_gain(work, fitted.values)
     found = selection.search(work, fitted, numeric, seed, tell)
+    fitted = found.base.fitted
     located = None
     if found.chosen.ids or not acceptance.clean(found.base.adequacy):
         tell("locate the residual")

@@ -15,6 +15,7 @@ from ..model.effects import catalogue
 from . import bank
 from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, no_further_effect, settled
 from .bank import Score
+from .base import AGREE
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
 from .options import Option, option
@@ -62,6 +63,9 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
     accepted: list[Option] = []
     for _ in range(ROUNDS):
         step = _round(study, found, numeric, seed, tell)
+        deeper = _deeper(study, found, step.options)
+        if deeper is not None:
+            return search(study, deeper, numeric, seed, tell)
         found.rounds.append(step)
         if not step.accepted:
             break
@@ -76,6 +80,14 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
             break
     _settle(found, accepted)
     return found
+
+
+def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
+    """A better fit of the base, from where the best refit has its parameters: what let it escape is no effect."""
+    if found.chosen.ids or not options:
+        return None
+    fitted = fit_effects(study, (), dict(options[0].fitted.values))
+    return fitted if fitted.cost < found.base.fitted.cost - AGREE else None
 
 
 def _settle(found: Search, accepted: Sequence[Option]) -> None:

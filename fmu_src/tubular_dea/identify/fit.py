@@ -83,10 +83,8 @@ def fit(
     first = problem.scaled(start)
     found = []
     for number in range(starts):
-        moved = first + (spread if number else move) * random.standard_normal(first.size)
-        low, high = problem.bounds()
-        inside = 1e-9 * (1 + np.abs(moved))
-        solution = _search(problem, np.clip(moved, low + inside, high - inside), evaluations, precision)
+        moved = problem.inside(first + (spread if number else move) * random.standard_normal(first.size))
+        solution = _search(problem, moved, evaluations, precision)
         if solution is not None:
             found.append(solution)
     if not found:

@@ -79,10 +79,14 @@ class Problem:
 
     def scaled(self, values: Mapping[str, float]) -> np.ndarray:
         """The solver's numbers (k,) for parameters in SI units, moved inside their bounds."""
-        start = np.array([f.to_scaled(values[f.name]) for f in self.free])
+        return self.inside(np.array([f.to_scaled(values[f.name]) for f in self.free]))
+
+    def inside(self, scaled: np.ndarray) -> np.ndarray:
+        """The nearest numbers (k,) at which a search may start: off the bounds, and not far from the usual sizes."""
         low, high = self.bounds()
-        inside = 1e-9 * (1 + np.abs(start))
-        return np.clip(start, low + inside, high - inside)
+        far = np.array([FAR if f.logarithmic else np.inf for f in self.free])
+        room = 1e-9 * (1 + np.abs(scaled))
+        return np.clip(scaled, np.maximum(low, -far) + room, np.minimum(high, far) - room)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds of the solver's numbers, each (k,)."""
