@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from .options import Option
 
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
-FORM_SHARE = 0.012  # of the gain that another functional form of the same effect may lose
+FORM_SHARE = 0.02  # of the gain that another functional form of the same effect may lose
 WEAK_SHARE, WEAK = 0.5, 80.0  # the same where the gain is small, and the most it then may lose
 
 

@@ -31,5 +31,5 @@ def _apply(model: Model) -> Model:
 EFFECT = Effect(
     "prestretch", "mechanical", "The tube is mounted stretched", _apply, PARAMETERS,
     off={"prestretch_1": 1.0, "prestretch_2": 1.0}, typical={"prestretch_1": 1.05, "prestretch_2": 1.0},
-    refine=("prestretch_2",),
+    refine=("prestretch_2",), exact=True,
 )  # fmt: skip
