@@ -229,7 +229,7 @@ def test_a_slave_that_fails_ends_the_run_with_what_there_is(tmp_path: Path) -> N
     drive = Protocol.of([0, 0.5, 0.5, 1.0], pressure=[1e4, 1e4, 1e300, 1e300], voltage=[0, 0, 0, 0])
     run = simulate(System({"tube": slaves()["tube"]}, wires, {"drive": drive}), 1.0, Options("jacobi"))
     assert run.reason.startswith("the run ended at 0.5 s: tube refused: ")
-    assert "no step size, however small" in run.reason or "internal steps" in run.reason
+    assert "lambda_2 would come to 0" in run.reason
     assert run.time[-1] == pytest.approx(0.5)
     table = run.write(tmp_path / "run.csv").read_text().splitlines()
     assert len(table) == run.time.size + 1
