@@ -86,7 +86,10 @@ def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | Non
     """A better fit of the base, from where the best refit has its parameters: what let it escape is no effect."""
     if found.chosen.ids or not options:
         return None
-    fitted = fit_effects(study, (), dict(options[0].fitted.values))
+    try:
+        fitted = fit_effects(study, (), dict(options[0].fitted.values))
+    except FitError:
+        return None
     return fitted if fitted.cost < found.base.fitted.cost - AGREE else None
 
 
