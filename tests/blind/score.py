@@ -64,7 +64,7 @@ def trial(name: str, folder: Path, hidden: list[str]) -> Trial:
     return _noted(name, hidden, folder)[0]
 
 
-def _noted(name: str, hidden: list[str], folder: Path) -> tuple[Trial, engine.Discovery]:
+def _noted(name: str, hidden: list[str], folder: Path) -> tuple[Trial, engine.Discovery, dict]:
     started, cpu = time.time(), time.process_time()
     found = engine.discover(read_folder(folder))
     result = outcome.result(found)
@@ -76,7 +76,7 @@ def _noted(name: str, hidden: list[str], folder: Path) -> tuple[Trial, engine.Di
         result["residual"]["channel"], error["after"]["held_out_rmse_m"] / floor,
         error["recalibrated"]["rmse_m"] / floor,
         tests["largest_score"], tests["threshold"], time.time() - started, time.process_time() - cpu,
-    ), found  # fmt: skip
+    ), found, result  # fmt: skip
 
 
 def blind_trial(kind: str, seed: int, redrawn: int = 0) -> Trial:
@@ -84,8 +84,8 @@ def blind_trial(kind: str, seed: int, redrawn: int = 0) -> Trial:
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
         tube = bench.make(seed, data, kind)
-        done, found = _noted(f"{kind}-{seed}", list(tube.effects), data)
-        _identified(done, tube, outcome.result(found)["base_parameters"])
+        done, found, result = _noted(f"{kind}-{seed}", list(tube.effects), data)
+        _identified(done, tube, result["base_parameters"])
         if redrawn:
             done.linearised = linearised(found, tube, Path(folder), redrawn)
     if tube.effects and not right(done):  # what was found was there to be found

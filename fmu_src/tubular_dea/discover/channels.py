@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
+from ..identify.drive import joined
 from ..identify.fit import Fit
+from ..identify.misfit import BLOCK, block_sums, parts
 from ..model.declare import Model, Quantity, State
 from ..model.effects import CHANNELS, Effect
 from ..model.effects._signals import added, at_rest, at_start, electrodes, sensor, wall_pressure
@@ -25,7 +27,6 @@ from ..model.smooth import magnitude, positive_part, ramp
 from ..protocol import Protocol
 from . import bank
 from .compiled import Ids
-from .residuals import BLOCK, block_means
 from .study import Piece, Study
 
 WAVES = 12  # cosines over a signal's range: fine enough for wavy laws
@@ -70,32 +71,29 @@ def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     piece; what enters by pressure or voltage reaches the sensor as the tube answers at that frequency.
     """
     pieces = study.training
-    frequency = _strongest(fitted.residual, pieces)
+    residuals = parts(fitted.residual, [p.record for p in pieces])
+    frequency = _strongest(residuals, pieces)
     result = {}
     for channel, name in (("sensor", ""), ("pressure", "pressure"), ("electrical", "voltage")):
-        gained, begin = 0.0, 0
-        for piece in pieces:
-            rows = slice(begin, begin + piece.record.size)
-            begin = rows.stop
+        gained = 0.0
+        for piece, residual in zip(pieces, residuals, strict=True):
             columns = np.column_stack(_swings(study, ids, fitted, piece, name, frequency))
             white = study.noise.whiten(piece.case.times, columns) * piece.weight[:, None]
             basis, _ = np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
-            gained += float(np.sum((basis.T @ fitted.residual[rows]) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
+            gained += float(np.sum((basis.T @ residual) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
         result[channel] = 0.5 * gained
     return result
 
 
-def _strongest(residual: np.ndarray, pieces: Sequence[Piece]) -> float:
-    """The frequency [Hz] that is strongest in the residual, summed over pieces."""
-    means = block_means(residual, pieces)
+def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> float:
+    """The frequency [Hz] that is strongest in the residuals of some pieces, summed over them."""
+    means = block_sums(residuals)
     step = BLOCK * float(np.median(np.diff(pieces[0].case.times)))
     power = np.abs(np.fft.rfft(means - means.mean())) ** 2
     rough = float(np.fft.rfftfreq(means.size, step)[1 + int(np.argmax(power[1:]))])
     grid = rough + np.linspace(-0.1, 0.1, 81)
-    found, begin = np.zeros(grid.size), 0
-    for piece in pieces:
-        part = residual[begin : begin + piece.record.size]
-        begin += piece.record.size
+    found = np.zeros(grid.size)
+    for piece, part in zip(pieces, residuals, strict=True):
         found += np.abs(np.exp(-2j * np.pi * np.outer(grid, piece.case.times)) @ part) ** 2 / part.size
     return float(max(grid[int(np.argmax(found))], 0.02))
 
@@ -117,17 +115,12 @@ def _swings(
 def _waved(protocol: Protocol, name: str, frequency: float, phase: float) -> Protocol:
     """The protocol with a small wave added to the pressure, or multiplied to the voltage."""
     fine = np.arange(protocol.time[0], protocol.time[-1], 1 / (16 * frequency))
-    time = np.sort(np.concatenate([protocol.time, np.setdiff1d(fine, protocol.time)]))
-    second = np.append(False, np.diff(time) == 0)
-    inputs = {}
-    for key, values in protocol.inputs.items():
-        after = protocol.at(time)[key]
-        place = np.searchsorted(protocol.time, time, side="left")
-        listed = np.isin(time, protocol.time)
-        inputs[key] = np.where(listed & ~second, values[np.minimum(place, values.size - 1)], after)
-    wave = np.sin(2 * np.pi * frequency * time + phase)
+    names = list(protocol.inputs)
+    fitting = joined([(protocol.time, protocol.inputs[n]) for n in names] + [(fine, fine)], [*names, "fine"])
+    wave = np.sin(2 * np.pi * frequency * fitting.time + phase)
+    inputs = {n: fitting.inputs[n] for n in names}
     inputs[name] = inputs[name] + (WAVE_PRESSURE * wave if name == "pressure" else WAVE_SHARE * wave * inputs[name])
-    return Protocol(time, inputs)
+    return Protocol(fitting.time, inputs)
 
 
 # Latent inputs as effects --------------------------------------------------------------------------------------

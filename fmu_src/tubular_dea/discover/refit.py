@@ -17,7 +17,7 @@ from .study import Study
 FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
 ROUGH = 1e-4  # relative change of the cost at which the first steps end
 PROMISED = 0.8  # share of its score that a refit is content with
-FAR = 1.0  # as far as the linear model is believed, in the solver's numbers
+BELIEVED = 1.0  # as far as the linear model is believed, in the solver's numbers
 TINY = 1e-3  # of its typical size: no amplitude starts at its bound
 
 
@@ -50,8 +50,8 @@ def moved(fitted: Fit, score: Score) -> dict[str, float]:
     """The present parameters (SI) where the linear model has them beside the score's amplitudes."""
     amplitudes = np.array([score.amplitudes[n] for n in score.candidate.names])
     left = fitted.residual + score.candidate.columns @ amplitudes
-    step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=1e-8)[0], -FAR, FAR)
-    return {f.name: clipped(f, f.to_si(float(s))) for f, s in zip(fitted.free, fitted.scaled + step, strict=True)}
+    step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=1e-8)[0], -BELIEVED, BELIEVED)
+    return {f.name: f.to_si(float(s)) for f, s in zip(fitted.free, fitted.scaled + step, strict=True)}
 
 
 def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: int = FULL,

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..identify.fit import Fit
+from ..identify.misfit import BLOCK, block_sums, parts
 from .compiled import Ids
 from .study import Piece, Study
 
-BLOCK = 25  # samples (0.1 s): below the frequencies of the sensor's noise, above those of most effects
 BANDWIDTH = 25.0  # Hz, of the tube: what comes in by the monitors does not reach further
 
 
@@ -72,13 +72,7 @@ def _block_variance(pieces: Sequence[Piece]) -> np.ndarray:
 
 def block_means(residual: np.ndarray, pieces: Sequence[Piece]) -> np.ndarray:
     """Sums over blocks of each piece, scaled to unit variance under white noise."""
-    found, begin = [], 0
-    for piece in pieces:
-        part = residual[begin : begin + piece.record.size]
-        begin += piece.record.size
-        whole = part[: part.size // BLOCK * BLOCK].reshape(-1, BLOCK)
-        found.append(whole.sum(axis=1) / np.sqrt(BLOCK))
-    return np.concatenate(found)
+    return block_sums(parts(residual, [p.record for p in pieces])) / np.sqrt(BLOCK)
 
 
 def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:

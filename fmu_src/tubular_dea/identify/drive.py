@@ -34,7 +34,7 @@ def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None =
         make = _held if signal.held else _continuous
         lines.append(make(experiment.time, values, levels[signal.name]))
     corners = {s.name: times for s, (times, _) in zip(bench.inputs, lines, strict=True) if not s.held}
-    return Drive(_joined(lines, [s.name for s in bench.inputs]), levels, corners)
+    return Drive(joined(lines, [s.name for s in bench.inputs]), levels, corners)
 
 
 def _continuous(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +57,7 @@ def _held(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarra
     return np.concatenate(times), np.concatenate(levels)
 
 
-def _joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:
+def joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:
     """All inputs on one grid of breakpoints; a time is doubled where any input jumps."""
     single = reduce(np.union1d, [times for times, _ in lines])
     doubled = reduce(np.union1d, [times[1:][np.diff(times) == 0] for times, _ in lines])

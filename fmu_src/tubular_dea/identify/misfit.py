@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,11 +30,20 @@ class Misfit:
         return self.slow > CHANCE
 
 
+def parts(residual: np.ndarray, records: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The residual (N,) of each record; the rows of a prior, which follow them, are left out."""
+    ends = np.cumsum([r.size for r in records])
+    return np.split(residual[: ends[-1]], ends[:-1])
+
+
+def block_sums(residuals: Sequence[np.ndarray]) -> np.ndarray:
+    """Sums over whole blocks of BLOCK samples of each residual, one after the other."""
+    return np.concatenate([r[: r.size // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1) for r in residuals])
+
+
 def misfit(problem: Problem, best: Fit) -> Misfit:
     """How the residual of a fit (without a prior) compares with the noise of its problem."""
-    ends = np.cumsum([r.size for r in problem.records])
-    pieces = np.split(best.residual, ends[:-1])
-    sums = np.concatenate([p[: p.size // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1) for p in pieces])
+    sums = block_sums(parts(best.residual, problem.records))
     excess = float(np.mean(sums**2)) / BLOCK - 1
     freedom = best.residual.size - len(best.names)
     return Misfit(float(np.sqrt(best.cost / freedom)), excess / float(np.sqrt(2 / sums.size)))
