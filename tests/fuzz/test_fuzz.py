@@ -7,7 +7,6 @@ states make it slow: a tenth of the calls). Short by default, longer by
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -15,8 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tubular_dea.export.compile import cache_folder
-from tubular_dea.export.package import sources
+from hosts.beside_sources import compile_driver
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import Model
 from tubular_dea.model.effects import with_effects
@@ -32,25 +30,8 @@ MODELS: dict[str, Callable[[], Model]] = {
 HERE = Path(__file__).parent
 FLAGS = ["-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
          "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]  # fmt: skip
+FILES = [HERE / "fmi_fuzz.c", *HERE.glob("*.h")]
 MAX_STEPS = 3000  # internal steps of one doStep, so that absurd inputs cost milliseconds
-
-
-def driver(model: Model, version: int, folder: Path) -> Path:
-    """The fuzzer, compiled together with the FMU's own sources; kept in the cache."""
-    driver = [HERE / "fmi_fuzz.c", *HERE.glob("*.h")]
-    code = sources(model, version) | {path.name: path.read_text() for path in driver}
-    key = hashlib.sha256(repr((sorted(code.items()), FLAGS, MAX_STEPS)).encode()).hexdigest()
-    cached = cache_folder() / f"fuzz{version}-{key}"
-    if cached.exists():
-        return cached
-    for name, text in code.items():
-        (folder / name).write_text(text)
-    compiled = [name for name in code if name.endswith(".c")]
-    command = ["gcc", *FLAGS, f"-DVERSION={version}", f"-DMAX_STEPS={MAX_STEPS}", "-I.", "-o", "fuzz", *compiled, "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    cached.parent.mkdir(parents=True, exist_ok=True)
-    shutil.move(folder / "fuzz", cached)
-    return cached
 
 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="the sanitizers come with gcc")
@@ -62,7 +43,7 @@ def test_random_calls(
     calls, seed = request.config.getoption("--fuzz-calls"), request.config.getoption("--fuzz-seed")
     model = MODELS[name]()
     calls //= 10 if model.delays else 1
-    fuzzer = driver(model, version, tmp_path)
+    fuzzer = compile_driver(model, version, FILES, [*FLAGS, f"-DMAX_STEPS={MAX_STEPS}"], tmp_path)
     done = subprocess.run([fuzzer, str(calls), str(seed)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     with capsys.disabled():

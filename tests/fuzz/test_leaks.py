@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hosts.beside_sources import compile_driver
 from hosts.compile import FMI_HEADERS, run_host
 from hosts.compile import SOURCE as HOST
-from tubular_dea.export.package import sources
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.effects import with_effects
 
@@ -30,18 +30,13 @@ def test_nothing_leaks(
     name: str, version: int, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = with_effects(tubular_dea(), EFFECTS[name])
-    code = sources(model, version) | {SOURCE.name: SOURCE.read_text()}
-    for file, text in code.items():
-        (tmp_path / file).write_text(text)
-    compiled = [file for file in code if file.endswith(".c")]
-    command = ["gcc", *FLAGS, f"-DVERSION={version}", "-I.", "-o", "lives", *compiled, "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
+    driver = compile_driver(model, version, [SOURCE], FLAGS, tmp_path)
     lives = str(request.config.getoption("--fuzz-lives"))
-    done = subprocess.run([tmp_path / "lives", lives], capture_output=True, text=True)
+    done = subprocess.run([driver, lives], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     with capsys.disabled():
         print(f"\n{name}: {done.stdout.strip()}, nothing lost", end="")
-    leaking = subprocess.run([tmp_path / "lives", "1", "leak"], capture_output=True, text=True)
+    leaking = subprocess.run([driver, "1", "leak"], capture_output=True, text=True)
     assert "LeakSanitizer" in leaking.stderr, "the sanitizer does not see leaks here"
 
 

@@ -6,7 +6,6 @@ The physical ones among them are held against `independent.py`, too. Short by de
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,8 +14,7 @@ import numpy as np
 import pytest
 
 import independent as tube
-from tubular_dea.export.compile import cache_folder
-from tubular_dea.export.package import sources
+from hosts.beside_sources import compile_driver
 from tubular_dea.model.declare import Model
 
 SOURCE = Path(__file__).parent / "physics_fuzz.c"
@@ -27,29 +25,13 @@ TOLERATED = 30  # tolerances, as in the driver
 NOMINAL = np.array([1.0, 10.0, 1e5, 1e5])
 
 
-def driver(model: Model, folder: Path) -> Path:
-    """The fuzzer, compiled together with the FMI 2.0 FMU's own sources; kept in the cache."""
-    code = sources(model, 2) | {SOURCE.name: SOURCE.read_text()}
-    key = hashlib.sha256(repr((sorted(code.items()), FLAGS, MAX_STEPS)).encode()).hexdigest()
-    cached = cache_folder() / f"physics-{key}"
-    if cached.exists():
-        return cached
-    for name, text in code.items():
-        (folder / name).write_text(text)
-    compiled = [name for name in code if name.endswith(".c")]
-    command = ["gcc", *FLAGS, f"-DMAX_STEPS={MAX_STEPS}", "-I.", "-o", "fuzz", *compiled, "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    cached.parent.mkdir(parents=True, exist_ok=True)
-    shutil.move(folder / "fuzz", cached)
-    return cached
-
-
 @pytest.mark.skipif(not shutil.which("gcc"), reason="the driver is compiled by gcc")
 def test_random_tubes_agree_or_say_why(
     model: Model, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cases, seed = request.config.getoption("--fuzz-cases"), request.config.getoption("--fuzz-seed")
-    command = [str(driver(model, tmp_path)), str(cases), str(seed), str(4 * SHOWN)]
+    fuzzer = compile_driver(model, 2, [SOURCE], [*FLAGS, f"-DMAX_STEPS={MAX_STEPS}"], tmp_path)
+    command = [str(fuzzer), str(cases), str(seed), str(4 * SHOWN)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
