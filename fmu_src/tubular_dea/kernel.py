@@ -151,17 +151,21 @@ class Kernel:
         found = self._tangents.run(values, points, u, mesh, columns, sampled)
         if found.status:
             raise KernelError(_failure(self.model, found.status, found.reached))
-        places = [i for i, name in enumerate(names) if name not in self._late.values()]
-        full = np.zeros((times.size, len(names)))
-        derivatives = {}
-        for i, state in enumerate(self.states):
-            derivatives[state] = full.copy()
-            derivatives[state][:, places] = found.x_tangent[here, :, i]
+        places = [i for i, name in enumerate(names) if name in columns]
+
+        def spread(tangent: np.ndarray) -> np.ndarray:
+            """With a column of zeros for what only delays an output; nothing is copied where there is no such."""
+            if len(places) == len(names):
+                return tangent
+            full = np.zeros((times.size, len(names)))
+            full[:, places] = tangent
+            return full
+
+        derivatives = {state: spread(found.x_tangent[here, :, i]) for i, state in enumerate(self.states)}
         for i, output in enumerate(self._tangents.observed):
             late = self._late.get(output)
             at = earlier[late] if late else here
-            derivatives[output] = full.copy()
-            derivatives[output][:, places] = found.observed_tangent[at, :, i]
+            derivatives[output] = spread(found.observed_tangent[at, :, i])
             for place in [p for p, name in enumerate(names) if name == late]:
                 derivatives[output][:, place] = -found.observed_rate[at, i]
         named = self._named(protocol, times, found.x[here], found.y[here], False) | self._late_values(found.y, earlier)
@@ -177,10 +181,10 @@ class Kernel:
 
     def _samples(
         self, protocol: Protocol, times: np.ndarray, values: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    ) -> tuple[np.ndarray, np.ndarray | slice, dict[str, np.ndarray]]:
         """Times to sample at, the places of `times` among them, and for each delay of outputs those of when it was."""
         if not self._late:
-            return times, np.arange(times.size), {}
+            return times, slice(None), {}
         by = dict(zip(self.defaults, values, strict=True))
         then = {name: np.maximum(times - by[name], protocol.time[0]) for name in set(self._late.values())}
         sampled, places = np.unique(np.concatenate([times, *then.values()]), return_inverse=True)

@@ -70,7 +70,7 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
         located = channels.localise(work, (), fitted, found.base.adequacy.excess)
     tell("verdict")
     held = _held_ratio(work, found.chosen)
-    equivalent = equivalence.equivalents(found.base, found.chosen, found.rivals)
+    equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
     verdict = decide(found, held, equivalent)
     found.chosen = _described(work, found.chosen)
     left = None

@@ -7,7 +7,7 @@ explains, because no law in the catalogue is exactly the one in the tube.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .options import Option
 
@@ -16,15 +16,24 @@ FORM_SHARE = 0.02  # of the gain that another functional form of the same effect
 WEAK_SHARE, WEAK = 0.5, 80.0  # the same where the gain is small, and the most it then may lose
 
 
-def equivalents(base: Option, chosen: Option, rivals: Sequence[Option]) -> dict[str, list[str]]:
-    """For every effect of `chosen`, the ids of those that would do in its place, best first."""
-    gain = base.misfit - chosen.misfit
+def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:
+    """The effect of `chosen` and the one of `rival` that would do in its place; None where there is no such pair.
+
+    `gains` is by how much the misfit falls by each effect of `chosen`.
+    """
+    missing = [i for i in chosen.ids if i not in rival.ids]
+    extra = [i for i in rival.ids if i not in chosen.ids]
+    if not len(missing) == len(extra) == 1:
+        return None
+    gain = gains[missing[0]]
     reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK))
+    return (missing[0], extra[0]) if 2 * (chosen.evidence - rival.evidence) < reach else None
+
+
+def equivalents(chosen: Option, rivals: Sequence[Option], gains: Mapping[str, float]) -> dict[str, list[str]]:
+    """For every effect of `chosen`, the ids of those that would do in its place, best first."""
     found: dict[str, list[str]] = {name: [] for name in chosen.ids}
-    for rival in rivals:
-        missing = [i for i in chosen.ids if i not in rival.ids]
-        extra = [i for i in rival.ids if i not in chosen.ids]
-        near = -2 * (rival.evidence - chosen.evidence) < reach
-        if near and len(missing) == len(extra) == 1 and extra[0] not in found[missing[0]]:
-            found[missing[0]].append(extra[0])
+    for pair in (stands_in(rival, chosen, gains) for rival in rivals):
+        if pair and pair[1] not in found[pair[0]]:
+            found[pair[0]].append(pair[1])
     return found

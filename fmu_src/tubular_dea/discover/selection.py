@@ -8,7 +8,7 @@ given their finer form where the record asks for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..identify.fit import Fit, FitError
 from ..model.effects import catalogue
@@ -18,6 +18,7 @@ from .bank import Score
 from .base import AGREE
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
+from .equivalence import stands_in
 from .options import Option, option
 from .refit import first_refit, fit_effects
 from .study import Study
@@ -28,6 +29,7 @@ WEAK = 100.0  # below the best score: where evidence is weak, rivals are near ev
 MOST_REFITS = 10
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
 LITTLE = 12.0  # gain below which an effect is dropped again
+MOST_FINER = 4  # rivals that are refined with the choice
 LONG = 120  # evaluations until a search that converges slowly is given up
 
 Progress = Callable[[str], None]
@@ -48,19 +50,21 @@ class Round:
 
 @dataclass
 class Search:
-    """The rounds, the base and the final option, and rivals of the final one (best first)."""
+    """The rounds, the base and the final option, rivals of the final one (best first), and what it gains by each effect.
+    """
 
     base: Option
     chosen: Option
     rounds: list[Round] = field(default_factory=list)
     rivals: list[Option] = field(default_factory=list)
+    gains: dict[str, float] = field(default_factory=dict)
 
 
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
     """The whole search from the recalibrated base; `numeric` is the gain that the numerics could feign."""
     base = option(study, (), base_fit)
     found = Search(base, base)
-    accepted: list[Option] = []
+    stages: list[Search] = []
     for _ in range(ROUNDS):
         step = _round(study, found, numeric, seed, tell)
         deeper = _deeper(study, found, step.options)
@@ -71,15 +75,15 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
             break
         found.chosen = _converged(study, step.options[0], tell)
         found.rivals = [o for o in step.options[1:]]
+        found.gains = {found.chosen.ids[-1]: base.misfit - found.chosen.misfit}
         if len(found.chosen.ids) > 1:
             _exchange(study, found, tell)
             _drop(study, found)
         _refine(study, found, tell)
-        accepted.append(found.chosen)
+        stages.append(replace(found))
         if clean(found.chosen.adequacy) and not all_exact(found.chosen.ids):
             break
-    _settle(found, accepted)
-    return found
+    return _settled(found, stages)
 
 
 def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
@@ -93,12 +97,13 @@ def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | Non
     return fitted if fitted.cost < found.base.fitted.cost - AGREE else None
 
 
-def _settle(found: Search, accepted: Sequence[Option]) -> None:
-    """Back to the last option that the held-out experiments confirm; the later ones become its rivals."""
-    best = settled(found.base, list(accepted))
-    if best is not found.chosen:
-        found.rivals = sorted([*found.rivals, found.chosen], key=lambda o: -o.evidence)
-        found.chosen = best
+def _settled(found: Search, stages: Sequence[Search]) -> Search:
+    """Back to the last choice that the held-out experiments confirm; the later one becomes its rival."""
+    best = settled(found.base, [s.chosen for s in stages])
+    if best is found.chosen:
+        return found
+    stage = next((s for s in stages if s.chosen is best), Search(found.base, found.base))
+    return replace(stage, rounds=found.rounds, rivals=sorted([*stage.rivals, found.chosen], key=lambda o: -o.evidence))
 
 
 def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
@@ -163,7 +168,7 @@ def _distinct(shapes: Sequence[Score]) -> list[Score]:
 
 
 def _exchange(study: Study, found: Search, tell: Progress) -> None:
-    """Every earlier effect against the rivals it had: in company another may do better."""
+    """Every earlier effect against the rivals it had: in company another may do better, if it was not far behind."""
     for place, name in enumerate(found.chosen.ids[:-1]):
         rest = tuple(i for i in found.chosen.ids if i != name)
         for rival in _earlier_rivals(found, place)[:2]:
@@ -182,8 +187,12 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
 
 
 def _earlier_rivals(found: Search, place: int) -> list[str]:
-    options = found.rounds[place].options if place < len(found.rounds) else []
-    return [o.ids[-1] for o in options[1:]]
+    """The rivals of the effect at `place` that lacked no more than a few times what the effects after it brought."""
+    if place >= len(found.rounds):
+        return []
+    best, *others = found.rounds[place].options
+    brought = best.fitted.cost - found.chosen.fitted.cost
+    return [o.ids[-1] for o in others if o.fitted.cost - best.fitted.cost < AT_BEST * brought]
 
 
 def _fitted_alone(found: Search, name: str) -> dict[str, float]:
@@ -198,30 +207,55 @@ def _fitted_alone(found: Search, name: str) -> dict[str, float]:
 
 
 def _drop(study: Study, found: Search) -> None:
-    """Without each effect in turn: it goes where next to nothing is lost."""
-    for name in found.chosen.ids[:-1]:
+    """Without each effect in turn: it goes where next to nothing is lost; what is lost otherwise is its gain."""
+    for name in found.chosen.ids:
         rest = tuple(i for i in found.chosen.ids if i != name)
         try:
-            fitted = fit_effects(study, rest, dict(found.chosen.fitted.values))
+            without = option(study, rest, fit_effects(study, rest, dict(found.chosen.fitted.values)))
         except FitError:
+            found.gains[name] = found.base.misfit - found.chosen.misfit
             continue
-        if fitted.cost - found.chosen.fitted.cost < LITTLE:
-            found.chosen = option(study, rest, fitted)
+        found.gains[name] = without.misfit - found.chosen.misfit
+        if without.fitted.cost - found.chosen.fitted.cost < LITTLE:
+            found.chosen = without
 
 
 def _refine(study: Study, found: Search, tell: Progress) -> None:
-    """Finer forms of the effects that are in, where the record asks for them."""
+    """Finer forms of the effects that are in, where the record asks for them; then of the near rivals' too."""
     if clean(found.chosen.adequacy):
         return
-    for name in found.chosen.ids:
+    coarse = found.chosen
+    for name in coarse.ids:
         if not catalogue()[name].refine or name in found.chosen.refined:
             continue
-        tell(f"finer form of {name}")
-        refined = (*found.chosen.refined, name)
-        try:
-            fitted = fit_effects(study, found.chosen.ids, dict(found.chosen.fitted.values), refined=refined)
-        except FitError:
-            continue
-        finer = option(study, found.chosen.ids, fitted, refined)
-        if finer.evidence > found.chosen.evidence + 10 and not denied(found.chosen, finer):
+        finer = _finer(study, found.chosen, (name,), tell)
+        if finer and finer.evidence > found.chosen.evidence + 10 and not denied(found.chosen, finer):
             found.chosen = finer
+    if found.chosen is not coarse:
+        _refine_rivals(study, found, coarse, tell)
+
+
+def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
+    """The rivals that came near the coarse form of the choice, with as fine forms as it has now; the best is chosen."""
+    near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
+    everyone = [found.chosen]
+    for rival in found.rivals:
+        wanted = [i for i in rival.ids if catalogue()[i].refine and (i in found.chosen.refined or i not in coarse.ids)]
+        finer = _finer(study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
+        everyone.append(finer if finer and finer.evidence > rival.evidence else rival)
+    everyone.sort(key=lambda o: -o.evidence)
+    pair = stands_in(everyone[0], found.chosen, found.gains)
+    if pair:
+        found.gains[pair[1]] = found.gains.pop(pair[0])
+    found.chosen, *found.rivals = everyone
+
+
+def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
+    """The option with the finer form of some of its effects; None without answer."""
+    tell(f"finer form of {', '.join(names)}")
+    refined = (*present.refined, *(n for n in names if n not in present.refined))
+    try:
+        fitted = fit_effects(study, present.ids, dict(present.fitted.values), refined=refined)
+    except FitError:
+        return None
+    return option(study, present.ids, fitted, refined)

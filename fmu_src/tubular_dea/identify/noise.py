@@ -29,12 +29,12 @@ class Noise:
 
     def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
-        scale = np.full(time.size, 1 / self.innovation)
         follows = np.append(False, _steady(time))
-        before = np.roll(values, 1, axis=0)
-        part = (self.correlation * follows).reshape(-1, *[1] * (values.ndim - 1))
-        scale[~follows] = 1 / self.rms
-        return (values - part * before) * scale.reshape(part.shape)
+        scale = np.where(follows, 1 / self.innovation, 1 / self.rms).reshape(-1, *[1] * (values.ndim - 1))
+        white = values * scale
+        if self.correlation:
+            white[1:] -= self.correlation * follows[1:].reshape(scale[1:].shape) * scale[1:] * values[:-1]
+        return white
 
     def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Noise of this kind at `time`, for a bootstrap."""

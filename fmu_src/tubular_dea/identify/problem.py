@@ -98,8 +98,9 @@ class Problem:
         parts = []
         for i, (case, part) in enumerate(zip(self.response.cases, columns, strict=True)):
             white = self.noise.whiten(case.times, part)
-            weight = 1.0 if self.weights is None else self.weights[i].reshape(-1, *[1] * (part.ndim - 1))
-            parts.append(white * weight)
+            if self.weights is not None:
+                white *= self.weights[i].reshape(-1, *[1] * (part.ndim - 1))
+            parts.append(white)
         return np.concatenate(parts)
 
     def residuals(self, scaled: np.ndarray) -> np.ndarray:
@@ -128,7 +129,8 @@ class Problem:
         values = self.values(scaled)
         outputs, columns = self.response.sensitivities(values, [*self.names, *more])
         slopes = np.array([*(f.slope(values[f.name]) for f in self.free), *(1.0 for _ in more)])
-        jacobian = self.whiten(columns) * slopes
+        jacobian = self.whiten(columns)
+        jacobian *= slopes
         if self.prior:
             held = np.eye(len(self.free), len(self.free) + len(more)) / self.prior
             jacobian = np.concatenate([jacobian, held])

@@ -15,7 +15,7 @@ from ..protocol import Protocol
 T = TypeVar("T")
 
 TOLERANCE = 1e-6  # of the kernel; the numerics gate compares with a halved one
-FINE = 1e-8  # where differences are taken
+FINE = 1e-7  # where differences are taken
 WORKERS = 2
 
 
