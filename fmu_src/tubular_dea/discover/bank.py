@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from ..identify.fit import Fit
 from ..identify.problem import Problem
 from ..identify.response import FINE, Response
+from ..identify.threads import side_by_side
 from ..kernel import KernelError
 from ..model.effects import Effect, catalogue
 from .compiled import Ids
@@ -69,8 +69,7 @@ def candidates(
 
     base = respond(listed[0]).outputs(at | switched_off(listed[0]), FINE)
     points = [(e, dict(zip(e.shapes, p, strict=True))) for e in listed for p in itertools.product(*e.shapes.values())]
-    with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(lambda q: _candidate(respond(q[0]), problem, base, rows, at, *q), points))
+    found = side_by_side(lambda q: _candidate(respond(q[0]), problem, base, rows, at, *q), points)
     return [c for c in found if c is not None]
 
 

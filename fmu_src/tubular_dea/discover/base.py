@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from ..identify.fit import Fit, FitError, fit
 from ..identify.problem import Problem
+from ..identify.threads import side_by_side
 from .parameters import base_parameters
 from .study import Study
 
@@ -26,11 +27,12 @@ def recalibrate(study: Study, starts: int = STARTS, seed: int = 0, start: Mappin
     """
     problem = study.problem((), base_parameters(study.compiled.base), {})
     best = _somewhere(problem, study.compiled.base.parameter_values() if start is None else start, seed)
-    for number in range(1, starts):
-        other = fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
-        if other.cost < best.cost - AGREE:
-            best = fit(problem, other.values, 1)
-    return best
+
+    def confirm(number: int) -> Fit:
+        return fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
+
+    other = min([best, *side_by_side(confirm, range(1, starts))], key=lambda f: f.cost)
+    return fit(problem, other.values, 1) if other.cost < best.cost - AGREE else best
 
 
 def _somewhere(problem: Problem, start: Mapping[str, float], seed: int) -> Fit:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 
+from ..identify.threads import side_by_side
 from ..kernel import Kernel
 from ..model.declare import Model
 from ..model.effects import Effect, catalogue
@@ -37,7 +37,6 @@ class Compiled:
         """The model with the whole catalogue in it: one library for the scores of all candidates."""
         return self.kernel(tuple(catalogue()))
 
-    def prepare(self, ids: Ids, candidates: Iterable[Effect], workers: int = 2) -> None:
-        """Compile the model with `ids` and each of the candidates, `workers` at a time."""
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda effect: self.kernel(ids, effect), candidates))
+    def prepare(self, ids: Ids, candidates: Iterable[Effect]) -> None:
+        """Compile the model with `ids` and each of the candidates."""
+        side_by_side(lambda effect: self.kernel(ids, effect), candidates)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..identify.fit import Fit, FitError
+from ..identify.threads import side_by_side
 from ..model.effects import catalogue
 from . import bank
 from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, no_further_effect, settled
@@ -50,8 +51,7 @@ class Round:
 
 @dataclass
 class Search:
-    """The rounds, the base and the final option, rivals of the final one (best first), and what it gains by each effect.
-    """
+    """The rounds, the base, the final option, its rivals (best first), and what it gains by each of its effects."""
 
     base: Option
     chosen: Option
@@ -144,22 +144,24 @@ def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
 
 def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
     """The candidates refitted: all of them some steps, those within reach of the best until they converge."""
-    first: dict[str, Fit] = {}
-    for name in ids:
+
+    def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
         shapes = [s for s in scored if s.id == name and s.gain > 0]
-        fitted = first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes))
-        if fitted is not None:
-            first[name] = fitted
-    best = min((f.cost for f in first.values()), default=0.0)
+        return first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes))
+
+    begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
+    best = min((f.cost for f in begun.values()), default=0.0)
     reach = best + max(500.0, 0.3 * (chosen.fitted.cost - best))
-    options = []
-    for name, fitted in first.items():
-        done = fitted.cost > reach
-        tell(f"refit with {name}")
-        full = fitted if done else fit_effects(study, (*chosen.ids, name), fitted.values)
-        options.append(option(study, (*chosen.ids, name), full))
-    return sorted(options, key=lambda o: -o.evidence)
+
+    def finish(name: str) -> Option:
+        together, fitted = (*chosen.ids, name), begun[name]
+        if fitted.cost < reach:
+            tell(f"refit with {name}")
+            fitted = fit_effects(study, together, fitted.values)
+        return option(study, together, fitted)
+
+    return sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
@@ -238,12 +240,13 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
 def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
     """The rivals that came near the coarse form of the choice, with as fine forms as it has now; the best is chosen."""
     near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
-    everyone = [found.chosen]
-    for rival in found.rivals:
+
+    def refined(rival: Option) -> Option:
         wanted = [i for i in rival.ids if catalogue()[i].refine and (i in found.chosen.refined or i not in coarse.ids)]
         finer = _finer(study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
-        everyone.append(finer if finer and finer.evidence > rival.evidence else rival)
-    everyone.sort(key=lambda o: -o.evidence)
+        return finer if finer and finer.evidence > rival.evidence else rival
+
+    everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
     pair = stands_in(everyone[0], found.chosen, found.gains)
     if pair:
         found.gains[pair[1]] = found.gains.pop(pair[0])

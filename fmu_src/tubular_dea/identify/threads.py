@@ -1,14 +1,24 @@
-"""One BLAS thread: the others would wait spinning, on the cores that the experiments' own threads need."""
+"""Work side by side on two cores; and one BLAS thread, as the others would wait spinning on these cores."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import ParamSpec, TypeVar, cast
 
 from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
+
+WORKERS = 2
+
+
+def side_by_side(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
+    """`work` of every item, in their order, by WORKERS threads: kernels and numpy run without Python's lock."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(work, items))
 
 
 def one_blas_thread(work: Callable[P, R]) -> Callable[P, R]:
