@@ -53,6 +53,8 @@ class Trial:
     threshold: float
     seconds: float
     cpu: float
+    left: float = 0.0  # of the sum of squares beyond noise, with what was found
+    explained: float = 0.0  # the share of it that is explained
     signature: float = np.inf
     errors: list[float] = field(default_factory=list)
     covered: list[bool] = field(default_factory=list)
@@ -71,11 +73,13 @@ def _noted(name: str, hidden: list[str], folder: Path) -> tuple[Trial, engine.Di
     error, floor = result["error"], result["noise_floor_m"]
     tests = result["residual"]["tests"]
     effects = result["effects"]
+    before, after = (o.adequacy.excess for o in (found.base, found.search.chosen))
     return Trial(
         name, hidden, result["verdict"], [e["id"] for e in effects], [e["equivalent"] for e in effects],
         result["residual"]["channel"], error["after"]["held_out_rmse_m"] / floor,
         error["recalibrated"]["rmse_m"] / floor,
         tests["largest_score"], tests["threshold"], time.time() - started, time.process_time() - cpu,
+        after, 1 - max(after, 0.0) / max(before, 1.0),
     ), found, result  # fmt: skip
 
 
@@ -90,6 +94,8 @@ def blind_trial(kind: str, seed: int, redrawn: int = 0) -> Trial:
             done.linearised = linearised(found, tube, Path(folder), redrawn)
     if tube.effects and not right(done):  # what was found was there to be found
         done.signature = min(bench.signature(tube, name) for name in tube.effects)
+        if set(done.found) < set(done.hidden):  # what was missed leaves no more than this
+            done.signature = min(done.signature, done.left)
     return done
 
 

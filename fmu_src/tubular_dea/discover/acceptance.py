@@ -24,6 +24,7 @@ NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.85  # residual over noise, and share exp
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
 STRONG = 3.0  # times the threshold
 DENIAL = 6.0  # rise of the held-out sum of squares: odds of 20 to 1 against an effect
+DENIED_PART = 0.05  # the same as a part of the gain: no law is exact, and they may feel the effect but little
 CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
 
 
@@ -58,7 +59,8 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 def denied(before: Option, after: Option) -> bool:
     """Whether the held-out experiments speak against `after`, by odds that chance does not explain."""
-    return after.held_out > before.held_out + DENIAL
+    gain = before.fitted.cost - after.fitted.cost
+    return after.held_out > before.held_out + max(DENIAL, DENIED_PART * gain)
 
 
 def settled(base: Option, accepted: list[Option]) -> Option:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..identify.data import Recordings
 from ..identify.doubt import with_monitors
 from ..identify.fit import Fit
+from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
 from ..identify.threads import one_blas_thread
 from ..model.dea import tubular_dea
 from ..model.declare import Model
 from . import acceptance, base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
 from .channels import Localisation
+from .law_doubt import with_law, with_rivals
 from .next_experiment import Proposal
 from .options import Option
 from .selection import Search
@@ -72,7 +74,7 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     held = _held_ratio(work, found.chosen)
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
     verdict = decide(found, held, equivalent)
-    found.chosen = _described(work, found.chosen)
+    found.chosen = _described(work, found.chosen, _equals(found, equivalent))
     left = None
     if verdict == "unexplained" and found.chosen.ids:
         left = channels.localise(work, found.chosen.ids, found.chosen.fitted, found.chosen.adequacy.excess)
@@ -101,13 +103,18 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
     return weighted, base.recalibrate(weighted, 1, seed, first.values)
 
 
-def _described(work: Study, option: Option) -> Option:
-    """The option as it is reported: branches in order, and intervals that count the monitors' noise."""
-    fitted = option.fitted
-    fixed = {n: v for n, v in fitted.values.items() if n not in fitted.names}
-    problem = work.problem(option.ids, fitted.free, fixed)
-    doubtful = with_monitors(problem, ordered_fit(problem, fitted), [p.driven for p in work.training])
-    return replace(option, fitted=doubtful)
+def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
+    """The option as it is reported: branches in order, intervals that count the monitors' noise and other laws."""
+
+    def in_order(one: Option) -> tuple[Problem, Fit]:
+        fixed = {n: v for n, v in one.fitted.values.items() if n not in one.fitted.names}
+        problem = work.problem(one.ids, one.fitted.free, fixed)
+        return problem, ordered_fit(problem, one.fitted)
+
+    problem, fitted = in_order(option)
+    doubtful = with_monitors(problem, fitted, [p.driven for p in work.training])
+    doubtful = with_rivals(doubtful, [in_order(r)[1] for r in rivals])
+    return replace(option, fitted=with_law(problem, option.ids, doubtful))
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:
@@ -116,10 +123,14 @@ def _held_ratio(work: Study, chosen: Option) -> float:
     return float((chosen.held_out / residuals.expected_squares(work, work.held_out)) ** 0.5)
 
 
+def _equals(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:
+    """The rivals that would do in place of the chosen model."""
+    return [r for r in found.rivals if any(i in names for names in equivalent.values() for i in r.ids)]
+
+
 def _competitors(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:
     """The chosen model and its equivalents; without any, the nearest rival, or the base."""
-    others = [r for r in found.rivals if any(i in names for names in equivalent.values() for i in r.ids)]
-    nearest = others or found.rivals[:1] or ([found.base] if found.chosen.ids else [])
+    nearest = _equals(found, equivalent) or found.rivals[:1] or ([found.base] if found.chosen.ids else [])
     if not nearest and found.rounds and found.rounds[-1].options:
         nearest = found.rounds[-1].options[:1]
     return [found.chosen, *nearest]

@@ -14,7 +14,7 @@ from ..identify.fit import Fit, FitError
 from ..identify.threads import side_by_side
 from ..model.effects import catalogue
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, no_further_effect, settled
+from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, nearly, no_further_effect, settled
 from .bank import Score
 from .base import AGREE
 from .bootstrap import NullScores, null_scores
@@ -131,8 +131,10 @@ def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progres
     options = _refits(study, chosen, scored, _worth(ranked, threshold), tell)
     if not options:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
-    accepted, reason = accept(found.base, chosen, options[0], threshold)
-    return Round(chosen.ids, ranked, null, threshold, options, accepted, reason)
+    said = [accept(found.base, chosen, o, threshold) for o in options]
+    best = next((i for i, (accepted, _) in enumerate(said) if accepted), 0)
+    options = [options[best], *options[:best], *options[best + 1 :]]
+    return Round(chosen.ids, ranked, null, threshold, options, *said[best])
 
 
 def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
@@ -161,7 +163,19 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
             fitted = fit_effects(study, together, fitted.values)
         return option(study, together, fitted)
 
-    return sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
+    options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
+    if options and not (clean(options[0].adequacy) or nearly(options[0].adequacy, chosen.adequacy)):
+        options = sorted(side_by_side(lambda o: _from_declared(study, o), options), key=lambda o: -o.evidence)
+    return options
+
+
+def _from_declared(study: Study, found: Option) -> Option:
+    """The option, searched again from the base's declared values: what is missing may have led the base far off."""
+    try:
+        fitted = fit_effects(study, found.ids, found.fitted.values | study.compiled.base.parameter_values())
+    except FitError:
+        return found
+    return option(study, found.ids, fitted) if fitted.cost < found.fitted.cost else found
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:

@@ -1,0 +1,77 @@
+"""What another law would change about the parameters: it is not known that the catalogue's is the tube's.
+
+The contribution of an effect to the readings, c, may differ from its law's by some per cent, slowly over the output,
+the inputs and the experiments, and by a shift in time: c times smooth functions, each with a share that has zero mean
+and standard deviation LAW. These shares are fitted along with the parameters and integrated out (Kennedy and O'Hagan,
+"Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001) 425, with few functions instead of a
+Gaussian process). The parameters stay those of the law; how far the shares would move them counts as doubt. Effects
+with but one form (`Effect.exact`) have none. Where effects cannot be told apart, so does the spread between them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..identify.fit import Fit, inverse
+from ..identify.problem import Problem
+from ..model.effects import catalogue
+from .compiled import Ids
+from .parameters import switched_off
+
+LAW = 0.1  # standard deviation of each share
+PART = 0.1  # of the effect that is switched off to see its contribution
+
+
+def with_law(problem: Problem, ids: Ids, best: Fit) -> Fit:
+    """The fit with the covariance and standard errors that it has beside other laws of its effects."""
+    other = [_columns(problem, best, name) for name in ids if not catalogue()[name].exact]
+    if not other:
+        return best
+    k, columns = len(best.names), np.concatenate(other, axis=1)
+    columns = np.pad(columns, ((0, best.residual.size - len(columns)), (0, 0)))  # the prior's rows
+    everything = np.concatenate([best.jacobian, columns], axis=1)
+    information = everything.T @ everything
+    information[k:, k:] += np.eye(columns.shape[1]) / LAW**2
+    together = inverse(information)
+    moved = (together @ (everything.T @ best.residual))[:k]
+    alone = inverse(best.jacobian.T @ best.jacobian)
+    return _with_more(best, together[:k, :k] - alone + np.outer(moved, moved))
+
+
+def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
+    """The fit with the spread of the parameters that it shares with rivals which would do as well."""
+    apart = [np.array([r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0
+                       for i, n in enumerate(best.names)]) for r in rivals]  # fmt: skip
+    return _with_more(best, sum(np.outer(d, d) for d in apart) / len(apart)) if apart else best
+
+
+def _with_more(best: Fit, added: np.ndarray) -> Fit:
+    covariance = best.covariance + added
+    scale = np.sqrt(np.diag(covariance) / np.diag(best.covariance))
+    stderr = {n: best.stderr[n] * float(s) for n, s in zip(best.names, scale, strict=True)}
+    return dataclasses.replace(best, covariance=covariance, stderr=stderr)
+
+
+def _columns(problem: Problem, best: Fit, name: str) -> np.ndarray:
+    """What a share of 1 of each function adds to the whitened readings, shape (N, functions)."""
+    off = switched_off(catalogue()[name])
+    less = {n: v + PART * (off[n] - v) for n, v in best.values.items() if n in catalogue()[name].off}
+    outputs = problem.response.outputs(best.values)
+    without = problem.response.outputs(best.values | less)
+    added = [(a - b) / PART for a, b in zip(outputs, without, strict=True)]
+    cases = problem.response.cases
+    inputs = [list(case.protocol.at(case.times).values()) for case in cases]
+    signals = [np.array([y, *u]) for y, u in zip(outputs, inputs, strict=True)]
+    low = np.min([s.min(axis=1) for s in signals], axis=0)
+    span = np.maximum(np.max([s.max(axis=1) for s in signals], axis=0) - low, 1e-300)
+    slopes = [np.gradient(c, case.times) for c, case in zip(added, cases, strict=True)]
+    duration = np.linalg.norm(np.concatenate(added)) / max(float(np.linalg.norm(np.concatenate(slopes))), 1e-300)
+    functions = []
+    for i, (c, signal) in enumerate(zip(added, signals, strict=True)):
+        scaled = 2 * (signal - low[:, None]) / span[:, None] - 1
+        each = [c * (i == j) for j in range(len(cases))]
+        functions.append(np.column_stack([*each, *(c * s for s in scaled), c * scaled[0] ** 2, slopes[i] * duration]))
+    return problem.whiten(functions)
