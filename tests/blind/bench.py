@@ -19,9 +19,11 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 HERE = Path(__file__).parent
 RATE = 250.0  # Hz
+PARTS = 8  # of a sample, where the sensor is late
 STEP, COARSE = 0.25e-3, 2e-3  # s, of the integrator for records, and for differences
 FOLLOWS, NUDGE = 16, 5e-4  # steps by which the other numbers follow, and the relative move of their differences
 MMHG = 133.322
@@ -208,29 +210,28 @@ def radius(tube: Tube, protocol: tuple[np.ndarray, np.ndarray, np.ndarray, float
         left = np.where(np.isin(grid, time), voltage[np.minimum(place, time.size - 1)], _between(time, voltage, grid))
         pressure = np.interp(grid - late, time, pressure)
         time, voltage = grid, left
-    n = round(stop * RATE)
-    lambda_2 = np.empty(n)
+    parts = PARTS if {"sensor_lag", "sensor_delay"} & set(tube.effects) else 1
+    lambda_2 = np.empty(round(stop * RATE) * parts)
     on = np.zeros((N_EFFECTS, 4))
     for name, values in tube.effects.items():
         number = (EFFECTS | FOREIGN)[name][0]
         on[number, 0] = 1
         on[number, 1 : 1 + len(values)] = values
     constants = np.array([*TABLE_I, *tube.identified])
-    stride = round(1 / RATE / h)
     arrays = [np.ascontiguousarray(a, float) for a in (time, pressure, voltage)]
     good = _library().trajectory(
         _ptr(constants),
         _ptr(on),
         ctypes.c_long(len(arrays[0])),
         *map(_ptr, arrays),
-        ctypes.c_double(h),
-        ctypes.c_long(n),
-        ctypes.c_long(stride),
+        ctypes.c_double(1 / RATE / parts),
+        ctypes.c_long(lambda_2.size),
+        ctypes.c_long(max(1, round(1 / RATE / parts / h))),
         _ptr(lambda_2),
     )
     if not good:
         raise ValueError(f"the tube bursts under {tube}")
-    return _sensed(tube, TABLE_I[0] * lambda_2)
+    return _sensed(tube, TABLE_I[0] * lambda_2, 1 / RATE / parts)[::parts]
 
 
 def signature(tube: Tube, name: str) -> float:
@@ -281,21 +282,19 @@ def _between(time: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
     return values[right - 1] + (t - time[right - 1]) / span * (values[right] - values[right - 1])
 
 
-def _sensed(tube: Tube, true: np.ndarray) -> np.ndarray:
-    rest, t = TABLE_I[0], np.arange(true.size) / RATE
+def _sensed(tube: Tube, true: np.ndarray, every: float) -> np.ndarray:
+    """What the sensor makes of the `true` radius at times `every` apart."""
+    rest, t = TABLE_I[0], np.arange(true.size) * every
     if "radius_gain" in tube.effects:
         true = rest + tube.effects["radius_gain"][0] * (true - rest)
     if "radius_offset" in tube.effects:
         true = true + tube.effects["radius_offset"][0]
     if "sensor_delay" in tube.effects:
         true = np.interp(t - tube.effects["sensor_delay"][0], t, true)
-    if "sensor_lag" in tube.effects:  # a moving average of one-sided exponential weights, sampled finely
-        fine = np.arange(true.size * 8 - 7) / RATE / 8
-        keep = np.exp(-(fine[1] - fine[0]) / tube.effects["sensor_lag"][0])
-        from scipy.signal import lfilter
-
-        smooth, _ = lfilter([1 - keep], [1, -keep], np.interp(fine, t, true), zi=[keep * true[0]])
-        true = smooth[::8]
+    if "sensor_lag" in tube.effects:  # exact for a reading that is straight between the times
+        keep = np.exp(-every / tube.effects["sensor_lag"][0])
+        mean = 1 - (1 - keep) * tube.effects["sensor_lag"][0] / every  # weight of the later end
+        true, _ = lfilter([mean, 1 - keep - mean], [1, -keep], true, zi=[(1 - mean) * true[0]])
     return true
 
 

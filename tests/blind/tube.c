@@ -171,30 +171,35 @@ static int stage(const Bench *b, double t, double gh, const double *base, double
     return 1;
 }
 
-/* lambda_2 at `samples` (on the grid of steps h); returns 0 where the tube bursts. */
+/* lambda_2 at n_samples times, `every` apart, by `steps` steps in between; 0 where the tube bursts. In the beginning
+ * there are FINER times as many: at lambda_2 = 1 the tube rings undamped, and must neither be damped nor slowed. */
+#define RINGING 0.6 /* s */
+#define FINER 10
 __attribute__((visibility("default")))
 int trajectory(const double *tube, const double *on, long n, const double *t, const double *p, const double *v,
-               double h, long n_samples, long stride, double *lambda_2)
+               double every, long n_samples, long steps, double *lambda_2)
 {
     const double gamma = 1 - sqrt(0.5);
     Bench bench = {tube, on};
     Inputs in = {n, t, p, v};
     double x[NX] = {1}, y[NX], f1[NX], f2[NX], base[NX], pp, vv;
     long k = 0;
-    for (long step = 0;; step++) {
-        double now = step * h;
-        if (step % stride == 0) {
-            if (step / stride >= n_samples) return 1;
-            lambda_2[step / stride] = x[LAM];
+    for (long sample = 0; sample < n_samples; sample++) {
+        const long count = (double)sample * every < RINGING ? FINER * steps : steps;
+        const double h = every / (double)count;
+        lambda_2[sample] = x[LAM];
+        for (long step = 0; step < count; step++) {
+            const double now = (double)sample * every + (double)step * h;
+            while (k + 2 < n && (t[k + 1] <= now + 1e-9 || t[k + 1] <= t[k])) k++;
+            inputs_in(&in, k, now + gamma * h, &pp, &vv);
+            memcpy(y, x, sizeof y);
+            if (!stage(&bench, now + gamma * h, gamma * h, x, pp, vv, y, f1)) return 0;
+            for (int i = 0; i < NX; i++) base[i] = x[i] + (1 - gamma) * h * f1[i];
+            inputs_in(&in, k, now + h, &pp, &vv);
+            if (!stage(&bench, now + h, gamma * h, base, pp, vv, y, f2)) return 0;
+            memcpy(x, y, sizeof x);
+            if (!(x[LAM] > 0.5 && x[LAM] < 3.5)) return 0;
         }
-        while (k + 2 < n && (t[k + 1] <= now + 1e-9 || t[k + 1] <= t[k])) k++;
-        inputs_in(&in, k, now + gamma * h, &pp, &vv);
-        memcpy(y, x, sizeof y);
-        if (!stage(&bench, now + gamma * h, gamma * h, x, pp, vv, y, f1)) return 0;
-        for (int i = 0; i < NX; i++) base[i] = x[i] + (1 - gamma) * h * f1[i];
-        inputs_in(&in, k, now + h, &pp, &vv);
-        if (!stage(&bench, now + h, gamma * h, base, pp, vv, y, f2)) return 0;
-        memcpy(x, y, sizeof x);
-        if (!(x[LAM] > 0.5 && x[LAM] < 3.5)) return 0;
     }
+    return 1;
 }

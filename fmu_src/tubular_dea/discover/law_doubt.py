@@ -45,7 +45,7 @@ def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
     """The fit with the spread of the parameters that it shares with rivals which would do as well."""
     apart = [np.array([r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0
                        for i, n in enumerate(best.names)]) for r in rivals]  # fmt: skip
-    return _with_more(best, sum(np.outer(d, d) for d in apart) / len(apart)) if apart else best
+    return _with_more(best, np.mean([np.outer(d, d) for d in apart], axis=0)) if apart else best
 
 
 def _with_more(best: Fit, added: np.ndarray) -> Fit:

@@ -14,7 +14,7 @@ from ..identify.fit import Fit, FitError
 from ..identify.threads import side_by_side
 from ..model.effects import catalogue
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, nearly, no_further_effect, settled
+from .acceptance import FALSE_ALARMS, accept, all_exact, clean, denied, no_further_effect, settled
 from .bank import Score
 from .base import AGREE
 from .bootstrap import NullScores, null_scores
@@ -29,6 +29,7 @@ REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this 
 WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
+RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise
 LITTLE = 12.0  # gain below which an effect is dropped again
 MOST_FINER = 4  # rivals that are refined with the choice
 LONG = 120  # evaluations until a search that converges slowly is given up
@@ -164,13 +165,15 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
         return option(study, together, fitted)
 
     options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
-    if options and not (clean(options[0].adequacy) or nearly(options[0].adequacy, chosen.adequacy)):
-        options = sorted(side_by_side(lambda o: _from_declared(study, o), options), key=lambda o: -o.evidence)
-    return options
+    again = side_by_side(lambda o: _from_declared(study, o), options[:RESTARTED])
+    return sorted([*again, *options[RESTARTED:]], key=lambda o: -o.evidence)
 
 
 def _from_declared(study: Study, found: Option) -> Option:
-    """The option, searched again from the base's declared values: what is missing may have led the base far off."""
+    """The option, if it leaves more than noise searched again from the base's declared values: what is missing may have
+    led the base far off."""
+    if clean(found.adequacy):
+        return found
     try:
         fitted = fit_effects(study, found.ids, found.fitted.values | study.compiled.base.parameter_values())
     except FitError:

@@ -20,7 +20,6 @@ from .compiled import Compiled, Ids
 
 PRIOR = 2.0  # width of the weak prior: a factor of e^2 for what is positive, twice the size for the rest
 HELD_SHARE = 4  # one experiment in so many takes no part in any fit
-START = 0.2  # s at the beginning of an experiment that do not count: nothing says that the tube was at rest
 LEAST_SAMPLES = 600  # in training: fewer tell no effect from noise
 
 
@@ -84,7 +83,7 @@ def study(recordings: Recordings, model: Model, held_out: Sequence[str] | None =
     names = choose_held_out(recordings) if held_out is None else list(held_out)
     pieces = []
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
-        seen = experiment.seen & (experiment.time >= experiment.time[0] + START)
+        seen = experiment.seen
         whole = Piece(experiment.name, Case(driven.protocol, experiment.time[seen]), experiment.output[seen],
                       experiment.name in names, np.ones(int(seen.sum())), driven)  # fmt: skip
         pieces += [whole] if len(drives) > 1 else _split(whole)
