@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define NX 16
-enum { LAM, RATE, VIS1, VIS2, ELEC1, ELEC2, TRAP, HOOP1, HOOP2, EXTRA1, EXTRA2, GRIP, MOST, SET, LINE, LINE_RATE };
+enum { LAM, RATE, VIS1, VIS2, ELEC1, ELEC2, SLEWED, TRAP, HOOP1, HOOP2, EXTRA1, EXTRA2, GRIP, MOST, SET, WARMTH, LINE1,
+       LINE2, NX };
 enum { R_O, L_O, H_O, H_AO, RHO, C_1, C_2, C_3, EPS_R, ETA_O, K_1, ETA_1, K_2, ETA_2, N_TUBE };
 /* Effect numbers and what their a, b, c are: see EFFECTS in bench.py. */
 enum { NOTHING, ELECTRODE, SLEW, TRAPPING, EPS_STRETCH, EPS_FIELD, THINNING, ETA_STRETCH, HOOP_VISCO, THIRD_BRANCH,
@@ -31,9 +31,9 @@ static void rates(const Bench *b, double t, const double *x, double p, double p_
     if (HAS(P_OFFSET)) p += A(P_OFFSET);
     if (HAS(ODD_PRESSURE)) p += A(ODD_PRESSURE) * sin(p / B(ODD_PRESSURE));
     if (HAS(P_LINE)) { /* two compartments in a row */
-        dx[LINE] = (p - x[LINE]) / A(P_LINE);
-        dx[LINE_RATE] = (x[LINE] - x[LINE_RATE]) / B(P_LINE);
-        p = x[LINE_RATE];
+        dx[LINE1] = (p - x[LINE1]) / A(P_LINE);
+        dx[LINE2] = (x[LINE1] - x[LINE2]) / B(P_LINE);
+        p = x[LINE2];
     }
     /* electrical path */
     double u = v;
@@ -43,8 +43,8 @@ static void rates(const Bench *b, double t, const double *x, double p, double p_
         u = x[ELEC2];
     }
     if (HAS(SLEW)) {
-        dx[ELEC1] = A(SLEW) * tanh((v - x[ELEC1]) / (A(SLEW) * 1.5e-3));
-        u = x[ELEC1];
+        dx[SLEWED] = A(SLEW) * tanh((u - x[SLEWED]) / (A(SLEW) * 1.5e-3));
+        u = x[SLEWED];
     }
     if (HAS(TRAPPING)) { /* charge creeps in, the faster the stronger the field */
         dx[TRAP] = (A(TRAPPING) * u - x[TRAP]) / B(TRAPPING) * (1 + 0.3 * u * u / 25e6);
@@ -76,8 +76,8 @@ static void rates(const Bench *b, double t, const double *x, double p, double p_
         stiff *= 1 - A(MULLINS) * erf(gap / (B(MULLINS) + 0.2 * x[MOST]));
     }
     if (HAS(THERMAL)) {
-        dx[SET] = (u * u / 25e6 + 0.0 * rate - x[SET]) / B(THERMAL);
-        stiff *= 1 / (1 + A(THERMAL) * x[SET]);
+        dx[WARMTH] = (u * u / 25e6 - x[WARMTH]) / B(THERMAL);
+        stiff *= 1 / (1 + A(THERMAL) * x[WARMTH]);
     }
     double axial = stiff * (a1 - a3) - maxwell, hoop = stiff * (a2 - a3) - maxwell;
     if (HAS(PASSIVE)) hoop += A(PASSIVE) * (a2 - 1 / (a2 * sqrt(a2)));
@@ -112,25 +112,39 @@ static void rates(const Bench *b, double t, const double *x, double p, double p_
     (void)t, (void)p_rate;
 }
 
-static int invert_step(double M[NX][NX], double *r)
+/* The states that move, in `used`; their number. */
+static int moving(const Bench *b, int *used)
 {
-    for (int k = 0; k < NX; k++) {
+    static const int own[N_EFFECTS][2] = {
+        [ELECTRODE] = {ELEC1, ELEC2}, [SLEW] = {SLEWED}, [TRAPPING] = {TRAP}, [HOOP_VISCO] = {HOOP1, HOOP2},
+        [THIRD_BRANCH] = {EXTRA1, EXTRA2}, [FRICTION] = {GRIP}, [MULLINS] = {MOST}, [PERMANENT_SET] = {SET},
+        [THERMAL] = {WARMTH}, [P_LINE] = {LINE1, LINE2}};
+    int n = 0;
+    for (int i = LAM; i <= VIS2; i++) used[n++] = i;
+    for (int e = 0; e < N_EFFECTS; e++)
+        for (int i = 0; i < 2 && HAS(e) && own[e][i]; i++) used[n++] = own[e][i];
+    return n;
+}
+
+static int invert_step(int n, double M[NX][NX], double *r)
+{
+    for (int k = 0; k < n; k++) {
         int best = k;
-        for (int i = k + 1; i < NX; i++) if (fabs(M[i][k]) > fabs(M[best][k])) best = i;
+        for (int i = k + 1; i < n; i++) if (fabs(M[i][k]) > fabs(M[best][k])) best = i;
         if (M[best][k] == 0) return 0;
         if (best != k) {
-            for (int j = k; j < NX; j++) { double s = M[k][j]; M[k][j] = M[best][j]; M[best][j] = s; }
+            for (int j = k; j < n; j++) { double s = M[k][j]; M[k][j] = M[best][j]; M[best][j] = s; }
             double s = r[k]; r[k] = r[best]; r[best] = s;
         }
-        for (int i = k + 1; i < NX; i++) {
+        for (int i = k + 1; i < n; i++) {
             double f = M[i][k] / M[k][k];
             if (f == 0) continue;
-            for (int j = k; j < NX; j++) M[i][j] -= f * M[k][j];
+            for (int j = k; j < n; j++) M[i][j] -= f * M[k][j];
             r[i] -= f * r[k];
         }
     }
-    for (int i = NX - 1; i >= 0; i--) {
-        for (int j = i + 1; j < NX; j++) r[i] -= M[i][j] * r[j];
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = i + 1; j < n; j++) r[i] -= M[i][j] * r[j];
         r[i] /= M[i][i];
     }
     return 1;
@@ -146,24 +160,31 @@ static void inputs_in(const Inputs *in, long k, double t, double *p, double *v)
 }
 
 /* One stage: y = base + gamma h f(t, y), Newton with a Jacobian by differences at the first guess. */
-static int stage(const Bench *b, double t, double gh, const double *base, double p, double v, double *y, double *f)
+static int stage(const Bench *b, int n, const int *used, double t, double gh, const double *base, double p, double v,
+                 double *y, double *f)
 {
-    static const double size[NX] = {1, 10, 1e5, 1e5, 1e3, 1e3, 1e2, 1e4, 1e4, 1e5, 1e5, 1, .1, .1, 1e4, 1e4};
+    static const double size[NX] = {[LAM] = 1, [RATE] = 10, [VIS1] = 1e5, [VIS2] = 1e5, [ELEC1] = 1e3, [ELEC2] = 1e3,
+                                    [SLEWED] = 1e3, [TRAP] = 1e2, [HOOP1] = 1e4, [HOOP2] = 1e4, [EXTRA1] = 1e5,
+                                    [EXTRA2] = 1e5, [GRIP] = 1, [MOST] = .1, [SET] = .1, [WARMTH] = .1, [LINE1] = 1e4,
+                                    [LINE2] = 1e4};
     double J[NX][NX], moved[NX], g[NX];
     rates(b, t, y, p, 0, v, f);
-    for (int j = 0; j < NX; j++) {
+    for (int j = 0; j < n; j++) {
         memcpy(moved, y, sizeof moved);
-        double h = 1e-7 * (size[j] + fabs(y[j]));
-        moved[j] += h;
+        double h = 1e-7 * (size[used[j]] + fabs(y[used[j]]));
+        moved[used[j]] += h;
         rates(b, t, moved, p, 0, v, g);
-        for (int i = 0; i < NX; i++) J[i][j] = (i == j) - gh * (g[i] - f[i]) / h;
+        for (int i = 0; i < n; i++) J[i][j] = (i == j) - gh * (g[used[i]] - f[used[i]]) / h;
     }
     for (int turn = 0; turn < 12; turn++) {
         double M[NX][NX], r[NX], worst = 0;
         memcpy(M, J, sizeof M);
-        for (int i = 0; i < NX; i++) r[i] = base[i] + gh * f[i] - y[i];
-        if (!invert_step(M, r)) return 0;
-        for (int i = 0; i < NX; i++) { y[i] += r[i]; worst = fmax(worst, fabs(r[i]) / (size[i] + fabs(y[i]))); }
+        for (int i = 0; i < n; i++) r[i] = base[used[i]] + gh * f[used[i]] - y[used[i]];
+        if (!invert_step(n, M, r)) return 0;
+        for (int i = 0; i < n; i++) {
+            y[used[i]] += r[i];
+            worst = fmax(worst, fabs(r[i]) / (size[used[i]] + fabs(y[used[i]])));
+        }
         rates(b, t, y, p, 0, v, f);
         if (worst < 1e-11) return 1;
         if (!isfinite(worst)) return 0;
@@ -183,6 +204,8 @@ int trajectory(const double *tube, const double *on, long n, const double *t, co
     Bench bench = {tube, on};
     Inputs in = {n, t, p, v};
     double x[NX] = {1}, y[NX], f1[NX], f2[NX], base[NX], pp, vv;
+    int used[NX];
+    const int moved = moving(&bench, used);
     long k = 0;
     for (long sample = 0; sample < n_samples; sample++) {
         const long count = (double)sample * every < RINGING ? FINER * steps : steps;
@@ -193,10 +216,10 @@ int trajectory(const double *tube, const double *on, long n, const double *t, co
             while (k + 2 < n && (t[k + 1] <= now + 1e-9 || t[k + 1] <= t[k])) k++;
             inputs_in(&in, k, now + gamma * h, &pp, &vv);
             memcpy(y, x, sizeof y);
-            if (!stage(&bench, now + gamma * h, gamma * h, x, pp, vv, y, f1)) return 0;
+            if (!stage(&bench, moved, used, now + gamma * h, gamma * h, x, pp, vv, y, f1)) return 0;
             for (int i = 0; i < NX; i++) base[i] = x[i] + (1 - gamma) * h * f1[i];
             inputs_in(&in, k, now + h, &pp, &vv);
-            if (!stage(&bench, now + h, gamma * h, base, pp, vv, y, f2)) return 0;
+            if (!stage(&bench, moved, used, now + h, gamma * h, base, pp, vv, y, f2)) return 0;
             memcpy(x, y, sizeof x);
             if (!(x[LAM] > 0.5 && x[LAM] < 3.5)) return 0;
         }

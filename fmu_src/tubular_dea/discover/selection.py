@@ -19,7 +19,7 @@ from .bank import Score
 from .base import AGREE
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
-from .equivalence import stands_in
+from .equivalence import CHANCE, stands_in
 from .options import Option, option
 from .refit import first_refit, fit_effects
 from .study import Study
@@ -133,9 +133,16 @@ def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progres
     if not options:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
     said = [accept(found.base, chosen, o, threshold) for o in options]
-    best = next((i for i, (accepted, _) in enumerate(said) if accepted), 0)
+    good = [i for i, (accepted, _) in enumerate(said) if accepted]
+    best = _plainest(options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
     return Round(chosen.ids, ranked, null, threshold, options, *said[best])
+
+
+def _plainest(options: Sequence[Option], good: Sequence[int]) -> int:
+    """Of the options at the places `good`, the best; of equals a monitor's fault, before one of the tube."""
+    equal = [i for i in good if 2 * (options[good[0]].evidence - options[i].evidence) < CHANCE]
+    return next((i for i in equal if catalogue()[options[i].ids[-1]].channel in ("pressure", "sensor")), good[0])
 
 
 def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
