@@ -24,6 +24,7 @@ from .protocol import Protocol
 from .tangents import TangentLibrary, pointer
 
 DEFAULT_TOLERANCE = 1e-6
+MOST_STEPS = 10_000_000
 
 
 class KernelError(UserError, RuntimeError):
@@ -89,6 +90,7 @@ class Kernel:
         with_fold: bool = False,
         sensitivities: Sequence[str] = (),
         mesh: np.ndarray | None = None,
+        max_steps: int = MOST_STEPS,
     ) -> Trajectory:
         """The response to `protocol`, sampled at ascending `times` [s] inside it.
 
@@ -96,7 +98,8 @@ class Kernel:
         `sensitivities` names tunable parameters to which the states and the measured output are differentiated: the
         exact derivative of the discrete solution over its mesh. `mesh` keeps the internal steps of an earlier
         trajectory (and ignores `tolerance`): values then are a smooth function of the parameters.
-        Raises `KernelError` where the integration fails or there is no rest state to start at.
+        Raises `KernelError` where the integration fails (without sensitivities, also where it takes more than
+        `max_steps` internal steps) or there is no rest state to start at.
         """
         times = np.ascontiguousarray(times, dtype=float)
         if times.size and (np.any(np.diff(times) < 0) or times[0] < protocol.time[0] or times[-1] > protocol.time[-1]):
@@ -114,8 +117,8 @@ class Kernel:
         counts, reached = (ctypes.c_long * 2)(), ctypes.c_double()
         status = self._library.kernel_trajectory(
             pointer(values), ctypes.c_long(points.size), pointer(points), pointer(u),
-            ctypes.c_double(tolerance), ctypes.c_long(sampled.size), pointer(sampled), ctypes.c_int(with_fold),
-            pointer(x), pointer(y), counts, ctypes.byref(reached),
+            ctypes.c_double(tolerance), ctypes.c_long(max_steps), ctypes.c_long(sampled.size), pointer(sampled),
+            ctypes.c_int(with_fold), pointer(x), pointer(y), counts, ctypes.byref(reached),
         )  # fmt: skip
         if status:
             raise KernelError(_failure(self.model, status, reached.value))
@@ -151,6 +154,8 @@ class Kernel:
         found = self._tangents.run(values, points, u, mesh, columns, sampled)
         if found.status:
             raise KernelError(_failure(self.model, found.status, found.reached))
+        if not np.all(np.isfinite(found.observed_tangent)):
+            raise KernelError("sensitivities that are no finite numbers: the parameters are far from any usual size")
         places = [i for i, name in enumerate(names) if name in columns]
 
         def spread(tangent: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 import peers
 from casadi_peer import solve_casadi
 from tubular_dea.emit.python import compile_python
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import MOST_STEPS, Kernel
 from tubular_dea.model.dea import tubular_dea
 
 CASES = (peers.PRESTRETCHED, "step_4kV", "ramp_4kV", "ramp_7kV_snap_through")
@@ -53,8 +53,9 @@ def solve_kernel(name: str, rtol: float) -> np.ndarray:
     """lambda_2 of experiment `name` from one call of the compiled kernel."""
     (p, points, u, times), x, _ = prepared(name)
     failed = kernel()._library.kernel_trajectory(
-        p, ctypes.c_long(len(points)), points, u, ctypes.c_double(rtol), ctypes.c_long(len(times)), times, 0,
-        x.ctypes.data_as(ctypes.c_void_p), None, (ctypes.c_long * 2)(), ctypes.byref(ctypes.c_double()),
+        p, ctypes.c_long(len(points)), points, u, ctypes.c_double(rtol), ctypes.c_long(MOST_STEPS),
+        ctypes.c_long(len(times)), times, 0, x.ctypes.data_as(ctypes.c_void_p), None, (ctypes.c_long * 2)(),
+        ctypes.byref(ctypes.c_double()),
     )  # fmt: skip
     assert not failed
     return x[:, 0]

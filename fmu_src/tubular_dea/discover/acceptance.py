@@ -20,6 +20,7 @@ FALSE_ALARMS = 0.001  # per record, of the largest score
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
 FORM_PART = 0.03  # the same, where what is left is so little that another form of the first may be all there is
+CLEARED = 0.8  # of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.95  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
 STRONG = 3.0  # times the threshold
@@ -80,7 +81,8 @@ def all_exact(ids: Ids) -> bool:
 def no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
     """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
     first = base.fitted.cost - before.fitted.cost
-    all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids)
+    clears = gain > CLEARED * before.adequacy.excess
+    all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids) and not clears
     part = FORM_PART if all_there_is else SECOND_PART
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"

@@ -21,26 +21,28 @@ BELIEVED = 1.0  # as far as the linear model is believed, in the solver's number
 TINY = 1e-3  # of its typical size: no amplitude starts at its bound
 
 
-def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]) -> Fit | None:
+def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score], refined: Ids = ()) -> Fit | None:
     """The present model with the effect of `scored` (its best shapes) added, after a few steps; None without answer.
+
+    Effects in `refined` keep their finer form.
 
     Where that gains much less than the score promised, the search starts once more, from where the score's linear
     model has the present parameters too: they may have stood in for the effect.
     """
     ids = (*present, scored[0].candidate.effect.id)
     starts = [start_values(fitted, score) for score in scored]
-    best = _best(study, ids, starts)
+    best = _best(study, ids, starts, refined)
     if best is not None and fitted.cost - best.cost > PROMISED * scored[0].gain:
         return best
-    again = _best(study, ids, [starts[0] | moved(fitted, scored[0])])
+    again = _best(study, ids, [starts[0] | moved(fitted, scored[0])], refined)
     return min((f for f in (best, again) if f is not None), key=lambda f: f.cost, default=None)
 
 
-def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]]) -> Fit | None:
+def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]], refined: Ids) -> Fit | None:
     found = []
     for start in starts:
         try:
-            found.append(fit_effects(study, ids, start, FIRST, precision=ROUGH))
+            found.append(fit_effects(study, ids, start, FIRST, refined, ROUGH))
         except FitError:
             continue
     return min(found, key=lambda f: f.cost, default=None)

@@ -21,7 +21,7 @@ from .bootstrap import NullScores, null_scores
 from .compiled import Ids
 from .equivalence import CHANCE, stands_in
 from .options import Option, option
-from .refit import first_refit, fit_effects
+from .refit import FULL, first_refit, fit_effects
 from .study import Study
 
 ROUNDS = 3
@@ -29,6 +29,7 @@ REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this 
 WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
+DEEPER = 0.02  # of what an effect gains: so much less a base must cost for the search to begin anew
 RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise
 LITTLE = 12.0  # gain below which an effect is dropped again
 MOST_FINER = 4  # rivals that are refined with the choice
@@ -95,7 +96,8 @@ def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | Non
         fitted = fit_effects(study, (), dict(options[0].fitted.values))
     except FitError:
         return None
-    return fitted if fitted.cost < found.base.fitted.cost - AGREE else None
+    least = max(AGREE, DEEPER * (found.base.fitted.cost - options[0].fitted.cost))
+    return fitted if fitted.cost < found.base.fitted.cost - least else None
 
 
 def _settled(found: Search, stages: Sequence[Search]) -> Search:
@@ -112,8 +114,7 @@ def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
     if chosen.fitted.converged:
         return chosen
     tell(f"converge {', '.join(chosen.ids)}")
-    fitted = fit_effects(study, chosen.ids, dict(chosen.fitted.values), LONG, chosen.refined)
-    return option(study, chosen.ids, fitted, chosen.refined)
+    return option(study, chosen.ids, _further(study, chosen.ids, chosen.fitted, LONG, chosen.refined), chosen.refined)
 
 
 def _round(study: Study, found: Search, numeric: float, seed: int, tell: Progress) -> Round:
@@ -158,7 +159,7 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
         shapes = [s for s in scored if s.id == name and s.gain > 0]
-        return first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes))
+        return first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes), chosen.refined)
 
     begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
     best = min((f.cost for f in begun.values()), default=0.0)
@@ -168,12 +169,20 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
         together, fitted = (*chosen.ids, name), begun[name]
         if fitted.cost < reach:
             tell(f"refit with {name}")
-            fitted = fit_effects(study, together, fitted.values)
-        return option(study, together, fitted)
+            fitted = _further(study, together, fitted, FULL, chosen.refined)
+        return option(study, together, fitted, chosen.refined)
 
     options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
     again = side_by_side(lambda o: _from_declared(study, o), options[:RESTARTED])
     return sorted([*again, *options[RESTARTED:]], key=lambda o: -o.evidence)
+
+
+def _further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) -> Fit:
+    """The fit, searched on; as it is where the model has no answer on the way."""
+    try:
+        return fit_effects(study, ids, dict(begun.values), evaluations, refined)
+    except FitError:
+        return begun
 
 
 def _from_declared(study: Study, found: Option) -> Option:
@@ -182,10 +191,11 @@ def _from_declared(study: Study, found: Option) -> Option:
     if clean(found.adequacy):
         return found
     try:
-        fitted = fit_effects(study, found.ids, found.fitted.values | study.compiled.base.parameter_values())
+        start = found.fitted.values | study.compiled.base.parameter_values()
+        fitted = fit_effects(study, found.ids, start, refined=found.refined)
     except FitError:
         return found
-    return option(study, found.ids, fitted) if fitted.cost < found.fitted.cost else found
+    return option(study, found.ids, fitted, found.refined) if fitted.cost < found.fitted.cost else found
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
@@ -202,11 +212,12 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
                 continue
             tell(f"{rival} in place of {name}")
             start = dict(found.chosen.fitted.values) | dict(catalogue()[rival].typical) | _fitted_alone(found, rival)
+            refined = tuple(i for i in found.chosen.refined if i in rest)
             try:
-                fitted = fit_effects(study, (rival, *rest), start)
+                fitted = fit_effects(study, (rival, *rest), start, refined=refined)
             except FitError:
                 continue
-            other = option(study, (rival, *rest), fitted)
+            other = option(study, (rival, *rest), fitted, refined)
             better, worse = (other, found.chosen) if other.evidence > found.chosen.evidence else (found.chosen, other)
             found.chosen = better
             found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
@@ -237,7 +248,9 @@ def _drop(study: Study, found: Search) -> None:
     for name in found.chosen.ids:
         rest = tuple(i for i in found.chosen.ids if i != name)
         try:
-            without = option(study, rest, fit_effects(study, rest, dict(found.chosen.fitted.values)))
+            refined = tuple(i for i in found.chosen.refined if i in rest)
+            fitted = fit_effects(study, rest, dict(found.chosen.fitted.values), refined=refined)
+            without = option(study, rest, fitted, refined)
         except FitError:
             found.gains[name] = found.base.misfit - found.chosen.misfit
             continue

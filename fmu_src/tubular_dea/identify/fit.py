@@ -16,6 +16,7 @@ from scipy.optimize import brentq, least_squares
 from ..errors import UserError
 from ..model.declare import Model
 from .problem import Free, Problem
+from .response import KernelError
 from .threads import one_blas_thread
 
 CHI2_95 = 3.841  # of one degree of freedom
@@ -99,13 +100,16 @@ def fit(
 
 
 def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    """scipy's bounded least squares; each point is evaluated once for residual and Jacobian."""
+    """scipy's bounded least squares; each point is evaluated once for residual and Jacobian. None without answer."""
     if not np.all(np.isfinite(problem.residuals(start))):
         return None
-    return least_squares(
-        problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
-        x_scale="jac", ftol=precision, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
-    )  # fmt: skip
+    try:
+        return least_squares(
+            problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
+            x_scale="jac", ftol=precision, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
+        )  # fmt: skip
+    except KernelError:  # an answer there, but no sensitivities
+        return None
 
 
 def described(problem: Problem, scaled: np.ndarray, converged: bool = True, spread: float = 0.0) -> Fit:

@@ -48,7 +48,7 @@ static int sample(void *context, const Step *step)
 }
 
 int kernel_trajectory(const double *p, long n_points, const double *points, const double *u, double tolerance,
-                      long n_samples, const double *samples, int with_fold, double *x, double *y, long *counts,
+                      long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y, long *counts,
                       double *reached)
 {
     double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
@@ -60,7 +60,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     while (last > first && points[last + 1] <= points[last]) last--;
     solver.p = p;
     solver.tolerance = tolerance;
-    solver.max_steps = MAX_STEPS;
+    solver.max_steps = max_steps;
     solver.observer = sample;
     solver.context = &recorder;
     *reached = time;
