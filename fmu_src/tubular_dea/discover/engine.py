@@ -18,7 +18,7 @@ from .channels import Localisation
 from .law_doubt import with_law, with_rivals
 from .next_experiment import Proposal
 from .options import Option
-from .selection import Search
+from .revision import Search
 from .study import Study, study
 
 SEED = 20240

@@ -72,6 +72,14 @@ def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: in
                evaluations=evaluations, precision=precision)  # fmt: skip
 
 
+def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) -> Fit:
+    """The fit, searched on; as it is where the model has no answer on the way."""
+    try:
+        return fit_effects(study, ids, dict(begun.values), evaluations, refined)
+    except FitError:
+        return begun
+
+
 def start_values(fitted: Fit, score: Score) -> dict[str, float]:
     """Where a refit starts: the present optimum, the score's shape, and its amplitude as far as bounds allow."""
     effect = score.candidate.effect

@@ -1,0 +1,137 @@
+"""What was found so far, looked over again: effects exchanged, dropped, and given their finer form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..identify.fit import FitError
+from ..identify.threads import side_by_side
+from ..model.effects import catalogue
+from .acceptance import clean, denied
+from .compiled import Ids
+from .equivalence import stands_in
+from .options import Option, option
+from .refit import fit_effects
+from .rounds import AT_BEST, Progress, Round
+from .study import Study
+
+LITTLE = 12.0  # gain below which an effect is dropped again
+FINER = 10.0  # log evidence that a finer form must bring
+MOST_FINER = 4  # rivals that are refined with the choice
+
+
+@dataclass
+class Search:
+    """The rounds, the base, the final option, its rivals (best first), and what it gains by each of its effects."""
+
+    base: Option
+    chosen: Option
+    rounds: list[Round] = field(default_factory=list)
+    rivals: list[Option] = field(default_factory=list)
+    gains: dict[str, float] = field(default_factory=dict)
+
+
+def revise(study: Study, found: Search, tell: Progress) -> None:
+    """After a round: earlier effects against their rivals, without each, and in finer forms."""
+    if len(found.chosen.ids) > 1:
+        _exchange(study, found, tell)
+        _drop(study, found)
+    _refine(study, found, tell)
+
+
+def _exchange(study: Study, found: Search, tell: Progress) -> None:
+    """Every earlier effect against the rivals it had: in company another may do better, if it was not far behind."""
+    for place, name in enumerate(found.chosen.ids[:-1]):
+        rest = tuple(i for i in found.chosen.ids if i != name)
+        for rival in _earlier_rivals(found, place)[:2]:
+            if rival in found.chosen.ids:
+                continue
+            tell(f"{rival} in place of {name}")
+            start = dict(found.chosen.fitted.values) | dict(catalogue()[rival].typical) | _fitted_alone(found, rival)
+            other = _fitted(study, (rival, *rest), start, found.chosen.refined)
+            if other is None:
+                continue
+            better, worse = (other, found.chosen) if other.evidence > found.chosen.evidence else (found.chosen, other)
+            found.chosen = better
+            found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
+
+
+def _earlier_rivals(found: Search, place: int) -> list[str]:
+    """The rivals of the effect at `place` that lacked no more than a few times what the effects after it brought."""
+    if place >= len(found.rounds):
+        return []
+    best, *others = found.rounds[place].options
+    brought = best.fitted.cost - found.chosen.fitted.cost
+    return [o.ids[-1] for o in others if o.fitted.cost - best.fitted.cost < AT_BEST * brought]
+
+
+def _fitted_alone(found: Search, name: str) -> dict[str, float]:
+    """The parameters that an effect had in an earlier round."""
+    for step in found.rounds:
+        for o in step.options:
+            if o.ids[-1] == name:
+                return {
+                    q.name: o.fitted.values[q.name] for q in catalogue()[name].parameters if q.name in o.fitted.values
+                }
+    return {}
+
+
+def _drop(study: Study, found: Search) -> None:
+    """Without each effect in turn: it goes where next to nothing is lost; what is lost otherwise is its gain."""
+    for name in found.chosen.ids:
+        rest = tuple(i for i in found.chosen.ids if i != name)
+        without = _fitted(study, rest, found.chosen.fitted.values, found.chosen.refined)
+        if without is None:
+            found.gains[name] = found.base.misfit - found.chosen.misfit
+            continue
+        found.gains[name] = without.misfit - found.chosen.misfit
+        if without.fitted.cost - found.chosen.fitted.cost < LITTLE:
+            found.chosen = without
+
+
+def _refine(study: Study, found: Search, tell: Progress) -> None:
+    """Finer forms of the effects that are in, where the record asks for them; then of the near rivals' too."""
+    if clean(found.chosen.adequacy):
+        return
+    coarse = found.chosen
+    for name in coarse.ids:
+        if not catalogue()[name].refine or name in found.chosen.refined:
+            continue
+        finer = _finer(study, found.chosen, (name,), tell)
+        if finer and finer.evidence > found.chosen.evidence + FINER and not denied(found.chosen, finer):
+            found.chosen = finer
+    if found.chosen is not coarse:
+        _refine_rivals(study, found, coarse, tell)
+
+
+def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
+    """The rivals that came near the coarse form of the choice, with as fine forms as it has now; the best is chosen."""
+    near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
+
+    def refined(rival: Option) -> Option:
+        wanted = [i for i in rival.ids if catalogue()[i].refine and (i in found.chosen.refined or i not in coarse.ids)]
+        finer = _finer(study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
+        return finer if finer and finer.evidence > rival.evidence else rival
+
+    everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
+    best = next(o for o in everyone if o.fitted.cost <= found.chosen.fitted.cost)
+    pair = stands_in(best, found.chosen, found.gains)
+    if pair:
+        found.gains[pair[1]] = found.gains.pop(pair[0])
+    found.chosen, found.rivals = best, [o for o in everyone if o is not best]
+
+
+def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
+    """The option with the finer form of some of its effects; None without answer."""
+    tell(f"finer form of {', '.join(names)}")
+    return _fitted(study, present.ids, present.fitted.values, (*present.refined, *names))
+
+
+def _fitted(study: Study, ids: Ids, start: Mapping[str, float], refined: Sequence[str]) -> Option | None:
+    """The option with these effects, those of them in `refined` in their finer form; None without answer."""
+    finer = tuple(i for i in ids if i in refined)
+    try:
+        return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)
+    except FitError:
+        return None
