@@ -187,3 +187,18 @@ def test_an_fmu_carries_effects_tunable(version: int, base, tmp_path) -> None:
     protocol = Protocol.of([0, 1], pressure=[1e4, 1e4], voltage=[4e3, 4e3])
     expected = Kernel(model).simulate(protocol, np.minimum(result["time"], 1.0))["measured_displacement"]
     assert np.max(np.abs(result["measured_displacement"] - expected)) < 1e-7
+
+
+@pytest.mark.parametrize("line", [0.0, 1 / 3])
+def test_electrodes_charge_as_their_equation_says(line: float, base) -> None:
+    kernel = Kernel(with_effects(base, ["electrode_resistance"]))
+    tau, held = 0.02, {"tau_e": 0.02, "tau_e_stretch": 0.0, "electrode_line": line, "electrode_share": 1.0}
+    protocol = Protocol.of([0, 0.1, 0.1, 0.4], pressure=[1e3] * 4, voltage=[0, 0, 4e3, 4e3])
+    times = np.linspace(0.1, 0.4, 301)
+    run = kernel.simulate(protocol, times, held, tolerance=1e-8)
+    tube = base.parameter_values()
+    lambda_1 = np.sqrt(1 + (tube["r_o"] / tube["l_o"]) ** 2 * (run["lambda_2"] - 1) ** 2)
+    seen = run["electric_field"] * tube["h_ao"] / (lambda_1 * run["lambda_2"])
+    since = (times - 0.1) / tau
+    expected = 4e3 * ((1 + line) * (1 - np.exp(-since)) - line * (1 - np.exp(-4 * since)))
+    assert seen == pytest.approx(expected, abs=0.5)

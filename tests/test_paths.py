@@ -10,7 +10,7 @@ import pytest
 
 from drivers import co_simulate, integrate
 from scenarios import CASES, Case, case
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.protocol import Protocol
 
 
@@ -70,3 +70,11 @@ def test_the_last_sample_is_the_solution_whatever_the_grid(kernel: Kernel) -> No
         times = np.append(np.arange(0, stop, 4e-3), stop)
         rough, fine = (kernel.simulate(protocol, times, {}, tolerance)["lambda_2"] for tolerance in (1e-6, 1e-8))
         assert np.abs(rough - fine).max() < 1e-5, stop
+
+
+def test_a_trajectory_is_given_up_when_asked(kernel: Kernel) -> None:
+    protocol = Protocol.of([0, 5], pressure=[1e4, 1e4], voltage=[4e3, 4e3])
+    steps = kernel.simulate(protocol, np.array([5.0])).steps
+    assert kernel.simulate(protocol, np.array([5.0]), max_steps=steps).steps == steps
+    with pytest.raises(KernelError, match="too many internal steps"):
+        kernel.simulate(protocol, np.array([5.0]), max_steps=steps - 1)

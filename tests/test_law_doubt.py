@@ -1,0 +1,85 @@
+"""Doubt about parameters beside effects whose law is not known to be the tube's."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tubular_dea.discover.law_doubt import with_law, with_rivals
+from tubular_dea.identify.fit import Fit, described
+from tubular_dea.identify.problem import Free
+
+TIMES = np.linspace(0, 10, 2000)
+NOISE = 1.0
+FREE = [Free("stiffness", 1.0), Free("eps_field", 0.2)]  # a parameter of the tube, and an effect of the catalogue
+VOLTAGE = np.interp(TIMES, [0, 5, 10], [0, 5e3, 0])
+
+
+class Line:
+    """readings = stiffness ramp + eps_field effect: a problem as `Problem` is one, whose truth is known."""
+
+    ramp = TIMES / 10
+    effect = 400 * (VOLTAGE / 5e3) ** 2
+    free = FREE
+
+    def __init__(self, record: np.ndarray) -> None:
+        case = SimpleNamespace(times=TIMES, protocol=SimpleNamespace(at=lambda t: {"voltage": VOLTAGE}))
+        self.record = record
+        self.response = SimpleNamespace(cases=[case], outputs=self.outputs)
+
+    def outputs(self, values: dict[str, float]) -> list[np.ndarray]:
+        return [values["stiffness"] * self.ramp + values["eps_field"] * self.effect]
+
+    def values(self, scaled: np.ndarray) -> dict[str, float]:
+        return {f.name: f.to_si(float(s)) for f, s in zip(FREE, scaled, strict=True)} | {"eps_saturation": 1.0}
+
+    def linearised(self, scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual = (self.outputs(self.values(scaled))[0] - self.record) / NOISE
+        return residual, np.column_stack([self.ramp, 0.2 * self.effect]) / NOISE
+
+    def whiten(self, columns: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate(columns) / NOISE
+
+
+def fitted(record: np.ndarray) -> tuple[Line, Fit]:
+    problem = Line(record)
+    residual, jacobian = problem.linearised(np.zeros(2))
+    return problem, described(problem, -np.linalg.lstsq(jacobian, residual, rcond=None)[0])
+
+
+def test_another_law_is_within_the_doubt() -> None:
+    random = np.random.default_rng(1)
+    outside, inside = 0, 0
+    for _ in range(40):
+        law = 1 + 0.05 * np.sin(random.uniform(0, 2 * np.pi) + VOLTAGE / 5e3 * random.uniform(1, 3))
+        record = 20 * Line.ramp + 0.2 * Line.effect * law + random.standard_normal(TIMES.size)
+        problem, best = fitted(record)
+        doubtful = with_law(problem, ("field_dependent_permittivity",), best)
+        outside += abs(best.values["stiffness"] - 20) > 2 * best.stderr["stiffness"]
+        inside += abs(best.values["stiffness"] - 20) < 2 * doubtful.stderr["stiffness"]
+        assert doubtful.values == best.values
+    assert outside > 20
+    assert inside >= 36
+
+
+def test_an_exact_effect_has_no_other_law() -> None:
+    problem, best = fitted(20 * Line.ramp + 0.2 * Line.effect)
+    assert with_law(problem, ("pressure_offset",), best) is best
+
+
+def test_the_law_itself_leaves_little_doubt() -> None:
+    random = np.random.default_rng(2)
+    problem, best = fitted(20 * Line.ramp + 0.2 * Line.effect + random.standard_normal(TIMES.size))
+    doubtful = with_law(problem, ("field_dependent_permittivity",), best)
+    assert best.stderr["stiffness"] < doubtful.stderr["stiffness"] < 10 * best.stderr["stiffness"]
+
+
+def test_equals_count_with_their_spread() -> None:
+    _, best = fitted(20 * Line.ramp + 0.2 * Line.effect)
+    _, other = fitted(23 * Line.ramp + 0.2 * Line.effect)
+    assert with_rivals(best, []) is best
+    both = with_rivals(best, [other])
+    assert both.stderr["stiffness"] == pytest.approx(np.hypot(best.stderr["stiffness"], 3), rel=1e-6)
+    assert both.stderr["eps_field"] == pytest.approx(best.stderr["eps_field"], rel=1e-3)
