@@ -98,8 +98,8 @@ class Kernel:
         `sensitivities` names tunable parameters to which the states and the measured output are differentiated: the
         exact derivative of the discrete solution over its mesh. `mesh` keeps the internal steps of an earlier
         trajectory (and ignores `tolerance`): values then are a smooth function of the parameters.
-        Raises `KernelError` where the integration fails (without sensitivities, also where it takes more than
-        `max_steps` internal steps) or there is no rest state to start at.
+        Raises `KernelError` where the integration fails (without sensitivities, also where it tries more than
+        `max_steps` internal steps between two points of the protocol) or there is no rest state to start at.
         """
         times = np.ascontiguousarray(times, dtype=float)
         if times.size and (np.any(np.diff(times) < 0) or times[0] < protocol.time[0] or times[-1] > protocol.time[-1]):

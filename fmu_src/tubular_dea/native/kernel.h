@@ -17,8 +17,8 @@
  *
  * Writes states (n_samples x MODEL_NX) and outputs (n_samples x MODEL_NY + 1, the fold last; it is computed only if
  * `with_fold`; none at all where `y` is NULL) at the ascending times `samples`; at a jump they carry the values after
- * it. `counts` receives internal steps (at most `max_steps`) and rejected ones, `reached` the time at which the
- * integration ended. Returns 0, a SolverStatus, or NO_REST_STATE. */
+ * it. Between two points, no more than `max_steps` steps are tried. `counts` receives internal steps and rejected
+ * ones, `reached` the time at which the integration ended. Returns 0, a SolverStatus, or NO_REST_STATE. */
 KERNEL_EXPORT int kernel_trajectory(const double *p, long n_points, const double *points, const double *u,
                                     double tolerance, long max_steps, long n_samples, const double *samples,
                                     int with_fold, double *x, double *y, long *counts, double *reached);

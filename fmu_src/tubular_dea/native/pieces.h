@@ -5,7 +5,7 @@
 #include "instance.h"
 #include "kernel.h"
 
-#define MAX_STEPS 10000000 /* in one trajectory */
+#define MAX_STEPS 10000000 /* between two points */
 
 /* The first piece that has a length; `points` ascend, a time listed twice is a jump. */
 long piece_first(long n_points, const double *points);
