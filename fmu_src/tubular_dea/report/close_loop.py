@@ -7,6 +7,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.engine import Discovery
+from ..discover.law_doubt import LAW
 from ..kernel import KernelError
 from ..model.effects import catalogue
 from .latent_map import latent_map
@@ -165,6 +166,15 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         rows += [[*parameter_row(f"{effect['id']}: {name}", p), ""] for name, p in effect["parameters"].items()]
     rows += [parameter_row(name, p, published[name]) for name, p in outcome["base_parameters"].items()]
     page.table(["parameter", "value", "95 % interval", "unit", "published"], rows)
+    page.text(
+        "The intervals count the noise of the sensor and of the monitors"
+        + (
+            f", how far another law of the effects ({LAW:.0%} off here and there) would move the parameters, and the "
+            "spread between effects that are not told apart."
+            if found.chosen.ids
+            else "."
+        )
+    )
     if outcome["undetermined"]:
         page.text(f"Not determined by these recordings: {', '.join(outcome['undetermined'])}.")
 
