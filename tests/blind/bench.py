@@ -238,10 +238,13 @@ def signature(tube: Tube, name: str) -> float:
     """How far an effect moves the readings where nothing else can follow, squared, in units of the laser's noise.
 
     The identified parameters and the other effects' numbers follow as well as they can. What is small here cannot be
-    found by anybody, however good.
+    found by anybody, however good. Infinite where the coarse steps of this comparison make the tube burst.
     """
     rest = replace(tube, effects={n: v for n, v in tube.effects.items() if n != name})
-    target = _readings(tube)
+    try:
+        target = _readings(tube)
+    except ValueError:
+        return np.inf
 
     def left(shares: np.ndarray) -> np.ndarray:
         try:

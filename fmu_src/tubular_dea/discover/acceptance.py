@@ -51,7 +51,7 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
         return False, f"{name} does not predict the blocks left out"
     if gain < STRONG * threshold and denied(before, best):
         return False, f"{name} does not predict the held-out experiments"
-    refusal = no_further_effect(base, before, gain, name) if before.ids else ""
+    refusal = no_further_effect(base, before, gain, name, best) if before.ids else ""
     if refusal:
         return False, refusal
     return True, f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
@@ -78,14 +78,18 @@ def all_exact(ids: Ids) -> bool:
     return all(catalogue()[one].exact for one in ids)
 
 
-def no_further_effect(base: Option, before: Option, gain: float, name: str) -> str:
-    """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one."""
+def no_further_effect(base: Option, before: Option, gain: float, name: str, after: Option | None = None) -> str:
+    """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one.
+
+    Where `after` it the slow parts are noise, what is left besides is that the noise's level is not known better.
+    """
     first = base.fitted.cost - before.fitted.cost
     clears = gain > CLEARED * before.adequacy.excess
     all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids) and not clears
     part = FORM_PART if all_there_is else SECOND_PART
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
-    if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0):
+    settles = after is not None and after.adequacy.z_slow < CLEAN_SLOW
+    if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0) and not settles:
         return f"{name} removes less than half of what is left"
     return ""
