@@ -18,6 +18,7 @@ FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
 ROUGH = 1e-4  # relative change of the cost at which the first steps end
 PROMISED = 0.8  # share of its score that a refit is content with
 BELIEVED = 1.0  # as far as the linear model is believed, in the solver's numbers
+NEARBY = 0.1  # of the score's amplitude
 TINY = 1e-3  # of its typical size: no amplitude starts at its bound
 
 
@@ -26,15 +27,16 @@ def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]
 
     Effects in `refined` keep their finer form.
 
-    Where that gains much less than the score promised, the search starts once more, from where the score's linear
-    model has the present parameters too: they may have stood in for the effect.
+    Where that gains much less than the score promised, the search starts once more: from where the score's linear
+    model has the present parameters too, as they may have stood in for the effect, and with little of the effect.
     """
     ids = (*present, scored[0].candidate.effect.id)
     starts = [start_values(fitted, score) for score in scored]
     best = _best(study, ids, starts, refined)
     if best is not None and fitted.cost - best.cost > PROMISED * scored[0].gain:
         return best
-    again = _best(study, ids, [starts[0] | moved(fitted, scored[0])], refined)
+    near = start_values(fitted, scored[0], NEARBY)  # the model without the effect costs as much as the present one
+    again = _best(study, ids, [starts[0] | moved(fitted, scored[0]), near], refined)
     return min((f for f in (best, again) if f is not None), key=lambda f: f.cost, default=None)
 
 
@@ -80,16 +82,16 @@ def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) 
         return begun
 
 
-def start_values(fitted: Fit, score: Score) -> dict[str, float]:
-    """Where a refit starts: the present optimum, the score's shape, and its amplitude as far as bounds allow."""
+def start_values(fitted: Fit, score: Score, share: float = 1.0) -> dict[str, float]:
+    """Where a refit starts: the present optimum, the score's shape, and a share of its amplitude, inside bounds."""
     effect = score.candidate.effect
     values = dict(fitted.values) | dict(effect.typical) | score.candidate.shape
     frees = {f.name: f for f in effect_parameters(effect)}
     for name, amplitude in score.amplitudes.items():
         if name in effect.on:
-            values |= _lag(effect, score.candidate.shape, amplitude)
+            values |= _lag(effect, score.candidate.shape, share * amplitude)
         elif name in frees:
-            values[name] = _inside(effect, frees[name], amplitude)
+            values[name] = _inside(effect, frees[name], share * amplitude)
     return values
 
 
