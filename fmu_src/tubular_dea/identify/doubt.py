@@ -27,12 +27,16 @@ CHUNK = 200  # corners at a time, so that a monitor with one at every sample fit
 
 def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
     """The fit with the covariance and standard errors that it has beside noisy monitors; `drives` are its cases'."""
-    covariance = best.covariance.copy()
-    solved = np.split(best.covariance @ best.jacobian.T, np.cumsum([r.size for r in problem.records])[:-1], axis=1)
+    weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
+    solver = best.covariance @ best.jacobian.T  # makes parameters of whitened, weighted residuals
+    solved = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)
+    covariance = solved.pop() @ best.jacobian[sum(r.size for r in problem.records) :] @ best.covariance  # the prior's
+    solved = [part * weight for part, weight in zip(solved, weights, strict=True)]
+    covariance += sum(part @ part.T for part in solved)  # the sensor's, whose variance is less than what weights allow
     for name in sorted({n for d in drives for n in d.corners}):
         gains = _gains(problem, best.values, name)
         for i, driven in enumerate(drives):
-            covariance += _added(problem, i, solved[i][:, : problem.records[i].size], gains[i], driven, name)
+            covariance += _added(problem, i, solved[i], gains[i], driven, name)
     scale = np.sqrt(np.diag(covariance) / np.diag(best.covariance))
     stderr = {n: best.stderr[n] * float(s) for n, s in zip(best.names, scale, strict=True)}
     return dataclasses.replace(best, covariance=covariance, stderr=stderr)
@@ -51,7 +55,7 @@ def _gains(problem: Problem, values: Mapping[str, float], name: str) -> list[np.
 
 
 def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, driven: Drive, name: str) -> np.ndarray:
-    """The covariance (k, k) that one monitor of one case adds; `solved` (k, n) makes parameters of white residuals."""
+    """The covariance (k, k) that a monitor of one case adds; `solved` (k, n) makes parameters of white residuals."""
     corners, times = driven.corners[name], problem.response.cases[number].times
     place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
     part = (times - corners[place]) / np.diff(corners)[place]
