@@ -107,7 +107,7 @@ class TangentLibrary:
 
 def _library(model: Model, observed: tuple[str, ...]) -> Path:
     def sources() -> dict[str, str]:
-        code = core_sources(model, "kernel.h", "tangent.c", "tangent.h", "pieces.c", "pieces.h")
+        code = core_sources(model, "sensitivity.c", "kernel.h", "tangent.c", "tangent.h", "pieces.c", "pieces.h")
         code |= {"gradients.h": sensitivities.header(model, observed)}
         return code | {"gradients.c": sensitivities.source(model, observed)}
 

@@ -20,6 +20,7 @@ FALSE_ALARMS = 0.001  # per record, of the largest score
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
 FORM_PART = 0.03  # the same, where what is left is so little that another form of the first may be all there is
+NOISE_PART = 0.1  # the same, where what is left does not stand out of the noise
 CLEARED = 0.8  # of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.95  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
@@ -40,6 +41,12 @@ def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
     if held_ratio > NEARLY_RATIO or explained < NEARLY_EXPLAINED:
         return False
     return state.ratio <= (ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO)
+
+
+def finished(base: Option, chosen: Option) -> bool:
+    """Whether nothing is left to look for: noise, and less in it than a further effect would have to bring."""
+    gained = base.fitted.cost - chosen.fitted.cost
+    return clean(chosen.adequacy) and not all_exact(chosen.ids) and chosen.adequacy.excess < NOISE_PART * gained
 
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
@@ -87,6 +94,8 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     clears = gain > CLEARED * before.adequacy.excess
     all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids) and not clears
     part = FORM_PART if all_there_is else SECOND_PART
+    if clean(before.adequacy) and not all_exact(before.ids):
+        part = NOISE_PART
     if gain < part * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
     settles = after is not None and after.adequacy.z_slow < CLEAN_SLOW

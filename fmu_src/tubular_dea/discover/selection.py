@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..identify.fit import Fit, FitError
-from .acceptance import all_exact, clean, settled
+from .acceptance import finished, settled
 from .base import AGREE
 from .options import Option, option
 from .refit import fit_effects, further
@@ -37,7 +37,7 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
         found.gains = {found.chosen.ids[-1]: base.misfit - found.chosen.misfit}
         revise(study, found, tell)
         stages.append(replace(found))
-        if clean(found.chosen.adequacy) and not all_exact(found.chosen.ids):
+        if finished(base, found.chosen):
             break
     return _settled(found, stages)
 
