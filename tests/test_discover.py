@@ -13,7 +13,7 @@ from fmpy import simulate_fmu
 
 from blind import bench
 from tubular_dea.cli import main
-from tubular_dea.discover import bank, base, engine, outcome
+from tubular_dea.discover import acceptance, bank, base, engine, outcome
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.engine import Discovery
 from tubular_dea.discover.study import choose_held_out, study
@@ -118,6 +118,15 @@ def test_scores_point_to_the_refit(closed: Path) -> None:
     null = null_scores(listed, fitted.jacobian, draws=500)
     assert scored[0].gain > 100 * null.threshold(0.01)
     assert null.probability(scored[0].gain) == 1 / 500
+
+
+def test_a_second_effect_is_found_where_what_the_first_leaves_does_not_stand_out_of_the_noise(tmp_path: Path) -> None:
+    tube = bench.make(60, tmp_path / "data", "two")
+    found = engine.discover(read_folder(tmp_path / "data"))
+    alone = found.search.rounds[0].options[0].adequacy
+    assert acceptance.clean(alone)
+    assert set(found.chosen.ids) == set(tube.effects) == {"stretch_dependent_viscosity", "third_maxwell_branch"}
+    assert found.held_ratio <= 1.1
 
 
 def test_held_out_experiments_stay_inside_what_the_others_reach() -> None:

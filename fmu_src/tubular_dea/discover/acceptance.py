@@ -91,14 +91,19 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     Where `after` it the slow parts are noise, what is left besides is that the noise's level is not known better.
     """
     first = base.fitted.cost - before.fitted.cost
-    clears = gain > CLEARED * before.adequacy.excess
-    all_there_is = nearly(before.adequacy, base.adequacy) and not all_exact(before.ids) and not clears
-    part = FORM_PART if all_there_is else SECOND_PART
-    if clean(before.adequacy) and not all_exact(before.ids):
-        part = NOISE_PART
-    if gain < part * first:
+    if gain < _least_part(base, before, gain) * first:
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
     settles = after is not None and after.adequacy.z_slow < CLEAN_SLOW
     if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0) and not settles:
         return f"{name} removes less than half of what is left"
     return ""
+
+
+def _least_part(base: Option, before: Option, gain: float) -> float:
+    """The part of what `before` gained that a further effect has to bring: more where another form might do it."""
+    if all_exact(before.ids):
+        return SECOND_PART
+    if clean(before.adequacy):
+        return NOISE_PART
+    clears = gain > CLEARED * before.adequacy.excess
+    return FORM_PART if nearly(before.adequacy, base.adequacy) and not clears else SECOND_PART
