@@ -38,9 +38,8 @@ def clean(state: Adequacy) -> bool:
 def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
     """What stands out of the noise is little, and little of what stood out `before`."""
     explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
-    if held_ratio > NEARLY_RATIO or explained < NEARLY_EXPLAINED:
-        return False
-    return state.ratio <= (ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO)
+    allowed = ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO
+    return explained >= NEARLY_EXPLAINED and max(state.ratio, held_ratio) <= allowed
 
 
 def finished(base: Option, chosen: Option) -> bool:

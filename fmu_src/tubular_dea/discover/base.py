@@ -29,7 +29,10 @@ def recalibrate(study: Study, starts: int = STARTS, seed: int = 0, start: Mappin
     best = _somewhere(problem, study.compiled.base.parameter_values() if start is None else start, seed)
 
     def confirm(number: int) -> Fit:
-        return fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
+        try:
+            return fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
+        except FitError:  # a tube that bursts is no better place
+            return best
 
     other = min([best, *side_by_side(confirm, range(1, starts))], key=lambda f: f.cost)
     return fit(problem, other.values, 1) if other.cost < best.cost - AGREE else best

@@ -13,7 +13,7 @@ from .options import Option
 
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
 FORM_SHARE = 0.02  # of the gain that another functional form of the same effect may lose
-WEAK_SHARE, WEAK = 0.5, 80.0  # the same where the gain is small, and the most it then may lose
+WEAK_SHARE, WEAK = 0.6, 120.0  # the same where the gain is small, and the most it then may lose
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:

@@ -1,12 +1,20 @@
 """Passive layers and electrodes, stiffer than the elastomer, carry part of the hoop stress.
 
-Equation: sigma_hoop += mu_passive (lambda_2^2 - 1 / lambda_2), sigma_m += passive_axial mu_passive
-(lambda_1^2 - 1 / lambda_1): neo-Hookean strips. Layers alike in both directions would only change C_1.
+::
 
-Source: Rosset and Shea, "Flexible and stretchable electrodes for dielectric elastomer actuators", Appl. Phys. A 110
-(2013) 281, on the stiffness that electrodes add.
+    sigma_hoop |      .-'  elastomer (exponent 2)
+               |    .' _.-  layers (exponent 1): stiff at first, less so when stretched
+               | .'.-
+               +------------|-- lambda_2
 
-Typical: 5 to 50 kPa.
+Equation: sigma_hoop += 2 mu_passive / passive_exponent (lambda_2^a - lambda_2^(-a/2)), a = passive_exponent: strips
+of Ogden's material. With the elastomer's own exponent, 2, they would only change C_1 to C_3, whatever they are.
+
+Source: Ogden, "Large deformation isotropic elasticity", Proc. R. Soc. A 326 (1972) 565; Rosset and Shea, "Flexible and
+stretchable electrodes for dielectric elastomer actuators", Appl. Phys. A 110 (2013) 281, on the stiffness that
+electrodes add.
+
+Typical: 5 to 50 kPa; below zero where the layers stiffen with stretch, as C_1 then has what they add at first.
 """
 
 from ..declare import Model, Quantity
@@ -16,17 +24,17 @@ from ._signals import added
 PARAMETERS = (
     Quantity("mu_passive", "Pa", "Shear modulus of the passive layers, over the whole wall", 0.0, "Rosset 2013", -2e5,
              1e7, 2e4, "kPa"),
-    Quantity("passive_axial", "1", "Share of it along the generatrix", 0.0, "Rosset 2013", -1.0, 10.0),
+    Quantity("passive_exponent", "1", "Ogden's exponent of their stress", 1.0, "Ogden 1972", 0.2, 10.0),
 )
 
 
 def _apply(model: Model) -> Model:
-    mu, one, two = model["mu_passive"], model["lambda_1"], model["lambda_2"]
-    model = added(model, "sigma_m", model["passive_axial"] * mu * (one**2 - 1 / one))
-    return added(model, "sigma_hoop", mu * (two**2 - 1 / two))
+    two, exponent = model["lambda_2"], model["passive_exponent"]
+    return added(model, "sigma_hoop",
+                 2 * model["mu_passive"] / exponent * (two**exponent - two ** (-exponent / 2)))  # fmt: skip
 
 
 EFFECT = Effect(
     "passive_layer_stiffness", "mechanical", "Passive layers carry part of the hoop stress", _apply, PARAMETERS,
-    off={"mu_passive": 0.0}, typical={"mu_passive": 2e4, "passive_axial": 0.0}, refine=("passive_axial",),
+    off={"mu_passive": 0.0}, typical={"mu_passive": 2e4, "passive_exponent": 1.0}, refine=("passive_exponent",),
 )  # fmt: skip
