@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from ..errors import UserError
 from ..export.compile import PLATFORMS
 from ..files import write_atomically
 from ..model.declare import Model
@@ -46,6 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
+    if options.seed is not None and options.seed < 0:
+        raise UserError(f"--seed: expected at least 0 but was given {options.seed}")
     (_aorta if options.model == "aortic-windkessel" else _tube)(options)
 
 

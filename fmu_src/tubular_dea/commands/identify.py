@@ -53,8 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Identify, then write all files at the end."""
-    if options.starts < 1:
-        raise UserError(f"--starts: expected at least 1 but was given {options.starts}")
+    for name, value, least in (("starts", options.starts, 1), ("seed", options.seed, 0)):
+        if value < least:
+            raise UserError(f"--{name}: expected at least {least} but was given {value}")
     model = tubular_dea()
     recordings = read_folder(options.data)
     with tqdm(total=6, unit="step", disable=None) as bar:

@@ -1,6 +1,7 @@
 """The base model with its own parameters refitted: the ground that every candidate is measured from.
 
-A base that has not converged produces false names, so the search starts from several places.
+A base that has not converged produces false names, so the search starts from several places, one of them with the
+declared viscous parameters: a Maxwell branch that became very fast by the way does not come back by itself.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from collections.abc import Mapping
 
 from ..identify.fit import Fit, FitError, fit
 from ..identify.problem import Problem
+from ..identify.procedure import VISCOUS
 from ..identify.threads import side_by_side
 from .parameters import base_parameters
 from .study import Study
@@ -28,9 +30,12 @@ def recalibrate(study: Study, starts: int = STARTS, seed: int = 0, start: Mappin
     problem = study.problem((), base_parameters(study.compiled.base), {})
     best = _somewhere(problem, study.compiled.base.parameter_values() if start is None else start, seed)
 
+    declared = {n: v for n, v in study.compiled.base.parameter_values().items() if n in VISCOUS}
+
     def confirm(number: int) -> Fit:
+        begin, move = (best.values | declared, 0.0) if number == 1 else (best.values, MOVE)
         try:
-            return fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
+            return fit(problem, begin, 1, evaluations=CONFIRM, move=move, seed=seed + number)
         except FitError:  # a tube that bursts is no better place
             return best
 

@@ -35,7 +35,6 @@ class Discovery:
     verdict: str
     search: Search
     located: Localisation | None
-    left: Localisation | None
     equivalent: dict[str, list[str]]
     tests_before: dict[str, float]
     tests_after: dict[str, float]
@@ -75,11 +74,8 @@ def discover(recordings: Recordings, tell: Progress = lambda what: None, model: 
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
     verdict = decide(found, held, equivalent)
     found.chosen = _described(work, found.chosen, _equals(found, equivalent))
-    left = None
-    if verdict == "unexplained" and found.chosen.ids:
-        left = channels.localise(work, found.chosen.ids, found.chosen.fitted, found.chosen.adequacy.excess)
     return Discovery(
-        recordings, work, verdict, found, located, left, equivalent,
+        recordings, work, verdict, found, located, equivalent,
         residuals.tests(work, (), found.base.fitted), residuals.tests(work, found.chosen.ids, found.chosen.fitted),
         numeric, inputs_noise.coloured_rms(work, fitted.values), held,
         next_experiment.propose(work, _competitors(found, equivalent)),

@@ -15,6 +15,7 @@ from ..identify.problem import Problem
 from .parameters import switched_off
 from .study import Study
 
+LEAST_VOLTAGE = 200.0  # V: below, the tube hardly feels voltage
 PROBES = {"pressure": "pressure_offset"}  # effects whose parameter adds to an input
 
 
@@ -62,7 +63,7 @@ def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.
         permittivity = values["eps_r"]
         moved = problem.response.outputs(dict(values) | {"eps_r": permittivity * 1.01})
         gains["voltage"] = [
-            (a - b) / 0.01 * 2 / np.maximum(p.case.protocol.at(p.case.times)["voltage"], 200.0)
+            (a - b) / 0.01 * 2 / np.maximum(np.abs(p.case.protocol.at(p.case.times)["voltage"]), LEAST_VOLTAGE)
             for a, b, p in zip(moved, base, study.pieces, strict=True)
         ]
     return gains

@@ -17,6 +17,8 @@ from .compiled import Ids
 from .options import Option
 from .study import Study
 
+WITHIN = 0.85  # of the largest pressure and voltage recorded
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -47,8 +49,8 @@ def feasible(study: Study) -> dict[str, Protocol]:
     inputs = study.pieces[0].case.protocol.inputs
     if not {"pressure", "voltage"} <= set(inputs):
         return {}
-    top = {n: max(float(np.max(p.case.protocol.inputs[n])) for p in study.pieces) for n in ("pressure", "voltage")}
-    p, v = 0.85 * top["pressure"], 0.85 * top["voltage"]
+    recorded = {n: np.concatenate([p.case.protocol.inputs[n] for p in study.pieces]) for n in ("pressure", "voltage")}
+    p, v = (WITHIN * float(r[np.argmax(np.abs(r))]) for r in recorded.values())  # with the polarity that was recorded
     mmhg, kv = p / 133.322, v / 1e3
     return {
         f"voltage steps of 10 ms to 1 s up to {kv:.1f} kV at {0.6 * mmhg:.0f} mmHg": _pulses(0.6 * p, v),
@@ -80,8 +82,9 @@ def _pulses(pressure: float, voltage: float) -> Protocol:
 
 
 def _sweep(pressure: float, voltage: float) -> Protocol:
-    time = np.arange(0, 20, 0.01)
-    phase = 2 * np.pi * 0.1 * 4.0 / np.log(100) * 5 * (np.exp(time / 20 * np.log(100)) - 1) / 1.0
+    duration, lowest, span = 20.0, 0.1, np.log(100)  # s, Hz, log of the largest over the lowest
+    time = np.arange(0, duration, 0.01)
+    phase = 2 * np.pi * lowest * duration / span * (np.exp(span * time / duration) - 1)
     wave = pressure * np.minimum(time, 1.0) * (0.7 + 0.3 * np.sin(phase))
     return Protocol(time, {"pressure": wave, "voltage": np.full(time.size, voltage) * (time > 1.5)})
 

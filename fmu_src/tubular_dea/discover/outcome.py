@@ -92,16 +92,17 @@ def errors(found: Discovery, ids: Ids, values: Mapping[str, float]) -> dict[str,
         }
     pairs = list(zip(found.study.pieces, outputs, strict=True))
     record = {
-        p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y]), "held_out": p.held_out}
+        p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": _finite(goodness([p.record], [y])),
+                 "held_out": p.held_out}
         for p, y in pairs
-    }
+    }  # fmt: skip
     train = [(p.record, y) for p, y in pairs if not p.held_out]
     held = [(p.record, y) for p, y in pairs if p.held_out]
     of = {"": train, "held_out_": held}
     summary: dict[str, Any] = {}
     for prefix, part in of.items():
         summary[f"{prefix}rmse_m"] = rmse(*zip(*part, strict=True)) if part else None
-        summary[f"{prefix}fit_percent"] = goodness(*zip(*part, strict=True)) if part else None
+        summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True))) if part else None
     return summary | {"per_experiment": record}
 
 
@@ -125,7 +126,8 @@ def advice(found: Discovery) -> str:
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the tube will go beyond what was recorded."
     if found.verdict == "unexplained":
-        return f"{why}: repeat an experiment {REPEAT[str(where)]}, because the {where} channel explains most of it."
+        because = "it is largest where this channel acts" if _nowhere(found) else f"the {where} channel explains most"
+        return f"{why}: repeat an experiment {REPEAT[str(where)]}, because {because}."
     if proposal is None:
         return f"{why}: repeat the experiments on another tube to see whether the effect is the same."
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
@@ -134,6 +136,11 @@ def advice(found: Discovery) -> str:
     if found.verdict == "ambiguous":
         return f"{why}: record {proposal.words}, on which {names} differ by {apart} where they are closest."
     return f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ by {apart}."
+
+
+def _nowhere(found: Discovery) -> bool:
+    """No channel explains half of the residual, and no effect nearly all of it."""
+    return not found.chosen.ids and bool(found.located and found.located.disturbance)
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from ..identify.problem import Free
 from ..model.declare import Model, Quantity
 from ..model.effects import Effect
@@ -43,11 +41,6 @@ def clipped(free: Free, value: float) -> float:
     low = -float("inf") if free.lower is None else free.lower
     high = float("inf") if free.upper is None else free.upper
     return min(max(value, low), high)
-
-
-def sizes(effects: Mapping[str, Effect]) -> dict[str, float]:
-    """Typical sizes of all parameters of some effects, by name."""
-    return {q.name: size(e, q.name) for e in effects.values() for q in e.parameters}
 
 
 def _free(quantity: Quantity, scale: float, effect: Effect | None = None) -> Free:

@@ -39,8 +39,10 @@ def adequacy(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -
     expected = max(expected_squares(study, pieces) - len(fitted.names), 1.0)
     excess = float(residual @ residual) - expected
     means, variance = block_means(residual, pieces), _block_variance(pieces)
-    z_slow = float(means @ means - variance.sum()) / np.sqrt(2.0 * float(variance @ variance))
-    doubt = np.sqrt(2.0 * n + (0.012 * n) ** 2)  # of the noise's own estimate
+    level = study.noise.doubt
+    z_slow = float(means @ means - variance.sum()) / np.hypot(np.sqrt(2.0) * np.linalg.norm(variance),
+                                                              level * variance.sum())  # fmt: skip
+    doubt = np.hypot(np.sqrt(2.0 * n), level * n)
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))
     gained = excess / n / share * (study.noise.innovation / (1 - study.noise.correlation)) ** 2
     return Adequacy(excess, expected, float(z_slow), float(excess / doubt), float(np.sqrt(max(gained, 0.0))),
@@ -105,6 +107,7 @@ def whiteness(means: np.ndarray, lags: int = 20) -> float:
     centred = means - means.mean()
     power = float(centred @ centred)
     n = centred.size
+    lags = min(lags, n // 2)
     q = n * (n + 2) * sum((float(centred[k:] @ centred[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
     return float((q - lags) / np.sqrt(2 * lags))
 

@@ -19,6 +19,7 @@ from .refit import FULL, first_refit, fit_effects, further
 from .study import Study
 
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
+MARGIN = 1.2  # over the bootstrap's threshold, as the noise is not known exactly
 WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
@@ -48,8 +49,8 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     scored = bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian)
     ranked = bank.best_of_each(scored)
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
-    threshold = max(1.2 * null.threshold(FALSE_ALARMS), numeric)
-    if not ranked or ranked[0].gain < threshold:
+    threshold = max(MARGIN * null.threshold(FALSE_ALARMS), numeric)
+    if ranked[0].gain < threshold:
         return Round(chosen.ids, ranked, null, threshold, [], False, "no score stands out of the nulls'")
     hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].gain, ranked[0].id) if chosen.ids else ""
     if hopeless:

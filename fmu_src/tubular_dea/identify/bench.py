@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ..model.dea import GEOMETRY
+from ..model.declare import Quantity
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Bench:
     measured: str
     rest: float = 0.0
     least_samples: int = 50
-    geometry: dict[str, str] = field(default_factory=dict)
+    geometry: dict[str, Quantity] = field(default_factory=dict)
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -67,7 +68,7 @@ TUBE = Bench(
     relative_names=("displacement", "radial_displacement"),
     measured="measured_displacement",
     rest=15e-3,
-    geometry={q.name: q.unit for q in GEOMETRY if q.type == "Real"},
+    geometry={q.name: q for q in GEOMETRY if q.type == "Real"},
 )
 
 AORTA = Bench(

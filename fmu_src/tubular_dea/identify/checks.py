@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from .bench import Bench, Signal
-from .monitors import noise_level
+from .monitors import noise_level, resolution
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
+COARSE = 3.0  # steps of its resolution: a sensor with less noise may well give equal samples in a row
 QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point, and may stand still
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
@@ -45,7 +46,7 @@ def _wrong_unit(values: np.ndarray, name: str, signal: Signal, lines: np.ndarray
 def mislabelled(values: np.ndarray, signal: Signal) -> str:
     """What the largest value says against the unit of a signal that is more than noise about zero; "" for nothing."""
     largest = float(values[int(np.argmax(np.abs(values)))])
-    top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
+    top, span, noise = abs(largest), float(np.ptp(values)), max(noise_level(values), resolution(values))
     what = f"the largest value is {largest:g} {signal.unit}"
     if top > signal.most:
         return f"{what}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
@@ -86,13 +87,13 @@ def _standstill(
 
 
 def _noisy(values: np.ndarray) -> bool:
-    """Where they move, neighbouring values differ by noise: more than their resolution and a share of the span."""
+    """Where they move, neighbouring values differ by noise: some steps of their resolution and a share of the span."""
     step = np.abs(np.diff(values))
     moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
     if moving.sum() < STANDSTILL:
         return False
     noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
-    return noise > max(QUIET * float(np.ptp(values)), float(step[step > 0].min()))
+    return noise > max(QUIET * float(np.ptp(values)), COARSE * resolution(values))
 
 
 def _below_rest(values: np.ndarray, name: str, lines: np.ndarray, rest: float, size: float) -> Iterator[str]:

@@ -184,8 +184,19 @@ def _bench_file(path: Path, bench: Bench) -> tuple[dict[str, float], dict[str, f
     unknown = sorted(set(text) - {"geometry", "noise", "sampling"})
     if unknown:
         raise DataError(f"{path}: expected the tables geometry, noise and sampling but found {unknown[0]!r}")
+    for name, table in text.items():
+        if not isinstance(table, dict):
+            raise DataError(f"{path}: expected a table [{name}] but found {name} = {str(table)[:40]!r}")
     signals = {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
-    geometry = {k: _amount(path, k, v, bench.geometry) for k, v in text.get("geometry", {}).items()}
+    units = {name: q.unit for name, q in bench.geometry.items()}
+    geometry = {k: _amount(path, k, v, units) for k, v in text.get("geometry", {}).items()}
+    for name, value in geometry.items():
+        low, high = bench.geometry[name].minimum, bench.geometry[name].maximum
+        if (low is not None and value < low) or (high is not None and value > high):
+            raise DataError(
+                f"{path}: {name}: expected {low:g} to {high:g} {units[name]} but found {value:g}; a number without a "
+                "unit is in SI"
+            )
     noise = {k: _amount(path, k, v, signals) for k, v in text.get("noise", {}).items()}
     return geometry, noise
 

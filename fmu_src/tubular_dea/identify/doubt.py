@@ -33,7 +33,7 @@ def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
     covariance = solved.pop() @ best.jacobian[sum(r.size for r in problem.records) :] @ best.covariance  # the prior's
     solved = [part * weight for part, weight in zip(solved, weights, strict=True)]
     covariance += sum(part @ part.T for part in solved)  # the sensor's, whose variance is less than what weights allow
-    for name in sorted({n for d in drives for n in d.corners}):
+    for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
         gains = _gains(problem, best.values, name)
         for i, driven in enumerate(drives):
             covariance += _added(problem, i, solved[i], gains[i], driven, name)

@@ -10,7 +10,9 @@ import numpy as np
 from ..protocol import Protocol
 from .bench import Bench
 from .data import Experiment
-from .monitors import jumps, noise_level, polyline
+from .monitors import jumps, noise_level, polyline, resolution
+
+FLOOR = 1e-4  # of its span: noise below which a monitor is as good as a set point
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Drive:
 
 def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None = None) -> Drive:
     """The protocol behind the recorded monitors; `noise` gives levels that bench.toml states."""
-    levels = {s.name: (noise or {}).get(s.name, noise_level(experiment.inputs[s.name])) for s in bench.inputs}
+    levels = {s.name: (noise or {}).get(s.name, _level(experiment.inputs[s.name])) for s in bench.inputs}
     lines = []
     for signal in bench.inputs:
         values = experiment.inputs[signal.name]
@@ -35,6 +37,11 @@ def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None =
         lines.append(make(experiment.time, values, levels[signal.name]))
     corners = {s.name: times for s, (times, _) in zip(bench.inputs, lines, strict=True) if not s.held}
     return Drive(joined(lines, [s.name for s in bench.inputs]), levels, corners)
+
+
+def _level(values: np.ndarray) -> float:
+    """The noise of a monitor, not less than its resolution makes; without any, every sample would be an event."""
+    return max(noise_level(values), resolution(values) / float(np.sqrt(12.0)), FLOOR * float(np.ptp(values)))
 
 
 def _continuous(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -44,7 +44,6 @@ class Fit:
     free: list[Free]
     stderr: dict[str, float]
     converged: bool
-    spread: float = 0.0
 
     @property
     def names(self) -> list[str]:
@@ -76,10 +75,7 @@ def fit(
     move: float = 0.0,
     precision: float = PRECISION,
 ) -> Fit:
-    """The best of `starts` searches: from `start` (moved by about `move`) and from points around it (about `spread`).
-
-    `Fit.spread` is by how much the costs of the searches that ended within 10 of the best differ.
-    """
+    """The best of `starts` searches: from `start` (moved by `move`) and from points around it (about `spread`)."""
     random = np.random.default_rng(seed)
     first = problem.scaled(start)
     found = []
@@ -93,14 +89,12 @@ def fit(
             "the model has no answer at the starting values: expected parameters under which the tube carries the "
             "recorded pressures; choose others"
         )
-    costs = np.array([2 * s.cost for s in found])
-    best = found[int(np.argmin(costs))]
-    near = costs[costs < costs.min() + 10]
-    return described(problem, best.x, bool(best.status > 0), float(np.ptp(near)))
+    best = min(found, key=lambda s: s.cost)
+    return described(problem, best.x, bool(best.status > 0))
 
 
 def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    """scipy's bounded least squares; each point is evaluated once for residual and Jacobian. None without answer."""
+    """scipy's bounded least squares; None where the model has no answer at the start."""
     if not np.all(np.isfinite(problem.residuals(start))):
         return None
     try:
@@ -112,7 +106,7 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: fl
         return None
 
 
-def described(problem: Problem, scaled: np.ndarray, converged: bool = True, spread: float = 0.0) -> Fit:
+def described(problem: Problem, scaled: np.ndarray, converged: bool = True) -> Fit:
     """The fit that ends at `scaled` (k,): residual, Jacobian and covariance there."""
     residual, jacobian = problem.linearised(scaled)
     covariance = inverse(jacobian.T @ jacobian)
@@ -120,7 +114,7 @@ def described(problem: Problem, scaled: np.ndarray, converged: bool = True, spre
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     stderr = {f.name: float(f.slope(values[f.name]) * d) for f, d in zip(problem.free, deviation, strict=True)}
     return Fit(values, scaled, float(residual @ residual), residual, jacobian, covariance, list(problem.free), stderr,
-               converged, spread)  # fmt: skip
+               converged)  # fmt: skip
 
 
 def inverse(information: np.ndarray) -> np.ndarray:
@@ -175,9 +169,10 @@ def interval(fitted: Fit, name: str) -> tuple[float, float]:
 
 
 def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
-    """The paper's goodness of fit [%], over all samples: 100 (1 - |y - yhat| / |y - mean(y)|)."""
+    """The paper's goodness of fit [%], over all samples: 100 (1 - |y - yhat| / |y - mean(y)|); NaN at standstill."""
     y, yhat = np.concatenate(list(record)), np.concatenate(list(output))
-    return float(100 * (1 - np.linalg.norm(y - yhat) / np.linalg.norm(y - y.mean())))
+    moves = float(np.linalg.norm(y - y.mean()))
+    return float(100 * (1 - np.linalg.norm(y - yhat) / moves)) if moves > 0 else float("nan")
 
 
 def rmse(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:

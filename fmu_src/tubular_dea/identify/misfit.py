@@ -10,7 +10,7 @@ import numpy as np
 from .fit import Fit
 from .problem import Problem
 
-BLOCK = 25  # samples (0.1 s): below the frequencies of the sensor's noise, above those of most effects
+BLOCK = 25  # samples (0.1 s at 250 Hz): below the frequencies of the sensor's noise, above those of most effects
 CHANCE = 5.0  # standard deviations of the slow parts up to which they are noise
 
 
@@ -18,7 +18,8 @@ CHANCE = 5.0  # standard deviations of the slow parts up to which they are noise
 class Misfit:
     """A whitened residual against the noise: `ratio` of their rms, and how far slow parts stand out of it, `slow`.
 
-    `slow` is the excess of the mean square over blocks of BLOCK samples, in its standard deviations under noise alone.
+    `slow` is the excess of the mean square over blocks of BLOCK samples, in its standard deviations under noise alone,
+    whose level is not known exactly either.
     """
 
     ratio: float
@@ -46,4 +47,5 @@ def misfit(problem: Problem, best: Fit) -> Misfit:
     sums = block_sums(parts(best.residual, problem.records))
     excess = float(np.mean(sums**2)) / BLOCK - 1
     freedom = best.residual.size - len(best.names)
-    return Misfit(float(np.sqrt(best.cost / freedom)), excess / float(np.sqrt(2 / sums.size)))
+    doubt = float(np.hypot(np.sqrt(2 / sums.size), problem.noise.doubt))
+    return Misfit(float(np.sqrt(best.cost / freedom)), excess / doubt)

@@ -34,6 +34,12 @@ def noise_level(values: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(thirds)))
 
 
+def resolution(values: np.ndarray) -> float:
+    """The smallest step between neighbouring samples, 0 where there is none."""
+    step = np.abs(np.diff(values))
+    return float(np.min(step[step > 0], initial=np.inf)) if np.any(step) else 0.0
+
+
 def jumps(values: np.ndarray, noise: float) -> np.ndarray:
     """Numbers of the samples at which a held signal has just switched.
 

@@ -12,15 +12,25 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 WINDOW, LEAST, DEGREE = 60, 30, 3  # samples a stretch has, at most and at least, and the polynomial's degree
+FORM = 0.012  # relative error of the variance that remains however long the record
 SETTLED = 0.1  # s after an event until the radius moves slowly
 
 
 @dataclass(frozen=True)
 class Noise:
-    """First-order autoregressive noise: `rms` in the output's unit, `correlation` between neighbouring samples."""
+    """First-order autoregressive noise: `rms` in the output's unit, `correlation` between neighbouring samples.
+
+    `freedom` is the number of degrees of freedom that `rms` was estimated with.
+    """
 
     rms: float
     correlation: float
+    freedom: float = np.inf
+
+    @property
+    def doubt(self) -> float:
+        """Relative standard error of the variance: by chance, and as no noise is quite of this form."""
+        return max(FORM, float(np.sqrt(2 / self.freedom)))
 
     @property
     def innovation(self) -> float:
@@ -64,14 +74,11 @@ def quiet_stretches(time: np.ndarray, events: np.ndarray) -> list[slice]:
 def estimate(records: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps.
 
-    Where no record has a quiet stretch, all of it is used, cut into windows.
+    Where no record has a quiet stretch, all of them are used, cut into windows.
     """
-    stretches = []
-    for time, output, events in records:
-        slices = quiet_stretches(time, events)
-        if not slices:
-            slices = [slice(a, a + LEAST) for a in range(0, time.size - LEAST, LEAST)]
-        stretches += [output[s] for s in slices]
+    stretches = [output[s] for time, output, events in records for s in quiet_stretches(time, events)]
+    if not stretches:
+        stretches = [y[a : a + LEAST] for _, y, _ in records for a in range(0, y.size - LEAST + 1, LEAST)]
     by_size: dict[int, np.ndarray] = {}
     for size in {s.size for s in stretches}:
         by_size[size] = np.stack([s for s in stretches if s.size == size])
@@ -79,7 +86,8 @@ def estimate(records: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Noise:
                            options={"xatol": 1e-3})  # fmt: skip
     correlation = float(best.x) if abs(best.x) > 0.03 else 0.0
     innovation = _restricted(by_size, correlation)[1]
-    return Noise(innovation / float(np.sqrt(1 - correlation**2)), correlation)
+    freedom = sum(len(s) * (size - DEGREE - 1) for size, s in by_size.items())
+    return Noise(innovation / float(np.sqrt(1 - correlation**2)), correlation, freedom)
 
 
 def _restricted(by_size: dict[int, np.ndarray], correlation: float) -> tuple[float, float]:

@@ -57,7 +57,7 @@ class Prepared:
         chosen = range(len(self.experiments)) if chosen is None else chosen
         response = Response(self.kernel, [self.cases[i] for i in chosen], self.bench.measured, self.geometry)
         records = [self.experiments[i].output[self.experiments[i].seen] for i in chosen]
-        return Problem(response, records, self.noise, list(free), dict(fixed))
+        return Problem(response, records, self.noise, list(free), dict(fixed) | self.geometry)
 
 
 def prepare(recordings: Recordings, model: Model) -> Prepared:
@@ -78,7 +78,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> Noise:
     found = noises.estimate(records)
     stated = next((recordings.noise[n] for n in recordings.bench.output_names if n in recordings.noise), None)
     floor = 1e-6 * max(float(np.nanmax(np.abs(e.output))) for e in recordings.experiments)
-    return Noise(max(stated or found.rms, floor), found.correlation)
+    return Noise(max(stated or found.rms, floor), found.correlation, np.inf if stated else found.freedom)
 
 
 def free_parameters(model: Model, start: Mapping[str, float], names: Sequence[str] | None = None) -> list[Free]:
@@ -147,16 +147,17 @@ def stages(ready: Prepared) -> tuple[list[int], list[int], list[int]]:
     """Which experiments serve the stages: the lowest ramp, the highest ramp, a step (all, where there is none)."""
     everything = list(range(len(ready.experiments)))
     voltages = [np.asarray(c.protocol.inputs["voltage"]) for c in ready.cases]
-    top = max(float(v.max()) for v in voltages)
-    driven = [i for i in everything if voltages[i].max() > 0.1 * top]
+    heights = [float(np.abs(v).max()) for v in voltages]
+    top = max(heights)
+    driven = [i for i in everything if heights[i] > 0.1 * top]
     ramps = [
         i
         for i in driven
         if np.abs(np.diff(voltages[i])[np.diff(ready.cases[i].protocol.time) == 0]).max(initial=0) < JUMP * top
     ]
     steps = [i for i in driven if i not in ramps]
-    by_height = sorted(ramps, key=lambda i: float(voltages[i].max()))
-    few = sorted(steps, key=lambda i: (len(ready.cases[i].protocol.time), float(voltages[i].max())))
+    by_height = sorted(ramps, key=lambda i: heights[i])
+    few = sorted(steps, key=lambda i: (len(ready.cases[i].protocol.time), heights[i]))
     return by_height[:1] or everything, by_height[-1:] or everything, few[:1] or everything
 
 

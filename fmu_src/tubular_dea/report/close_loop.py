@@ -8,6 +8,8 @@ import plotly.graph_objects as go
 
 from ..discover.engine import Discovery
 from ..discover.law_doubt import LAW
+from ..discover.rounds import Round
+from ..identify.misfit import BLOCK
 from ..kernel import KernelError
 from ..model.effects import catalogue
 from .latent_map import latent_map
@@ -101,17 +103,24 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         beside = f" beside {', '.join(step.present)}" if step.present else ""
         page.text(
             f"{number}. Every effect of the catalogue scored{beside}, by how much of the squared residual (in units of "
-            f"the noise) it would explain. Chance alone reaches {step.threshold:.0f}. "
-            f"{'Accepted' if step.accepted else 'Nothing accepted'}: {step.reason}."
+            f"the noise) it would explain. More than {step.threshold:.0f} is hardly chance. "
+            f"{'Accepted' if step.accepted else 'Nothing accepted'}: {step.reason}.{_undone(found, step)}"
         )
         shown = {s.id: s.gain for s in step.scores[:SHOWN]}
-        page.figure(bars(shown, "score", step.threshold), "The best scores; the line is what chance alone reaches.")
+        page.figure(bars(shown, "score", step.threshold), "The best scores; what passes the line is hardly chance.")
     page.text(
         f"{len(found.search.rounds) + 4}. What is left: {after.structure * 1e6:.1f} um rms that is not noise, "
         f"{after.z_slow:.1f} standard deviations; the residual of the held-out experiments is {found.held_ratio:.3f} "
         "times the noise."
     )
-    page.table(["residual, averaged over 0.1 s", "before", "after", "sensor noise alone"], _tests(found))
+    page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
+
+
+def _undone(found: Discovery, step: Round) -> str:
+    """That what a round accepted is not in the final model, where that is so."""
+    if not step.accepted or step.options[0].ids[-1] in found.chosen.ids:
+        return ""
+    return " It is not in the final model: later steps exchanged or dropped it, or the held-out experiments deny it."
 
 
 def _channels(page: Page, found: Discovery) -> None:
