@@ -206,6 +206,12 @@ def test_bench_file_gives_geometry_and_noise(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text("[geometry]\nradius_of_the_tube = 3\n")
     with pytest.raises(DataError, match="radius_of_the_tube"):
         read_folder(tmp_path)
+    (tmp_path / "bench.toml").write_text("[geometry]\nh_ao = 100\n")
+    with pytest.raises(DataError, match="h_ao: expected 1e-08 to 1 m but found 100; a number without a unit is in SI"):
+        read_folder(tmp_path)
+    (tmp_path / "bench.toml").write_text("geometry = 3\n")
+    with pytest.raises(DataError, match=r"expected a table \[geometry\] but found geometry = '3'"):
+        read_folder(tmp_path)
 
 
 def test_a_monitors_noise_is_told_from_its_signal() -> None:

@@ -171,8 +171,9 @@ def interval(fitted: Fit, name: str) -> tuple[float, float]:
 def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
     """The paper's goodness of fit [%], over all samples: 100 (1 - |y - yhat| / |y - mean(y)|); NaN at standstill."""
     y, yhat = np.concatenate(list(record)), np.concatenate(list(output))
-    moves = float(np.linalg.norm(y - y.mean()))
-    return float(100 * (1 - np.linalg.norm(y - yhat) / moves)) if moves > 0 else float("nan")
+    if np.ptp(y) == 0:
+        return float("nan")
+    return float(100 * (1 - np.linalg.norm(y - yhat) / np.linalg.norm(y - y.mean())))
 
 
 def rmse(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
