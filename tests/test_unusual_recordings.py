@@ -40,12 +40,15 @@ def recorded(
                       np.arange(TIME.size))  # fmt: skip
 
 
-def several(values: Mapping[str, float] | None = None, softer: float = 1.0, **more: float) -> Recordings:
+def several(
+    values: Mapping[str, float] | None = None, softer: float = 1.0, seed: int = 0, **more: float
+) -> Recordings:
     """Five experiments: 5.5 to 8.3 kPa (times `softer`), with voltage pulses of 3 to 4.8 kV, the last with a ramp."""
     pulses = (TIME % 2 > 1) & (TIME > 1.5)
     voltages = [np.where(pulses, 3000.0 + 600 * i, 0.0) for i in range(4)] + [500 * np.clip(TIME - 2, 0, None)]
     pressures = [softer * (5500 + 700 * i) * np.minimum(TIME, 1) for i in range(5)]
-    listed = [recorded(i, p, v, values, **more) for i, (p, v) in enumerate(zip(pressures, voltages, strict=True))]
+    driven = enumerate(zip(pressures, voltages, strict=True), seed)
+    listed = [recorded(i, p, v, values, **more) for i, (p, v) in driven]
     return Recordings(TUBE, listed, {}, {}, "unusual")
 
 
@@ -114,10 +117,10 @@ def test_recordings_without_pressure_have_finite_doubt() -> None:
 def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
     declared = MODEL.parameter_values()
     truth = {n: declared[n] * part for n, part in SOFT.items()}
-    work = study(several(truth, softer=0.6), MODEL)
-    for seed in (0, 2):  # without the declared branches among the starts, the second stays in a poorer place
+    work = study(several(truth, softer=0.6, seed=20), MODEL)
+    for seed in (0, 3):  # without the declared branches among the starts, both end in a poorer place
         found = base.recalibrate(work, seed=seed)
-        assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + 0.5
+        assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + base.AGREE
 
 
 def test_the_level_of_noise_is_as_doubtful_as_the_record_is_short(plain: Recordings) -> None:

@@ -20,7 +20,7 @@ FALSE_ALARMS = 0.001  # per record, of the largest score
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
 SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
 FORM_PART = 0.03  # the same, where what is left is so little that another form of the first may be all there is
-NOISE_PART = 0.1  # the same, where what is left does not stand out of the noise
+NOISE_PART, NOISE_GAIN = 0.1, 70.0  # the same, and the least it gains, where what is left looks like noise
 CLEARED = 0.8  # of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.95  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
@@ -44,8 +44,9 @@ def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
 
 def finished(base: Option, chosen: Option) -> bool:
     """Whether nothing is left to look for: noise, and less in it than a further effect would have to bring."""
-    gained = base.fitted.cost - chosen.fitted.cost
-    return clean(chosen.adequacy) and not all_exact(chosen.ids) and chosen.adequacy.excess < NOISE_PART * gained
+    if not clean(chosen.adequacy) or all_exact(chosen.ids):
+        return False
+    return chosen.adequacy.excess < _least_gain(base, chosen, 0.0)
 
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
@@ -89,8 +90,7 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
 
     Where `after` it the slow parts are noise, what is left besides is that the noise's level is not known better.
     """
-    first = base.fitted.cost - before.fitted.cost
-    if gain < _least_part(base, before, gain) * first:
+    if gain < _least_gain(base, before, gain):
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
     settles = after is not None and after.adequacy.z_slow < CLEAN_SLOW
     if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0) and not settles:
@@ -98,11 +98,12 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     return ""
 
 
-def _least_part(base: Option, before: Option, gain: float) -> float:
-    """The part of what `before` gained that a further effect has to bring: more where another form might do it."""
+def _least_gain(base: Option, before: Option, gain: float) -> float:
+    """What one that gains `gain` besides `before` has to gain: more where another form of `before` might do it."""
+    first = base.fitted.cost - before.fitted.cost
     if all_exact(before.ids):
-        return SECOND_PART
+        return SECOND_PART * first
     if clean(before.adequacy):
-        return NOISE_PART
+        return max(NOISE_PART * first, NOISE_GAIN)
     clears = gain > CLEARED * before.adequacy.excess
-    return FORM_PART if nearly(before.adequacy, base.adequacy) and not clears else SECOND_PART
+    return first * (FORM_PART if nearly(before.adequacy, base.adequacy) and not clears else SECOND_PART)
