@@ -16,7 +16,7 @@ from ..model.declare import Model
 from .compile import Platform, host, native_source, shared_library, universal
 
 CORE_SOURCES = ("instance.c", "exchange.c", "equilibrium.c", "delay.c", "rosenbrock.c")
-MASTERS_CALLS = ("values.c", "step.c", "saved_state.c", "sensitivity.c")  # what only an FMU needs
+FMU_SOURCES = ("values.c", "step.c", "saved_state.c", "sensitivity.c")  # what only an FMU needs
 CORE_HEADERS = ("instance.h", "delay.h", "rosenbrock.h", "rodas5p.h", "equilibrium.h", "variable.h")
 FMI_HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -34,7 +34,7 @@ Progress = Callable[[str], None]
 def sources(model: Model, version: int) -> dict[str, str]:
     """All C files of the FMU: the emitted model, the integrator, the FMI interface and its headers."""
     headers = Path(fmpy.__file__).parent / "c-code"
-    files = core_sources(model, *MASTERS_CALLS, f"fmi{version}.c")
+    files = core_sources(model, *FMU_SOURCES, f"fmi{version}.c")
     files |= {name: (headers / name).read_text(encoding="utf-8") for name in FMI_HEADERS[version]}
     return files
 
