@@ -28,6 +28,7 @@ STRONG = 3.0  # times the threshold
 DENIAL = 6.0  # rise of the held-out sum of squares: odds of 20 to 1 against an effect
 DENIED_PART = 0.05  # the same as a part of the gain: no law is exact, and they may feel the effect but little
 CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
+FAINT_SLOW = 1.5  # and from which the slow parts may still hide an effect
 
 
 def clean(state: Adequacy) -> bool:
@@ -43,10 +44,13 @@ def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
 
 
 def finished(base: Option, chosen: Option) -> bool:
-    """Whether nothing is left to look for: noise, and less in it than a further effect would have to bring."""
+    """Whether nothing is left to look for: noise, and less of it than a further effect would have to bring.
+
+    Or noise in its slow parts by all means: what is left of the undamped ringing at rest is fast, and no effect.
+    """
     if not clean(chosen.adequacy) or all_exact(chosen.ids):
         return False
-    return chosen.adequacy.excess < _least_gain(base, chosen, 0.0)
+    return chosen.adequacy.z_slow < FAINT_SLOW or chosen.adequacy.excess < _least_gain(base, chosen, 0.0)
 
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
