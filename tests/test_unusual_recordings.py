@@ -14,6 +14,7 @@ from tubular_dea.discover import base, engine, inputs_noise, outcome, residuals
 from tubular_dea.discover.study import Study, study
 from tubular_dea.identify import procedure
 from tubular_dea.identify.bench import TUBE
+from tubular_dea.identify.checks import mislabelled
 from tubular_dea.identify.data import Experiment, Recordings, read_experiment
 from tubular_dea.identify.drive import drive, joined
 from tubular_dea.identify.fit import fit, goodness
@@ -82,6 +83,13 @@ def test_a_coarse_monitor_is_neither_frozen_nor_saturated(tmp_path: Path, name: 
         table[:, column] = np.round(table[:, column] / step) * step
         np.savetxt(tmp_path / source.name, table, delimiter=",", header=header, comments="")
         assert read_experiment(tmp_path / source.name).time.size == len(lines)
+
+
+def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
+    voltage = next(signal for signal in TUBE.inputs if signal.name == "voltage")
+    toggling = 2.44 * (np.random.default_rng(0).random(2000) < 0.05)  # 12 bits of 10 kV
+    assert mislabelled(toggling, voltage) == ""
+    assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage)
 
 
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:

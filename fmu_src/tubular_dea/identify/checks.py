@@ -46,7 +46,9 @@ def _wrong_unit(values: np.ndarray, name: str, signal: Signal, lines: np.ndarray
 def mislabelled(values: np.ndarray, signal: Signal) -> str:
     """What the largest value says against the unit of a signal that is more than noise about zero; "" for nothing."""
     largest = float(values[int(np.argmax(np.abs(values)))])
-    top, span, noise = abs(largest), float(np.ptp(values)), max(noise_level(values), resolution(values))
+    top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
+    if np.count_nonzero(np.diff(values)) >= STANDSTILL:  # a monitor, not some steps of a set point
+        noise = max(noise, resolution(values))
     what = f"the largest value is {largest:g} {signal.unit}"
     if top > signal.most:
         return f"{what}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
