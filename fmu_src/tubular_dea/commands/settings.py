@@ -46,7 +46,7 @@ def _value(setting: str, name: str, q: Quantity, text: str) -> float:
     except UnitError as problem:
         raise UserError(f"--set {setting}: {problem}; for example {name}={shown(q).replace(' ', '')}") from None
     low, high = q.minimum, q.maximum
-    if not math.isfinite(value) or (low is not None and value < low) or (high is not None and value > high):
+    if not math.isfinite(value) or not q.allows(value):
         allowed = f"{'-inf' if low is None else low} to {'inf' if high is None else high}"
         unit = "" if q.unit == "1" else f" {q.unit}"
         raise UserError(f"--set {setting}: expected {allowed}{unit} but was given {value:g}")

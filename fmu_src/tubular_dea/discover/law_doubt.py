@@ -10,7 +10,6 @@ with but one form (`Effect.exact`) have none. Where effects cannot be told apart
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -38,21 +37,16 @@ def with_law(problem: Problem, ids: Ids, best: Fit) -> Fit:
     together = inverse(information)
     moved = (together @ (everything.T @ best.residual))[:k]
     alone = inverse(best.jacobian.T @ best.jacobian)
-    return _with_more(best, together[:k, :k] - alone + np.outer(moved, moved))
+    return best.with_covariance(best.covariance + (together[:k, :k] - alone + np.outer(moved, moved)))
 
 
 def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
     """The fit with the spread of the parameters that it shares with rivals which would do as well."""
     apart = [np.array([r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0
                        for i, n in enumerate(best.names)]) for r in rivals]  # fmt: skip
-    return _with_more(best, np.mean([np.outer(d, d) for d in apart], axis=0)) if apart else best
-
-
-def _with_more(best: Fit, added: np.ndarray) -> Fit:
-    covariance = best.covariance + added
-    scale = np.sqrt(np.diag(covariance) / np.diag(best.covariance))
-    stderr = {n: best.stderr[n] * float(s) for n, s in zip(best.names, scale, strict=True)}
-    return dataclasses.replace(best, covariance=covariance, stderr=stderr)
+    if not apart:
+        return best
+    return best.with_covariance(best.covariance + np.mean([np.outer(d, d) for d in apart], axis=0))
 
 
 def _columns(problem: Problem, best: Fit, name: str) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..identify.fit import Fit
+from ..identify.fit import Fit, FitError
 from .compiled import Ids
+from .refit import fit_effects
 from .residuals import Adequacy, adequacy
 from .study import Study
 from .validation import cross_validated, held_out_cost
@@ -33,6 +35,15 @@ class Option:
     def evidence(self) -> float:
         """Minus half of the misfit and of the price of the parameters (log of the samples each)."""
         return -0.5 * (self.misfit + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
+
+
+def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: Sequence[str]) -> Option | None:
+    """Effects `ids` fitted from `start` (SI), those of them in `refined` in their finer form; None without answer."""
+    finer = tuple(i for i in ids if i in refined)
+    try:
+        return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)
+    except FitError:
+        return None
 
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:

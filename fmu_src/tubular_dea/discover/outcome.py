@@ -62,10 +62,15 @@ def channel(found: Discovery) -> str | None:
     """
     if found.verdict == "no_effect":
         return None
-    explained = 1 - found.chosen.adequacy.excess / max(found.base.adequacy.excess, 1.0)
-    if found.chosen.ids and (found.verdict != "unexplained" or explained > MOSTLY):
+    if _by_effect(found):
         return catalogue()[found.chosen.ids[0]].channel
     return found.located.channel if found.located else None
+
+
+def _by_effect(found: Discovery) -> bool:
+    """The first effect explains the residual, or nearly all of it."""
+    explained = 1 - found.chosen.adequacy.excess / max(found.base.adequacy.excess, 1.0)
+    return bool(found.chosen.ids) and (found.verdict != "unexplained" or explained > MOSTLY)
 
 
 def final_model(found: Discovery) -> Model:
@@ -139,8 +144,8 @@ def advice(found: Discovery) -> str:
 
 
 def _nowhere(found: Discovery) -> bool:
-    """No channel explains half of the residual, and no effect nearly all of it."""
-    return not found.chosen.ids and bool(found.located and found.located.disturbance)
+    """No effect explains nearly all of the residual, and no channel half of it."""
+    return not _by_effect(found) and bool(found.located and found.located.disturbance)
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:

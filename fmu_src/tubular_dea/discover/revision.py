@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..identify.fit import FitError
 from ..identify.threads import side_by_side
 from ..model.effects import catalogue
 from .acceptance import clean, denied
-from .compiled import Ids
 from .equivalence import stands_in
-from .options import Option, option
-from .refit import fit_effects
+from .options import Option, fitted_option
 from .rounds import AT_BEST, Progress, Round
 from .study import Study
 
@@ -49,7 +46,7 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
                 continue
             tell(f"{rival} in place of {name}")
             start = dict(found.chosen.fitted.values) | dict(catalogue()[rival].typical) | _fitted_alone(found, rival)
-            other = _fitted(study, (rival, *rest), start, found.chosen.refined)
+            other = fitted_option(study, (rival, *rest), start, found.chosen.refined)
             if other is None:
                 continue
             better, worse = (other, found.chosen) if other.evidence > found.chosen.evidence else (found.chosen, other)
@@ -81,7 +78,7 @@ def _drop(study: Study, found: Search) -> None:
     """Without each effect in turn: it goes where next to nothing is lost; what is lost otherwise is its gain."""
     for name in found.chosen.ids:
         rest = tuple(i for i in found.chosen.ids if i != name)
-        without = _fitted(study, rest, found.chosen.fitted.values, found.chosen.refined)
+        without = fitted_option(study, rest, found.chosen.fitted.values, found.chosen.refined)
         if without is None:
             found.gains[name] = found.base.misfit - found.chosen.misfit
             continue
@@ -125,13 +122,4 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
 def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
     """The option with the finer form of some of its effects; None without answer."""
     tell(f"finer form of {', '.join(names)}")
-    return _fitted(study, present.ids, present.fitted.values, (*present.refined, *names))
-
-
-def _fitted(study: Study, ids: Ids, start: Mapping[str, float], refined: Sequence[str]) -> Option | None:
-    """The option with these effects, those of them in `refined` in their finer form; None without answer."""
-    finer = tuple(i for i in ids if i in refined)
-    try:
-        return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)
-    except FitError:
-        return None
+    return fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))

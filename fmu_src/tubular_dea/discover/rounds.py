@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..identify.fit import Fit, FitError
+from ..identify.fit import Fit
 from ..identify.threads import side_by_side
 from ..model.effects import catalogue
 from . import bank
@@ -14,8 +14,8 @@ from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .compiled import Ids
 from .equivalence import CHANCE
-from .options import Option, option
-from .refit import FULL, first_refit, fit_effects, further
+from .options import Option, fitted_option, option
+from .refit import FULL, first_refit, further
 from .study import Study
 
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
@@ -107,12 +107,9 @@ def _from_declared(study: Study, found: Option) -> Option:
     led the base far off."""
     if clean(found.adequacy):
         return found
-    try:
-        start = found.fitted.values | study.compiled.base.parameter_values()
-        fitted = fit_effects(study, found.ids, start, refined=found.refined)
-    except FitError:
-        return found
-    return option(study, found.ids, fitted, found.refined) if fitted.cost < found.fitted.cost else found
+    start = found.fitted.values | study.compiled.base.parameter_values()
+    again = fitted_option(study, found.ids, start, found.refined)
+    return again if again and again.fitted.cost < found.fitted.cost else found
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:

@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from .bench import Bench, Signal
-from .monitors import noise_level, resolution
+from .monitors import QUIET, noise_level, resolution
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
 COARSE = 3.0  # steps of its resolution: a sensor with less noise may well give equal samples in a row
-QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point, and may stand still
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
@@ -69,7 +68,10 @@ def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> I
 def _standstill(
     values: np.ndarray, name: str, lines: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)
 ) -> Iterator[str]:
-    """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation."""
+    """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
+
+    What a computer wrote may stand still.
+    """
     if not _noisy(values):
         return
     for extreme in (stop(values) for stop in stops):

@@ -191,11 +191,11 @@ def _bench_file(path: Path, bench: Bench) -> tuple[dict[str, float], dict[str, f
     units = {name: q.unit for name, q in bench.geometry.items()}
     geometry = {k: _amount(path, k, v, units) for k, v in text.get("geometry", {}).items()}
     for name, value in geometry.items():
-        low, high = bench.geometry[name].minimum, bench.geometry[name].maximum
-        if (low is not None and value < low) or (high is not None and value > high):
+        q = bench.geometry[name]
+        if not q.allows(value):
             raise DataError(
-                f"{path}: {name}: expected {low:g} to {high:g} {units[name]} but found {value:g}; a number without a "
-                "unit is in SI"
+                f"{path}: {name}: expected {q.minimum:g} to {q.maximum:g} {q.unit} but found {value:g}; a number "
+                "without a unit is in SI"
             )
     noise = {k: _amount(path, k, v, signals) for k, v in text.get("noise", {}).items()}
     return geometry, noise

@@ -9,7 +9,6 @@ held inputs and the choice of the corners' places.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -29,17 +28,16 @@ def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
     """The fit with the covariance and standard errors that it has beside noisy monitors; `drives` are its cases'."""
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
     solver = best.covariance @ best.jacobian.T  # makes parameters of whitened, weighted residuals
-    solved = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)
-    covariance = solved.pop() @ best.jacobian[sum(r.size for r in problem.records) :] @ best.covariance  # the prior's
+    ends = np.cumsum([r.size for r in problem.records])
+    solved = np.split(solver, ends, axis=1)
+    covariance = solved.pop() @ best.jacobian[ends[-1] :] @ best.covariance  # the prior's
     solved = [part * weight for part, weight in zip(solved, weights, strict=True)]
     covariance += sum(part @ part.T for part in solved)  # the sensor's, whose variance is less than what weights allow
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
         gains = _gains(problem, best.values, name)
         for i, driven in enumerate(drives):
             covariance += _added(problem, i, solved[i], gains[i], driven, name)
-    scale = np.sqrt(np.diag(covariance) / np.diag(best.covariance))
-    stderr = {n: best.stderr[n] * float(s) for n, s in zip(best.names, scale, strict=True)}
-    return dataclasses.replace(best, covariance=covariance, stderr=stderr)
+    return best.with_covariance(covariance)
 
 
 def _gains(problem: Problem, values: Mapping[str, float], name: str) -> list[np.ndarray]:

@@ -10,9 +10,7 @@ import numpy as np
 from ..protocol import Protocol
 from .bench import Bench
 from .data import Experiment
-from .monitors import jumps, noise_level, polyline, resolution
-
-FLOOR = 1e-4  # of its span: noise below which a monitor is as good as a set point
+from .monitors import QUIET, jumps, noise_level, polyline, resolution
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None =
 
 def _level(values: np.ndarray) -> float:
     """The noise of a monitor, not less than its resolution makes; without any, every sample would be an event."""
-    return max(noise_level(values), resolution(values) / float(np.sqrt(12.0)), FLOOR * float(np.ptp(values)))
+    return max(noise_level(values), resolution(values) / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
 
 
 def _continuous(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ parameter is held, the others refitted, until twice the log likelihood has falle
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,12 @@ class Fit:
     def names(self) -> list[str]:
         """The fitted parameters, in the order of the Jacobian's columns."""
         return [f.name for f in self.free]
+
+    def with_covariance(self, covariance: np.ndarray) -> Fit:
+        """The fit with another covariance (k, k) and the standard errors that go with it."""
+        scale = np.sqrt(np.diag(covariance) / np.diag(self.covariance))
+        stderr = {n: self.stderr[n] * float(s) for n, s in zip(self.names, scale, strict=True)}
+        return replace(self, covariance=covariance, stderr=stderr)
 
     def undetermined(self) -> list[str]:
         """The parameters that this record does not determine."""

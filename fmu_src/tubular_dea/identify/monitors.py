@@ -16,6 +16,7 @@ from scipy.linalg import solveh_banded
 INSERT = 11.0  # squared standard deviations by which one more corner must explain the record better
 REMOVE = 8.0  # and below which a corner is taken out again
 ROUNDS = 40
+QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point
 
 
 @dataclass(frozen=True)

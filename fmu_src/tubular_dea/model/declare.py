@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -47,6 +48,11 @@ class Quantity:
     def symbol(self) -> sympy.Symbol:
         """The real sympy symbol of this quantity; equal names give equal symbols."""
         return sympy.Symbol(self.name, real=True)
+
+    def allows(self, value: float) -> bool:
+        """Whether a value (in `unit`) is a number inside the bounds."""
+        low = -math.inf if self.minimum is None else self.minimum
+        return low <= value <= (math.inf if self.maximum is None else self.maximum)
 
 
 @dataclass(frozen=True)

@@ -92,9 +92,9 @@ def _values(path: Path, model: Model, given: Any) -> dict[str, float]:
             values[name] = value if unit == declared[name].unit else value * factor(unit, declared[name].unit)
         except UnitError as problem:
             raise ModelFileError(f"{path}: {name}: {problem}") from None
-        low, high = declared[name].minimum, declared[name].maximum
-        if (low is not None and values[name] < low) or (high is not None and values[name] > high):
+        q = declared[name]
+        if not q.allows(values[name]):
             raise ModelFileError(
-                f"{path}: {name}: expected {low} to {high} {declared[name].unit} but found {values[name]:g}"
+                f"{path}: {name}: expected {q.minimum} to {q.maximum} {q.unit} but found {values[name]:g}"
             )
     return values

@@ -177,10 +177,10 @@ def checked_patient(values: Mapping[str, float], name: str) -> dict[str, float]:
         q = declared[missing[0]]
         raise PatientError(f"patient {name!r} lacks {', '.join(missing)}; give {q.name} ({q.description}) in {q.unit}")
     for given, value in values.items():
-        low, high = declared[given].minimum, declared[given].maximum
-        if not (low is None or value >= low) or not (high is None or value <= high):
+        q = declared[given]
+        if not q.allows(value):
             raise PatientError(
-                f"patient {name!r}: {given}: expected {low} to {high} {declared[given].unit} but was given {value:g}"
+                f"patient {name!r}: {given}: expected {q.minimum} to {q.maximum} {q.unit} but was given {value:g}"
             )
     return {n: float(v) for n, v in values.items()}
 

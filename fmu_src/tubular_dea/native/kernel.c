@@ -48,8 +48,8 @@ static int sample(void *context, const Step *step)
 }
 
 int kernel_trajectory(const double *p, long n_points, const double *points, const double *u, double tolerance,
-                      long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y, long *counts,
-                      double *reached)
+                      long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y,
+                      long *counts, double *reached)
 {
     double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
     Solver solver = {0};

@@ -65,9 +65,9 @@ class Quantities:
     def check_bounds(self, name: str, value: float, place: str) -> None:
         """`PlanError` where the value is outside the parameter's bounds."""
         q = self.parameters[name]
-        low = -float("inf") if q.minimum is None else q.minimum
-        high = float("inf") if q.maximum is None else q.maximum
-        if not low <= value <= high:
+        if not q.allows(value):
+            low = -float("inf") if q.minimum is None else q.minimum
+            high = float("inf") if q.maximum is None else q.maximum
             raise PlanError(f"{place} {name}: expected {low:g} to {high:g} {q.unit} but was given {value:g}")
 
     def check_study(self, study: str, outputs: Sequence[Wanted]) -> None:
