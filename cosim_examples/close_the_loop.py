@@ -8,26 +8,26 @@ Writes close_the_loop/: result.json, report.html, model.json and the FMU that ca
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
-from tubular_dea.cli import main as tubular_dea
+import tubular_dea as td
 
 RECORDINGS = Path(__file__).parent / "data" / "bench"
 
 
-def main() -> int:
-    """Run the command and read its result."""
-    folder = sys.argv[1] if len(sys.argv) > 1 else str(RECORDINGS)
-    code = tubular_dea(["close-loop", folder, "--out", "close_the_loop"])
-    if code == 0:
-        result = json.loads(Path("close_the_loop/result.json").read_text(encoding="utf-8"))
-        for effect in result["effects"]:
-            print(effect["id"], {n: f"{p['value']:.4g} {p['unit']}" for n, p in effect["parameters"].items()})
-        print(result["next_experiment"])
-    return code
+def main() -> None:
+    """Read, discover, write, and say what was found."""
+    try:
+        found = td.discover(sys.argv[1] if len(sys.argv) > 1 else RECORDINGS, progress=True)
+        found.report("close_the_loop")
+    except td.UserError as problem:
+        sys.exit(f"close_the_loop.py: {problem}")
+    print("\n".join(found.lines()))
+    for effect in found.effects:
+        print(effect.id, {name: f"{p.value:.4g} {p.unit}" for name, p in effect.parameters.items()})
+    print(found.next_experiment)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

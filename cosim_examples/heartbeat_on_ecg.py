@@ -35,8 +35,13 @@ def main() -> None:
     except UserError as problem:
         raise SystemExit(f"heartbeat_on_ecg.py: {problem}") from None
     trigger = r_waves(detect(ecg), ecg.duration)
-    system = System({"scheduler": fmus()["scheduler"]}, [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)],
-                    {"ecg": trigger}, SAFE, ["scheduler.next_event"])  # fmt: skip
+    system = System(
+        {"scheduler": fmus()["scheduler"]},
+        [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)],
+        {"ecg": trigger},
+        SAFE,
+        ["scheduler.next_event"],
+    )
     run = simulate(system, ecg.duration, Options("jacobi", step=0.01)).completed()
     for name in ("beats", "pulses", "premature_beats", "skipped_pulses", "dropouts"):
         print(f"{name.replace('_', ' ')}: {run[f'scheduler.{name}'][-1]:.0f}")
@@ -45,8 +50,11 @@ def main() -> None:
     window = (run.time > early - 4) & (run.time < early + 4)
     time = run.time[window]
     shown = np.interp(time, np.arange(ecg.signal.size) / ecg.rate, ecg.signal)
-    panels = [("ECG [mV]", {"": shown}), ("voltage [kV]", {"": run["scheduler.voltage"][window] / 1e3}),
-              ("premature beats", {"": run["scheduler.premature_beats"][window]})]  # fmt: skip
+    panels = [
+        ("ECG [mV]", {"": shown}),
+        ("voltage [kV]", {"": run["scheduler.voltage"][window] / 1e3}),
+        ("premature beats", {"": run["scheduler.premature_beats"][window]}),
+    ]
     write_atomically(Path("heartbeat_on_ecg.png"), time_panels(time, panels))
 
 

@@ -1,6 +1,6 @@
 """Drive the FMU with a measured aortic pressure and a voltage that follows its beats.
 
-    python cosim_examples/measured_pressure.py                          the pig's aorta, or the bench's beat
+    python cosim_examples/measured_pressure.py                          measured in a pig's aorta (data/README.md)
     python cosim_examples/measured_pressure.py my_pressure.csv          header: time [s],pressure [mmHg]
 
 The voltage expands the tube in systole: on with the upstroke of the pressure, off 35 % of a beat later.
@@ -10,7 +10,6 @@ Everything runs through FMPy, as it would in any tool that imports FMUs; writes 
 from __future__ import annotations
 
 import argparse
-from datetime import datetime
 from pathlib import Path
 
 import fmpy
@@ -23,16 +22,14 @@ from tubular_dea.model.dea import MMHG, tubular_dea
 from tubular_dea.protocol import ProtocolError, read_csv
 from tubular_dea.report.figures import time_panels
 
-HERE = Path(__file__).resolve().parent
-PIG = HERE.parents[1] / "shared" / "data" / "aorta" / "invivo_data" / "Ao_baseline1_AoP1.csv"
-BENCH = HERE / "data" / "heartbeat.csv"  # simulated: comes with the project, so that the example always runs
+PIG = Path(__file__).resolve().parent / "data" / "pig" / "in_vivo.csv"
 STEP = 1e-3  # s, communication step
 
 
 def main() -> None:
     """Read, drive, plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("csv", nargs="?", type=Path, default=PIG if PIG.exists() else BENCH)
+    parser.add_argument("csv", nargs="?", type=Path, default=PIG)
     parser.add_argument("--kilovolt", type=float, default=5.0, help="voltage in systole [kV]")
     parser.add_argument("--out", type=Path, default=Path("measured_pressure.png"))
     options = parser.parse_args()
@@ -52,23 +49,9 @@ def main() -> None:
 
 
 def read_pressure(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Time [s] from 0 and pressure [Pa], from a file with units in its header or from the pig's recorder."""
-    try:
-        first = path.open(encoding="utf-8-sig").readline()
-    except (OSError, UnicodeDecodeError) as problem:
-        raise ProtocolError(f"{path}: cannot be read as a text file: {problem}") from None
-    if not first.startswith("#output name"):
-        protocol = read_csv(path, {"pressure": "Pa"})
-        return protocol.time - protocol.time[0], protocol.inputs["pressure"]
-    stamps, values = [], []
-    for number, line in enumerate(path.read_text().splitlines()[2:], start=3):
-        try:
-            stamp, value = line.split(",")
-            stamps.append(datetime.strptime(stamp, "%H:%M:%S.%f"))
-            values.append(MMHG * float(value))
-        except ValueError:
-            raise ProtocolError(f"{path}, line {number}: expected HH:MM:SS.mmm,value but found {line!r}") from None
-    return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps]), np.array(values)
+    """Time [s] from 0 and pressure [Pa], from a file with units in its header."""
+    protocol = read_csv(path, {"pressure": "Pa"})
+    return protocol.time - protocol.time[0], protocol.inputs["pressure"]
 
 
 def systolic_voltage(time: np.ndarray, pressure: np.ndarray, voltage: float) -> tuple[np.ndarray, int]:

@@ -33,9 +33,11 @@ def main() -> None:
     """Both, side by side."""
     runs = {"with veto": run(True), "without": run(False)}
     for name, r in runs.items():
-        print(f"{name}: {r['scheduler.pulses'][-1]:.0f} pulses, {r['scheduler.vetoes'][-1]:.0f} vetoes, least margin "
-              f"{r['tube.snap_through_margin'].min() / MMHG:.1f} mmHg, largest displacement "
-              f"{r['tube.radial_displacement'].max() * 1e3:.1f} mm {r.reason}")  # fmt: skip
+        print(
+            f"{name}: {r['scheduler.pulses'][-1]:.0f} pulses, {r['scheduler.vetoes'][-1]:.0f} vetoes, least margin "
+            f"{r['tube.snap_through_margin'].min() / MMHG:.1f} mmHg, largest displacement "
+            f"{r['tube.radial_displacement'].max() * 1e3:.1f} mm {r.reason}"
+        )
     time = np.linspace(2.4, min(r.time[-1] for r in runs.values()), 4001)
 
     def shown(variable: str, scale: float) -> dict[str, np.ndarray]:

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tubular_dea.report.sweep import write_report
-from tubular_dea.sweep.plan import read_plan
-from tubular_dea.sweep.run import carry_out
+import tubular_dea as td
 
 PLAN = Path(__file__).with_suffix(".toml")
 OUT = Path("assist")
@@ -23,17 +21,17 @@ ML = 1e-6  # m3
 
 def main() -> None:
     """Carry out the plan beside this file, and print the best onset of every patient."""
-    plan = read_plan(PLAN)
-    store = carry_out(plan, OUT)
-    write_report(store, plan)
-    rows = store.table()
+    rows = td.sweep(PLAN, OUT, progress=True)
+    rows.report()
     print("patient      stroke volume      with assist  onset [beats]  voltage")
     for patient in dict.fromkeys(rows["patient"]):
         mine = np.flatnonzero(rows["patient"] == patient)
         without = rows["stroke_volume"][mine][rows["voltage"][mine] == 0].mean()
         best = mine[np.argmax(rows["stroke_volume"][mine])]
-        print(f"{patient:10} {without / ML:12.1f} mL {rows['stroke_volume'][best] / ML:13.1f} mL "
-              f"{rows['onset_in_beats'][best]:15.2f} {rows['voltage'][best] / 1e3:7.1f} kV")  # fmt: skip
+        print(
+            f"{patient:10} {without / ML:12.1f} mL {rows['stroke_volume'][best] / ML:13.1f} mL "
+            f"{rows['onset_in_beats'][best]:15.2f} {rows['voltage'][best] / 1e3:7.1f} kV"
+        )
     print(f"wrote {OUT / 'report.html'}")
 
 

@@ -11,10 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+import tubular_dea as td
 from tubular_dea.model.dea import MMHG
-from tubular_dea.report.sweep import write_report
-from tubular_dea.sweep.plan import read_plan
-from tubular_dea.sweep.run import carry_out
 
 PLAN = Path(__file__).with_suffix(".toml")
 OUT = Path("snap_through")
@@ -22,10 +20,8 @@ OUT = Path("snap_through")
 
 def main() -> None:
     """Carry out the plan beside this file, and say what it found."""
-    plan = read_plan(PLAN)
-    store = carry_out(plan, OUT)
-    write_report(store, plan)
-    rows = store.table()
+    rows = td.sweep(PLAN, OUT, progress=True)
+    rows.report()
     print("voltage   largest pressure at rest   displacement there")
     for voltage in np.unique(rows["voltage"])[::10]:
         rest = (rows["voltage"] == voltage) & (rows["status"] == 0)

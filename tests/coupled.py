@@ -1,4 +1,4 @@
-"""What the tests of the coupled heart share: models, compiled kernels and FMUs, built once a session; measured data."""
+"""What the tests of the coupled heart share: models, compiled kernels and FMUs, built once a session."""
 
 from __future__ import annotations
 
@@ -17,21 +17,14 @@ from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.windkessel import aortic_windkessel, patient
 from tubular_dea.protocol import Protocol
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 PERIOD = 0.8  # s, 75 beats a minute
 WIRES = [(c.source, c.target) for c in COUPLING]
-CASES = {"healthy": ("healthy", {}), "failing": ("failing", {}), "stiff": ("stiff", {}),
-         "stiff, 2 elements": ("stiff", {"elements": 2.0})}  # fmt: skip
-
-
-def shared(name: str) -> Path:
-    """A file or folder of measured data; the test is skipped where it is not there, and fails in CI if it should be."""
-    path = SHARED / name
-    if not path.exists():
-        if "CI" in os.environ:
-            pytest.fail(f"measured data {name} is missing")
-        pytest.skip(f"measured data shared/data/{name} is not on this machine")
-    return path
+CASES = {
+    "healthy": ("healthy", {}),
+    "failing": ("failing", {}),
+    "stiff": ("stiff", {}),
+    "stiff, 2 elements": ("stiff", {"elements": 2.0}),
+}
 
 
 def needs(package: str) -> None:

@@ -108,8 +108,12 @@ class Host:
         """The status of fmi2<function> or fmi3<function>, called as it is: nothing is checked, None is NULL."""
         name = f"fmi{self.version}{function}"
         if name not in self._functions:  # FMPy knows those of one interface only
-            other = {FMU2Slave: FMU2Model, FMU2Model: FMU2Slave, fmi3.FMU3Slave: fmi3.FMU3Model,
-                     fmi3.FMU3Model: fmi3.FMU3Slave}[type(self.fmu)]  # fmt: skip
+            other = {
+                FMU2Slave: FMU2Model,
+                FMU2Model: FMU2Slave,
+                fmi3.FMU3Slave: fmi3.FMU3Model,
+                fmi3.FMU3Model: fmi3.FMU3Slave,
+            }[type(self.fmu)]
             self._functions = other(**self._arguments)._functions | self.fmu._functions
         return self._functions[name](self.fmu.component, *arguments)
 
@@ -230,10 +234,15 @@ def integrate(path: Path, case: Case) -> np.ndarray:
         for start, end, u, slope in case.pieces():
             inputs = lambda t, u=u, slope=slope, start=start: u + slope * (t - start)  # noqa: E731
             solver = Radau(
-                lambda t, y, i=inputs: host.derivatives(t, y, i(t)), start, x, end, rtol=1e-9,
-                atol=[1e-11, 1e-8, 1e-4, 1e-4], jac=lambda t, y, i=inputs: host.jacobian(t, y, i(t)),
+                lambda t, y, i=inputs: host.derivatives(t, y, i(t)),
+                start,
+                x,
+                end,
+                rtol=1e-9,
+                atol=[1e-11, 1e-8, 1e-4, 1e-4],
+                jac=lambda t, y, i=inputs: host.jacobian(t, y, i(t)),
                 first_step=1e-7,
-            )  # fmt: skip
+            )
             while solver.status == "running":
                 solver.step()
                 inside = (case.time > solver.t_old) & (case.time <= solver.t + 1e-12)

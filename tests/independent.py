@@ -80,9 +80,7 @@ def elastic_stresses(lambda_2: float, voltage: float, par: Parameters) -> tuple[
     return stiffness * (a - c) - maxwell, stiffness * (b - c) - maxwell
 
 
-def rhs(
-    t: float, x: Sequence[float], pressure: float, voltage: float, par: Parameters = PARAMETERS
-) -> list[float]:
+def rhs(t: float, x: Sequence[float], pressure: float, voltage: float, par: Parameters = PARAMETERS) -> list[float]:
     """dx/dt of x = (lambda_2, lambda_2_rate, sigma_vis1, sigma_vis2); pressure [Pa], voltage [V].
 
     Eq. (18), arranged as in the head of this file. Only arithmetic, so complex x is allowed.
@@ -125,11 +123,7 @@ def rhs_printed_angle(
 
 
 def jacobian(
-    x: Sequence[float],
-    pressure: float,
-    voltage: float,
-    par: Parameters = PARAMETERS,
-    right_side: Callable = rhs,
+    x: Sequence[float], pressure: float, voltage: float, par: Parameters = PARAMETERS, right_side: Callable = rhs
 ) -> np.ndarray:
     """d rhs / d x by complex steps: exact to rounding, and no second derivation to get wrong."""
     step = 1e-30
@@ -206,8 +200,7 @@ def equilibrium_radius(pressure: float, voltage: float, par: Parameters = PARAME
     limit = static_pressure(top, voltage, par)
     if pressure > limit:
         raise ValueError(
-            f"Expected a pressure below the fold at {voltage:g} V, {limit:g} Pa, but was given "
-            f"{pressure:g} Pa."
+            f"Expected a pressure below the fold at {voltage:g} V, {limit:g} Pa, but was given {pressure:g} Pa."
         )
 
     def imbalance(lambda_2: float) -> float:
@@ -224,7 +217,7 @@ def eigenvalues(pressure: float, voltage: float, par: Parameters = PARAMETERS) -
 
 
 @dataclass(frozen=True)
-class Piece:
+class SmoothPiece:
     """A stretch of protocol without a corner inside: both inputs are straight lines in time [s]."""
 
     start: float
@@ -239,7 +232,7 @@ class Piece:
         return p_0 + share * (p_1 - p_0), v_0 + share * (v_1 - v_0)
 
 
-def smooth_pieces(protocol: Protocol) -> list[Piece]:
+def smooth_pieces(protocol: Protocol) -> list[SmoothPiece]:
     """The protocol cut at its breakpoints. A time listed twice is a jump and makes no piece."""
     columns = [protocol[name] for name in ("time", "pressure", "voltage")]
     pieces = []
@@ -247,12 +240,12 @@ def smooth_pieces(protocol: Protocol) -> list[Piece]:
         if stop < start:
             raise ValueError(f"Expected rising breakpoints but {stop:g} s follows {start:g} s.")
         if stop > start:
-            pieces.append(Piece(start, stop, (p_0, p_1), (v_0, v_1)))
+            pieces.append(SmoothPiece(start, stop, (p_0, p_1), (v_0, v_1)))
     return pieces
 
 
 def solve_piece(
-    piece: Piece, times: np.ndarray, state: np.ndarray, par: Parameters, right_side: Callable
+    piece: SmoothPiece, times: np.ndarray, state: np.ndarray, par: Parameters, right_side: Callable
 ) -> tuple[np.ndarray, np.ndarray]:
     """(states at `times`, state at the end) from `state` at the start of `piece`, by Radau."""
     solution = solve_ivp(
@@ -266,18 +259,12 @@ def solve_piece(
         atol=ATOL,
     )
     if not solution.success:
-        raise RuntimeError(
-            f"Radau stopped in {piece.start:g}..{piece.stop:g} s: {solution.message}"
-        )
+        raise RuntimeError(f"Radau stopped in {piece.start:g}..{piece.stop:g} s: {solution.message}")
     return solution.y.T[: times.size], solution.y[:, -1]
 
 
 def sampled_states(
-    protocol: Protocol,
-    times: np.ndarray,
-    par: Parameters,
-    x0: Sequence[float],
-    right_side: Callable,
+    protocol: Protocol, times: np.ndarray, par: Parameters, x0: Sequence[float], right_side: Callable
 ) -> tuple[np.ndarray, np.ndarray]:
     """(states, voltages [V]) at `times` [s].
 

@@ -13,8 +13,14 @@ from fmpy.fmi1 import FMICallException
 from drivers import CS, ME, Host
 
 OK, WARNING, DISCARD, ERROR = range(4)
-MODES = {"I": "instantiated", "N": "initialization", "E": "event", "C": "continuous time", "S": "step",
-         "T": "terminated"}  # fmt: skip
+MODES = {
+    "I": "instantiated",
+    "N": "initialization",
+    "E": "event",
+    "C": "continuous time",
+    "S": "step",
+    "T": "terminated",
+}
 MODES_OF = {CS: "INST", ME: "INECT"}
 
 

@@ -60,6 +60,12 @@ def case(name: str) -> Case:
     header = (folder / "reference.csv").read_text().splitlines()[0].split(",")
     column = {name.split(" ")[0]: table[:, i] for i, name in enumerate(header)}
     return Case(
-        name, text["inputs"], text["stop"], text["interval"], text["tolerance"],
-        column["time"], column["lambda_2"], column["electric_field"],
-    )  # fmt: skip
+        name,
+        text["inputs"],
+        text["stop"],
+        text["interval"],
+        text["tolerance"],
+        column["time"],
+        column["lambda_2"],
+        column["electric_field"],
+    )

@@ -13,13 +13,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupled import needs, shared, slaves, stretch
+from coupled import needs, reference, slaves, stretch
+from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.cosim.beats import BeatError, last_beats, measure, r_wave_rows
-from tubular_dea.cosim.heart_assist import archive, heart_assist
+from tubular_dea.cosim.beats import BeatError, beats, last_beats, measure, r_wave_rows
+from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, Run, simulate
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.units import factor
 from tubular_dea.model.windkessel import patient
+from tubular_dea.plants.effects import catalogue, with_effects
+from tubular_dea.plants.saved import as_json
+from tubular_dea.protocol import Protocol
+from tubular_dea.sweep.expression import PlanError
+from tubular_dea.sweep.plan import make_plan
 
 STOP = 4.0  # s
 WATCHED = ("heart.aortic_pressure", "scheduler.voltage", "tube.radial_displacement")
@@ -150,27 +158,124 @@ def test_assist_writes_a_report(assisted: Path) -> None:
 
 def test_assist_helps_the_failing_heart(assisted: Path) -> None:
     summary = json.loads((assisted / "summary.json").read_text())
-    passive, helped = summary["figures"]["without assist"], summary["figures"]["with assist"]
+    assert summary["verdict"]["word"] == "assisted"
+    passive, helped = ({n: f[which]["mean"] for n, f in summary["figures"].items()} for which in ("without", "with"))
     assert helped["stroke_work_per_stroke_volume"] < 0.99 * passive["stroke_work_per_stroke_volume"]
     assert helped["early_diastolic_pressure"] > passive["early_diastolic_pressure"]
     assert helped["stroke_volume"] > passive["stroke_volume"]
     assert 0 < helped["mechanical_energy"] < helped["electrical_energy"], "the wall's losses are between them"
     assert passive["mechanical_energy"] < 0, "without voltage the tube only takes"
     assert helped["largest_field"] < 80e6
+    assert helped["tension_time_index"] < passive["tension_time_index"]
+    assert summary["compared"]["diastolic_augmentation"] > 0
+    assert summary["compared"]["end_diastolic_pressure_drop"] > 0
     assert summary["scheduler"]["pulses"] == 5  # of nine R waves: three are for learning, the last one comes at the end
+    assert summary["beats"] == {
+        "vetoed": 0,
+        "assisted": 5,
+        "skipped": 0,
+        "after a lost rhythm": 0,
+        "learning": 3,
+        "without a pulse": 0,
+        "premature": 0,
+        "judged": 3,
+    }
 
 
 def test_figures_of_a_beat() -> None:
     run = explicit()
     rows = last_beats(run)
     assert np.diff(run.time[r_wave_rows(run)]) == pytest.approx(0.8, abs=2e-3)
-    figures = measure(run, rows)
+    figures = measure(beats(run)[-1])
     loop = np.trapezoid(run["heart.ventricular_pressure"][rows], run["heart.ventricular_volume"][rows])
     assert figures["stroke_work"] == pytest.approx(-loop, rel=2e-3)
     assert figures["cardiac_output"] * factor("m3/s", "L/min") == pytest.approx(
-        figures["stroke_volume"] / 0.8 * 60e3, rel=3e-3)  # fmt: skip
+        figures["stroke_volume"] / 0.8 * 60e3, rel=3e-3
+    )
     with pytest.raises(BeatError, match="at least 9 whole beats"):
         last_beats(run, 9)
+
+
+def test_figures_are_those_of_the_monolithic_run() -> None:
+    """The same voltage on tube and heart as one system of equations, solved to 1e-10: all figures of assisted beats."""
+    values = patient("failing")
+    start = {"tube.start_at_equilibrium": 0.0, "tube.lambda_2_start": stretch(values["aortic_pressure_start"])}
+    settings = start | {"scheduler.voltage_on": 5500.0}
+    run = simulate(heart_assist(slaves(), values, settings), 8 * 0.8 + 0.05, Options(step=1e-3, order=1)).completed()
+    exact = reference(values, Protocol.of(run.time, voltage=run["scheduler.voltage"]), run.time)
+    whole = {name.replace("_", ".", 1): v for name, v in exact.values.items() if name.startswith(("heart_", "tube_"))}
+    whole["scheduler.voltage"] = run["scheduler.voltage"]
+    monolithic = beats(dataclasses.replace(run, values=whole))
+    for beat, same in list(zip(beats(run), monolithic, strict=True))[3:]:
+        ours, theirs = measure(beat), measure(same)
+        assert set(ours) - set(theirs) == {"smallest_margin"}, "the margin is not in the monolithic system"
+        for name, value in theirs.items():
+            assert ours[name] == pytest.approx(value, rel=1e-3), name
+
+
+def test_a_beat_without_ejection_has_no_number_made_up() -> None:
+    run = explicit()
+    shut = dict(run.values) | {"heart.aortic_flow": np.zeros(run.time.size)}
+    figures = measure(beats(dataclasses.replace(run, values=shut))[0])
+    assert "stroke_work_per_stroke_volume" not in figures and "tension_time_index" not in figures
+    assert all(np.isfinite(v) for v in figures.values())
+
+
+def test_too_much_voltage_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At 9 kV every pulse is refused: the verdict says so, and the extremes are the whole run's."""
+    assert main(["assist", "--voltage", "9 kV", "--beats", "9", "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "summary.json").read_text()
+    summary = json.loads(text)
+    assert "NaN" not in text and summary["verdict"]["word"] == "not"
+    assert "last because of the field" in summary["verdict"]["text"]
+    assert summary["beats"]["vetoed"] == 6 and summary["beats"]["assisted"] == 0
+    assert summary["whole_run"]["largest_field"] > 80e6
+    printed = capsys.readouterr().out
+    assert printed.startswith("Not assisted: none of 6 beats") and "vetoed beats" in printed
+
+
+def test_arrhythmia_is_partly_assisted(tmp_path: Path) -> None:
+    """Regular beats, then one so early that nothing is ejected, and a pause."""
+    times = np.concatenate([0.8 * np.arange(8), [5.6 + 0.3, 7.6], 7.6 + 0.8 * np.arange(1, 6)])
+    (tmp_path / "r.txt").write_text("\n".join(map(str, times)))
+    out = tmp_path / "out"
+    assert main(["assist", "--r-times", str(tmp_path / "r.txt"), "--beats", "13", "--out", str(out)]) == 0
+    text = (out / "summary.json").read_text()
+    summary = json.loads(text)
+    assert summary["verdict"]["word"] == "partly" and "NaN" not in text and "nan" not in text
+    assert summary["beats"]["premature"] == summary["beats"]["skipped"] == 1
+    assert summary["beats"]["after a lost rhythm"] == 1
+    figures = summary["figures"]["stroke_volume"]["with"]
+    assert figures["worst"] <= figures["mean"] and figures["beats"] == summary["beats"]["judged"]
+    assert "premature R wave" in (out / "report.html").read_text()
+
+
+def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
+    """Electrodes that charge with a lag of 30 ms: the largest field is lower, and the FMU says what it is."""
+    import fmpy
+
+    lag = with_effects(tubular_dea(), ["electrode_resistance"])
+    lag = lag.with_values({**catalogue()["electrode_resistance"].typical, "tau_e": 0.03})
+    (tmp_path / "model.json").write_text(as_json(lag))
+    found = {}
+    for name, more in (("paper", []), ("lag", ["--model", str(tmp_path / "model.json")])):
+        assert main(["assist", "--beats", "7", "--out", str(tmp_path / name), *more]) == 0
+        found[name] = json.loads((tmp_path / name / "summary.json").read_text())["whole_run"]["largest_field"]
+    assert found["lag"] < 0.999 * found["paper"]
+    plan = {"model": "AssistedHeart", "tube": "model.json", "outputs": ["max tube_electric_field"]}
+    assert make_plan(plan, tmp_path).model.parameter_values()["tube_tau_e"] == 0.03
+    with pytest.raises(PlanError, match="expected a model.json beside model"):
+        make_plan(plan | {"model": "TubularDEA"}, tmp_path)
+    drive = ["--pressure", "95 mmHg", "--voltage", "step 0 5 kV at 0.1", "--stop", "0.2", "--out", str(tmp_path)]
+    largest = []
+    for more in ([], ["--model", str(tmp_path / "model.json")]):
+        assert main(["simulate", *drive, *more]) == 0
+        table = np.genfromtxt(tmp_path / "response.csv", delimiter=",", names=True)
+        largest.append(table["electric_field_Vm"][12])
+    assert largest[1] < 0.8 * largest[0], "20 ms after the step the electrodes are still charging"
+    description = fmpy.read_model_description(str(fmus(tmp_path, tube=lag)["tube"]))
+    assert description.modelName == "TubularDEA with electrode_resistance"
+    assert "effects added: electrode_resistance" in description.description
 
 
 @pytest.mark.parametrize(
@@ -190,13 +295,16 @@ def test_figures_of_a_beat() -> None:
         (["--step", "0"], "step: expected a positive number"),
         (["--ecg", "nothing.csv"], "nothing.csv: expected the columns"),
         (["--r-times", "nothing.txt"], "nothing.txt: expected one R time"),
+        (["--r-times", "{folder}/fast.txt"], "fast.txt: 600 beats found in 72.0 s; expected 15 to 250 a minute"),
         (["--patient", "stiff", "--scheme", "jacobi"], "the jacobi scheme diverges"),
     ],
 )
 def test_assist_refuses_in_one_line(
     arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["assist", *arguments, "--out", str(tmp_path)]) == 2
+    (tmp_path / "fast.txt").write_text("\n".join(f"{0.12 * i:.2f}" for i in range(600)))
+    given = [a.replace("{folder}", str(tmp_path)) for a in arguments]
+    assert main(["assist", *given, "--out", str(tmp_path)]) == 2
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert text in message
     assert message.startswith("tubular-dea assist: ")
@@ -213,6 +321,13 @@ def test_patient_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     file = tmp_path / "mine.toml"
     file.write_text("\n".join(f"{n} = {v}" for n, v in values.items()))
     assert main(["assist", "--patient", str(file), "--beats", "5", "--out", str(tmp_path / "out")]) == 0
+    base = tmp_path / "based.toml"
+    base.write_text('based_on = "failing"\nC = "1.1 mL/mmHg"\n')
+    assert read_patient(str(base)) == read_patient(str(file))
+    base.write_text('based_on = "fialing"\n')
+    assert main(["assist", "--patient", str(base), "--out", str(tmp_path / "none")]) == 2
+    assert "based_on: there is no patient 'fialing'; did you mean failing" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
     del values["R"]
     file.write_text("\n".join(f"{n} = {v}" for n, v in values.items()))
     assert main(["assist", "--patient", str(file), "--out", str(tmp_path / "out")]) == 2
@@ -240,7 +355,8 @@ def test_recorded_beats_are_hit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto"]
+    "name",
+    ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto", "hold_beyond_the_fold"],
 )
 def test_examples_run_as_they_are(name: str, tmp_path: Path) -> None:
     script = Path(__file__).resolve().parents[1] / "cosim_examples" / f"{name}.py"

@@ -8,7 +8,7 @@ import pytest
 from blind import bench
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
-from tubular_dea.model.effects import with_effects
+from tubular_dea.plants.effects import with_effects
 from tubular_dea.protocol import Protocol
 
 SAME = {  # effect: its numbers on the bench, and the package's parameters
@@ -27,7 +27,7 @@ def test_the_bench_agrees_with_the_kernel(ids: tuple[str, ...]) -> None:
     kernel = Kernel(with_effects(tubular_dea(), ids))
     values = dict(zip(bench.NAMES, bench.TABLE_III, strict=True)) | parameters
     for name, (time, pressure, voltage, stop) in bench.protocols().items():
-        expected = bench.radius(tube, (time, pressure, voltage, stop)) - bench.TABLE_I[0]
+        expected = bench.radius(tube, (time, pressure, voltage, stop)) - bench.R_O
         times = np.arange(expected.size) / bench.RATE
         run = kernel.simulate(Protocol(time, {"pressure": pressure, "voltage": voltage}), times, values, 1e-8)
         assert np.max(np.abs(run["measured_displacement"] - expected)) < 1.5e-6, name

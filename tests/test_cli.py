@@ -16,8 +16,19 @@ def run(*arguments: str) -> int:
 
 def test_simulate_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "run"
-    code = run("simulate", "--pressure", "95 mmHg", "--voltage", "step 0 5 kV at 1", "--stop", "2", "--out", str(out),
-               "--set", "start_at_equilibrium=true")  # fmt: skip
+    code = run(
+        "simulate",
+        "--pressure",
+        "95 mmHg",
+        "--voltage",
+        "step 0 5 kV at 1",
+        "--stop",
+        "2",
+        "--out",
+        str(out),
+        "--set",
+        "start_at_equilibrium=true",
+    )
     assert code == 0
     rows = list(csv.reader((out / "response.csv").read_text().splitlines()))
     assert rows[0][:3] == ["time [s]", "pressure [Pa]", "voltage [V]"]
@@ -41,8 +52,20 @@ def test_simulate_warns_of_a_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    assert run("simulate", "--pressure", "ramp 0 95 mmHg from 0 to 1", "--voltage", "0 V", "--stop", "1",
-               "--out", str(first)) == 0  # fmt: skip
+    assert (
+        run(
+            "simulate",
+            "--pressure",
+            "ramp 0 95 mmHg from 0 to 1",
+            "--voltage",
+            "0 V",
+            "--stop",
+            "1",
+            "--out",
+            str(first),
+        )
+        == 0
+    )
     assert run("simulate", "--inputs", str(first / "response.csv"), "--out", str(second)) == 0
     last = [(path / "response.csv").read_text().splitlines()[-1].split(",")[3] for path in (first, second)]
     assert float(last[0]) == pytest.approx(float(last[1]), abs=1e-7)
@@ -51,9 +74,9 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "expected --inputs FILE, or --pressure and --voltage; --pressure is missing"),
+        ([], "--pressure is missing: expected a file of inputs, or each of pressure, voltage"),
         (["--pressure", "95 mmHg"], "--voltage is missing"),
-        (["--pressure", "95 bar", "--voltage", "0"], "cannot read the unit 'bar'"),
+        (["--pressure", "95 barn", "--voltage", "0"], "cannot read the unit 'barn'"),
         (["--inputs", "no.csv"], "no.csv: cannot be read"),
         (["--inputs", "no.csv", "--voltage", "0"], "exclude each other"),
         (["--pressure", "1", "--voltage", "0", "--stop", "-1"], "expected a positive number of seconds"),
@@ -84,15 +107,18 @@ MISTAKES = [
     (["simulate", "--stop", "soon"], "tubular-dea simulate: argument --stop: invalid float value: 'soon'"),
     (["build", "--platforms", "amiga"], "tubular-dea build: argument --platforms: invalid choice: 'amiga'"),
     (["sweep", "a.toml", "--out", "b", "--workers", "1", "--scheduler", "c"], "tubular-dea sweep: argument --sch"),
-    *(([c, *["x"] * (c in ("identify", "sweep", "close-loop")), "--out", "y", "--nope\0"],
-       f"tubular-dea {c}: unrecognized arguments: --nope\\x00; see tubular-dea {c} --help") for c in COMMANDS),
-]  # fmt: skip
+    *(
+        (
+            [c, *["x"] * (c in ("identify", "sweep", "close-loop", "patient")), "--out", "y", "--nope\0"],
+            f"tubular-dea {c}: unrecognized arguments: --nope\\x00; see tubular-dea {c} --help",
+        )
+        for c in COMMANDS
+    ),
+]
 
 
 @pytest.mark.parametrize(("arguments", "message"), MISTAKES)
-def test_mistaken_options_cost_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistaken_options_cost_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as exit_:
         run(*arguments)
     assert exit_.value.code == 2

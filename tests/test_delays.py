@@ -12,8 +12,8 @@ from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError, Delay, Quantity
-from tubular_dea.model.delays import punctual
-from tubular_dea.model.effects import with_effects
+from tubular_dea.model.delays import undelayed
+from tubular_dea.plants.effects import with_effects
 from tubular_dea.protocol import Protocol
 
 DELAYS = {"pressure_delay": 0.0123, "sensor_delay": 0.0371}
@@ -57,8 +57,9 @@ def straight(time: np.ndarray, pressure: np.ndarray, voltage: np.ndarray) -> Pro
     return Protocol.of(np.repeat(time, 2)[1:], pressure=np.repeat(pressure, 2)[1:], voltage=np.repeat(voltage, 2)[:-1])
 
 
-def run(host: Host, time: np.ndarray, pressure: np.ndarray, voltage: np.ndarray, slopes: bool = False,
-        first: int = 0) -> np.ndarray:
+def run(
+    host: Host, time: np.ndarray, pressure: np.ndarray, voltage: np.ndarray, slopes: bool = False, first: int = 0
+) -> np.ndarray:
     """lambda_2 and the measured displacement at the samples from `first` on."""
     seen = [host.get("lambda_2", "measured_displacement")]
     for i in range(first, time.size - 1):
@@ -163,4 +164,4 @@ def test_declarations_that_mean_nothing_are_refused() -> None:
         late.replace("lambda_2_acceleration", late.expression("lambda_2_acceleration") + late["delayed_reading"])
     mixed = late.replace("measured_displacement", late["delayed_reading"] + late["radial_displacement"])
     with pytest.raises(DeclarationError, match="mixes"):
-        punctual(mixed)
+        undelayed(mixed)

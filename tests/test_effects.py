@@ -16,22 +16,54 @@ from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError
-from tubular_dea.model.effects import CHANNELS, catalogue, with_effects
+from tubular_dea.plants.effects import catalogue, with_effects
 from tubular_dea.protocol import Protocol
 
 IDS = tuple(catalogue())
+DESIGN = {  # the effects of the tube that design.md names; those that drift over a long record are laws of any plant
+    "electrical": [
+        "electrode_resistance",
+        "amplifier_slew",
+        "charge_trapping",
+        "stretch_dependent_permittivity",
+        "field_dependent_permittivity",
+    ],
+    "mechanical": [
+        "rate_dependent_viscosity",
+        "stretch_dependent_viscosity",
+        "hoop_viscoelasticity",
+        "third_maxwell_branch",
+        "mullins_softening",
+        "friction_hysteresis",
+        "permanent_set",
+        "prestretch",
+        "passive_layer_stiffness",
+        "strain_stiffening",
+        "clamp_compliance",
+        "added_mass",
+        "rigid_stop",
+        "thermal_softening",
+    ],
+    "pressure": ["pressure_offset", "pressure_gain", "pressure_delay", "pneumatic_line"],
+    "sensor": ["radius_offset", "radius_gain", "sensor_lag", "sensor_delay"],
+}
 # Chains along one signal, terms in one stress, memory with memory, delays with lags: in both orders.
 PAIRS = (
-    ("amplifier_slew", "electrode_resistance"), ("charge_trapping", "field_dependent_permittivity"),
-    ("stretch_dependent_permittivity", "field_dependent_permittivity"), ("pressure_gain", "pressure_offset"),
-    ("pressure_delay", "pneumatic_line"), ("sensor_lag", "sensor_delay"), ("radius_gain", "sensor_lag"),
-    ("prestretch", "permanent_set"), ("mullins_softening", "thermal_softening"),
-    ("stretch_dependent_viscosity", "third_maxwell_branch"), ("friction_hysteresis", "rigid_stop"),
-)  # fmt: skip
+    ("amplifier_slew", "electrode_resistance"),
+    ("charge_trapping", "field_dependent_permittivity"),
+    ("stretch_dependent_permittivity", "field_dependent_permittivity"),
+    ("pressure_gain", "pressure_offset"),
+    ("pressure_delay", "pneumatic_line"),
+    ("sensor_lag", "sensor_delay"),
+    ("radius_gain", "sensor_lag"),
+    ("prestretch", "permanent_set"),
+    ("mullins_softening", "thermal_softening"),
+    ("stretch_dependent_viscosity", "third_maxwell_branch"),
+    ("friction_hysteresis", "rigid_stop"),
+)
 PROTOCOL = Protocol.of(
-    [0, 0.5, 1, 1, 2, 2, 3],
-    pressure=[0, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 0.9e4], voltage=[0, 0, 0, 5e3, 5e3, 0, 0],
-)  # fmt: skip
+    [0, 0.5, 1, 1, 2, 2, 3], pressure=[0, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 1.2e4, 0.9e4], voltage=[0, 0, 0, 5e3, 5e3, 0, 0]
+)
 TIMES = np.linspace(0, 3, 301)
 
 
@@ -54,8 +86,15 @@ def expected(kernel):
 def points(model) -> list[dict[str, float]]:
     """States and inputs at which right-hand sides are compared."""
     rng = np.random.default_rng(7)
-    ranges = {"lambda_2": (0.9, 1.7), "lambda_2_rate": (-9, 9), "sigma_vis1": (-2e5, 2e5), "sigma_vis2": (-2e5, 2e5),
-              "pressure": (0, 2e4), "voltage": (0, 7e3), "voltage_rate": (-1e4, 1e4)}  # fmt: skip
+    ranges = {
+        "lambda_2": (0.9, 1.7),
+        "lambda_2_rate": (-9, 9),
+        "sigma_vis1": (-2e5, 2e5),
+        "sigma_vis2": (-2e5, 2e5),
+        "pressure": (0, 2e4),
+        "voltage": (0, 7e3),
+        "voltage_rate": (-1e4, 1e4),
+    }
     return [{name: rng.uniform(*span) for name, span in ranges.items()} for _ in range(5)]
 
 
@@ -81,8 +120,12 @@ def evaluate(model, point: dict[str, float]) -> dict[str, float]:
 
 
 def test_the_catalogue_has_the_ids_of_the_design() -> None:
-    assert len(IDS) >= 27
-    assert {e.channel for e in catalogue().values()} == set(CHANNELS)
+    """Under the names and in the channels that result.json gives them; more may come."""
+    listed = catalogue()
+    wanted = {name: channel for channel, names in DESIGN.items() for name in names}
+    assert {name: listed[name].channel for name in wanted if name in listed} == wanted
+    assert {effect.channel for effect in listed.values()} == set(DESIGN)
+    assert [effect.id for effect in listed.values()] == list(listed)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -131,7 +174,10 @@ def test_on_it_shows_and_rests_where_its_curve_says(name: str, expected) -> None
     values = dict(effect.typical) | ({"lambda_2_stop": 1.15} if name == "rigid_stop" else {})
     seen = kernel.simulate(PROTOCOL, TIMES, values, tolerance=1e-7)
     shift = np.max(np.abs(seen["measured_displacement"] - expected["measured_displacement"]))
-    assert shift > (1e-6 if name == "added_mass" else 1e-5), f"a typical {name} moves the record by {shift:.1e} m only"
+    least = 1e-6 if name in ("added_mass", "permittivity_drift") else 1e-5
+    assert shift > least, f"a typical {name} moves the record by {shift:.1e} m only"
+    if name.endswith("_drift"):
+        return  # it does not rest
     slow = Protocol.of([0, 20, 120], pressure=[0, 1e4, 1e4], voltage=[0, 4e3, 4e3])
     rest = kernel.simulate(slow, np.array([120.0]), values)["lambda_2"]
     load, _, _ = kernel.curve(rest, {"pressure": 1e4, "voltage": 4e3}, values)
@@ -172,8 +218,15 @@ def test_an_effect_goes_in_once(base) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_fmu_carries_effects_tunable(version: int, base, tmp_path) -> None:
-    ids = ("electrode_resistance", "friction_hysteresis", "mullins_softening", "thermal_softening", "rigid_stop",
-           "rate_dependent_viscosity", "sensor_delay")  # fmt: skip
+    ids = (
+        "electrode_resistance",
+        "friction_hysteresis",
+        "mullins_softening",
+        "thermal_softening",
+        "rigid_stop",
+        "rate_dependent_viscosity",
+        "sensor_delay",
+    )
     values = {n: v for name in ids for n, v in catalogue()[name].typical.items()}
     model = with_effects(base, ids).with_values(values)
     path = native_fmu(model, version, tmp_path / "Effects.fmu")
@@ -181,9 +234,14 @@ def test_an_fmu_carries_effects_tunable(version: int, base, tmp_path) -> None:
     described = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
     for name, value in values.items():
         assert described[name].variability == "tunable" and float(described[name].start) == pytest.approx(value)
-    result = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=0.01, output_interval=0.01,
-                               start_values={"pressure": 1e4, "voltage": 4e3},
-                               output=["measured_displacement"])  # fmt: skip
+    result = fmpy.simulate_fmu(
+        str(path),
+        stop_time=1.0,
+        step_size=0.01,
+        output_interval=0.01,
+        start_values={"pressure": 1e4, "voltage": 4e3},
+        output=["measured_displacement"],
+    )
     protocol = Protocol.of([0, 1], pressure=[1e4, 1e4], voltage=[4e3, 4e3])
     expected = Kernel(model).simulate(protocol, np.minimum(result["time"], 1.0))["measured_displacement"]
     assert np.max(np.abs(result["measured_displacement"] - expected)) < 1e-7

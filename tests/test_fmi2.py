@@ -46,8 +46,11 @@ CALLS = [
     state_call("SetFMUstate"),
     Call("FreeFMUstate", ANY, lambda host: (ctypes.byref(ctypes.c_void_p(host.fmu.getFMUState().value)),)),
     state_call("SerializedFMUstateSize", ctypes.byref(ctypes.c_size_t())),
-    Call("GetDirectionalDerivative", "NECST",
-         lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), doubles(0))),
+    Call(
+        "GetDirectionalDerivative",
+        "NECST",
+        lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), doubles(0)),
+    ),
     Call("SetRealInputDerivatives", "INS", lambda host: (*one(host), (INT * 1)(1), doubles(5.0)), CS),
     Call("GetRealOutputDerivatives", "ST", lambda host: (vrs(host, "radius"), 1, (INT * 1)(1), doubles(0)), CS),
     Call("DoStep", "S", lambda host: (0.0, 1e-3, 0), CS),
@@ -67,7 +70,7 @@ CALLS = [
     Call("GetEventIndicators", "NECT", lambda host: (None, 0), ME),
     Call("GetContinuousStates", "NECT", lambda host: (doubles(0, 0, 0, 0), 4), ME),
     Call("GetNominalsOfContinuousStates", "INECT", lambda host: (doubles(0, 0, 0, 0), 4), ME),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("kind", [CS, ME])
@@ -124,9 +127,12 @@ def _set_derivatives(host: Host, polynomials: dict, time: float, degree: int) ->
     listed = [(name, k, f.deriv(k)(time)) for name, f in polynomials.items() for k in range(1, degree + 1)]
     n = len(listed)
     host.fmu.fmi2SetRealInputDerivatives(
-        host.fmu.component, vrs(host, *(name for name, _, _ in listed)), n,
-        (INT * n)(*(k for _, k, _ in listed)), doubles(*(value for _, _, value in listed)),
-    )  # fmt: skip
+        host.fmu.component,
+        vrs(host, *(name for name, _, _ in listed)),
+        n,
+        (INT * n)(*(k for _, k, _ in listed)),
+        doubles(*(value for _, _, value in listed)),
+    )
 
 
 def _exact(polynomials: dict, end: float) -> tuple[float, float]:

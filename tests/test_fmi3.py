@@ -47,16 +47,23 @@ CALLS = [
     Call("GetFMUState", ANY, lambda host: (ctypes.byref(ctypes.c_void_p()),)),
     Call("SetFMUState", ANY, lambda host: (host.fmu.getFMUState(),)),
     Call("FreeFMUState", ANY, lambda host: (ctypes.byref(ctypes.c_void_p(host.fmu.getFMUState().value)),)),
-    Call("GetDirectionalDerivative", "NECST",
-         lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), 1, doubles(0), 1)),
-    Call("GetAdjointDerivative", "NECST",
-         lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), 1, doubles(0), 1)),
+    Call(
+        "GetDirectionalDerivative",
+        "NECST",
+        lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), 1, doubles(0), 1),
+    ),
+    Call(
+        "GetAdjointDerivative",
+        "NECST",
+        lambda host: (vrs(host, "charge"), 1, vrs(host, "voltage"), 1, doubles(1), 1, doubles(0), 1),
+    ),
     Call("EnterConfigurationMode", ""),
     Call("ExitConfigurationMode", ""),
     Call("EnterStepMode", "", interface=CS),
     Call("DoStep", "S", lambda host: (0.0, 1e-3, False, *flags(3), number()), CS),
-    Call("GetOutputDerivatives", "ST",
-         lambda host: (vrs(host, "radius"), 1, (ctypes.c_int32 * 1)(1), doubles(0), 1), CS),
+    Call(
+        "GetOutputDerivatives", "ST", lambda host: (vrs(host, "radius"), 1, (ctypes.c_int32 * 1)(1), doubles(0), 1), CS
+    ),
     Call("ActivateModelPartition", "", lambda host: (0, 0.0)),
     Call("UpdateDiscreteStates", "E", lambda host: (*flags(5), number()), ME),
     Call("EvaluateDiscreteStates", "NE", interface=ME),
@@ -70,11 +77,16 @@ CALLS = [
     Call("GetNominalsOfContinuousStates", "NECT", lambda host: (doubles(0, 0, 0, 0), 4), ME),
     Call("GetNumberOfEventIndicators", ANY, lambda host: (ctypes.byref(ctypes.c_size_t()),), ME),
     Call("GetNumberOfContinuousStates", ANY, lambda host: (ctypes.byref(ctypes.c_size_t()),), ME),
-]  # fmt: skip
+]
 
 # Allowed during an intermediate update, beside getting values and setting inputs.
-INTERMEDIATE = {"SetDebugLogging", "FreeFMUState", "GetOutputDerivatives", "GetDirectionalDerivative",
-                "GetAdjointDerivative"}  # fmt: skip
+INTERMEDIATE = {
+    "SetDebugLogging",
+    "FreeFMUState",
+    "GetOutputDerivatives",
+    "GetDirectionalDerivative",
+    "GetAdjointDerivative",
+}
 
 
 @pytest.mark.parametrize("kind", [CS, ME])
@@ -100,12 +112,17 @@ def test_what_the_fmu_does_not_offer_is_not_instantiated(fmi3_fmu: Path) -> None
         with_events = (b"x", token, None, False, True, True, False, None, 0, None, host.fmu.logMessage, None)
         for function, arguments, words in [
             ("fmi3InstantiateCoSimulation", with_events, "eventModeUsed = false"),
-            ("fmi3InstantiateScheduledExecution", (b"x", token, None, False, True, None, host.fmu.logMessage,
-                                                   None, None, None), "not scheduled execution"),
-        ]:  # fmt: skip
+            (
+                "fmi3InstantiateScheduledExecution",
+                (b"x", token, None, False, True, None, host.fmu.logMessage, None, None, None),
+                "not scheduled execution",
+            ),
+        ]:
             kinds = functions[function].argtypes[-3:]
-            filled = [kind() if a is None and kind in kinds else a
-                      for a, kind in zip(arguments, functions[function].argtypes, strict=True)]  # fmt: skip
+            filled = [
+                kind() if a is None and kind in kinds else a
+                for a, kind in zip(arguments, functions[function].argtypes, strict=True)
+            ]
             assert not functions[function](*filled)
             assert words in host.messages[-1]
 
@@ -229,6 +246,15 @@ def test_adjoint_is_the_transpose(fmi3_fmu: Path, kind: str) -> None:
         forward = np.array([host.derivative(unknown, [name], [1.0]) for name in known]).T
         for row, name in zip(forward, unknown, strict=True):
             adjoint = doubles(*[np.nan] * len(known))
-            host.fmu.fmi3GetAdjointDerivative(host.fmu.component, vrs(host, name), 1, vrs(host, *known), len(known),
-                                              doubles(1.0), 1, adjoint, len(known))  # fmt: skip
+            host.fmu.fmi3GetAdjointDerivative(
+                host.fmu.component,
+                vrs(host, name),
+                1,
+                vrs(host, *known),
+                len(known),
+                doubles(1.0),
+                1,
+                adjoint,
+                len(known),
+            )
             np.testing.assert_allclose(adjoint, row, rtol=1e-12)

@@ -63,8 +63,11 @@ def test_tunable_parameters_act_from_the_next_step_on(fmu: Path, name: str) -> N
 @pytest.mark.parametrize("kind", [CS, ME])
 def test_fixed_parameters_are_refused_once_running(fmu: Path, kind: str) -> None:
     with Host(fmu, kind) as host:
-        fixed = [v.name for v in host.description.modelVariables
-                 if v.causality == "parameter" and v.variability == "fixed" and v.type in REAL]  # fmt: skip
+        fixed = [
+            v.name
+            for v in host.description.modelVariables
+            if v.causality == "parameter" and v.variability == "fixed" and v.type in REAL
+        ]
         assert set(fixed) == {"l_o", "r_o", "h_o", "h_ao", "rho", "phi", "lambda_2_start"}
         host.initialize()
         for name in fixed:
@@ -79,8 +82,9 @@ def test_fixed_parameters_are_refused_once_running(fmu: Path, kind: str) -> None
 @pytest.mark.parametrize("kind", [CS, ME])
 def test_calculated_variables_are_refused(fmu: Path, kind: str) -> None:
     with Host(fmu, kind) as host:
-        calculated = [v.name for v in host.description.modelVariables
-                      if v.causality in ("output", "local", "independent")]  # fmt: skip
+        calculated = [
+            v.name for v in host.description.modelVariables if v.causality in ("output", "local", "independent")
+        ]
         assert len(calculated) == 22
         host.enter()
         for name in calculated:
@@ -122,7 +126,7 @@ def test_integers_out_of_range(fmu: Path) -> None:
 def test_wrong_types_name_the_right_one(fmu: Path) -> None:
     with Host(fmu) as host:
         host.enter()
-        put, get = (("setInteger", "getInteger") if host.version == 2 else ("setInt32", "getInt32"))
+        put, get = ("setInteger", "getInteger") if host.version == 2 else ("setInt32", "getInt32")
         for function, arguments, words in [
             (put, ([host.vr["pressure"]], [1]), ["pressure", "Real (Float64)", "not Integer (Int32)"]),
             (get, ([host.vr["start_at_equilibrium"]],), ["start_at_equilibrium", "Boolean"]),
@@ -139,10 +143,10 @@ def test_unknown_references_and_null(fmu: Path) -> None:
         host.initialize()
         before, last = host.saved(), len(host.vr)
         for verb in ("Get", "Set"):
-            for reference in (last, 4_000_000_000):
+            for reference in (0, last + 1, 4_000_000_000):
                 pair = (ctypes.c_uint32 * 2)(host.vr["pressure"], reference)
                 assert raw(host, verb, pair, 2, doubles(1.0, 1.0)) == ERROR
-                words = f"{verb}{real(host)}: unknown value reference {reference}; expected 0 to {last - 1}"
+                words = f"{verb}{real(host)}: unknown value reference {reference}; expected 1 to {last}"
                 assert words in host.messages[-1]
             assert raw(host, verb, None, 2, doubles(1.0, 1.0)) == ERROR
             assert "expected arrays of 2 values but was given NULL" in host.messages[-1]
@@ -197,9 +201,19 @@ def test_instantiate_refuses(fmu: Path, name: bytes | None, guid: bytes | None, 
             component = host.fmu._functions["fmi2Instantiate"](name, 1, token, None, callbacks, 0, 1)
         else:
             component = host.fmu._functions["fmi3InstantiateCoSimulation"](
-                name, token, None, False, True, False, False, None, 0, None, host.fmu.logMessage,
+                name,
+                token,
+                None,
+                False,
+                True,
+                False,
+                False,
+                None,
+                0,
+                None,
+                host.fmu.logMessage,
                 host.fmu.intermediateUpdate,
-            )  # fmt: skip
+            )
         assert not component
         assert all(word in host.messages[-1] for word in words), host.messages
         if token and token != host.fmu.guid.encode():

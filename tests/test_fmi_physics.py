@@ -13,8 +13,26 @@ from independent import PARAMETERS, trajectory
 from refusals import doubles, refused
 
 PRESSURE = 12665.59  # Pa, 95 mmHg
-KNOWN_AT_START = ["pressure", "voltage", "C_1", "C_2", "C_3", "eps_r", "eta_o", "k_1", "eta_1", "k_2", "eta_2",
-                  "l_o", "r_o", "h_o", "h_ao", "rho", "phi", "lambda_2_start"]  # fmt: skip
+KNOWN_AT_START = [
+    "pressure",
+    "voltage",
+    "C_1",
+    "C_2",
+    "C_3",
+    "eps_r",
+    "eta_o",
+    "k_1",
+    "eta_1",
+    "k_2",
+    "eta_2",
+    "l_o",
+    "r_o",
+    "h_o",
+    "h_ao",
+    "rho",
+    "phi",
+    "lambda_2_start",
+]
 KNOWN_WHILE_RUNNING = KNOWN_AT_START[:11]
 TERMS = {"der(lambda_2_rate)": 1e4}  # 1/s2, the size of what cancels in it at rest
 STATES = ["lambda_2", "lambda_2_rate", "sigma_vis1", "sigma_vis2"]
@@ -121,8 +139,11 @@ def test_fold_is_computed_on_demand_only(fmu: Path) -> None:
 
 def check_derivatives(host: Host, known: list[str], shifted) -> None:
     """All unknowns along each known against central differences; `shifted(name, value)` gives the unknowns there."""
-    unknown = [v.name for v in host.description.modelVariables
-               if v.causality == "output" or v.derivative is not None or v.name in STATES]  # fmt: skip
+    unknown = [
+        v.name
+        for v in host.description.modelVariables
+        if v.causality == "output" or v.derivative is not None or v.name in STATES
+    ]
     assert len(unknown) == 21
     values = dict(zip(unknown, host.get(*unknown), strict=True))
     given = dict(zip(known, host.get(*known), strict=True))
@@ -201,10 +222,14 @@ def test_derivatives_are_linear_in_the_seed(fmu: Path) -> None:
 
 @pytest.mark.parametrize(
     ("unknown", "known", "words"),
-    [("pressure", "voltage", "unknown 0 but was given"), ("C_1", "voltage", "(C_1)"),
-     ("radius", "charge", "known 0 but"), ("radius", "n_layers", "(n_layers)"),
-     ("radius", "der(lambda_2)", "(der(lambda_2))")],
-)  # fmt: skip
+    [
+        ("pressure", "voltage", "unknown 0 but was given"),
+        ("C_1", "voltage", "(C_1)"),
+        ("radius", "charge", "known 0 but"),
+        ("radius", "n_layers", "(n_layers)"),
+        ("radius", "der(lambda_2)", "(der(lambda_2))"),
+    ],
+)
 def test_derivatives_that_do_not_exist(fmu: Path, unknown: str, known: str, words: str) -> None:
     with Host(fmu) as host:
         host.initialize()

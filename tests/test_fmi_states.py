@@ -74,8 +74,14 @@ def test_states_move_into_another_process(fmu: Path) -> None:
     with snapping(fmu) as host:
         state = host.saved()
         end = run(host, 50)
-    done = subprocess.run([sys.executable, "-c", CONTINUE, str(fmu)], input=state.hex(), cwd=Path(__file__).parent,
-                          capture_output=True, text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", CONTINUE, str(fmu)],
+        input=state.hex(),
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert bytes.fromhex(done.stdout.strip()) == end
 
 
@@ -123,7 +129,7 @@ def test_every_mode_is_saved(fmu: Path, kind: str) -> None:
 
 
 def bad_states(good: bytes) -> Iterator[tuple[str, bytes]]:
-    """What went wrong, and the bytes: every single bit flipped, truncated, extended, foreign."""
+    """What went wrong, and the bytes: every single bit flipped, truncated, extended, of another model."""
     for place in range(len(good)):
         for bit in range(8):
             flipped = bytes([good[place] ^ (1 << bit)])
@@ -168,9 +174,9 @@ def test_states_of_another_model_are_refused(fmu: Path) -> None:
         host.initialize()
         good = host.saved()
         assert checksum(good[:-8]) == good[-8:]
-        foreign = good[:-8].replace(host.fmu.guid.encode(), b"{" + b"0" * 36 + b"}")
+        another = good[:-8].replace(host.fmu.guid.encode(), b"{" + b"0" * 36 + b"}")
         with refused(host, "expected a state of TubularDEA", "given another"):
-            host.restore(foreign + checksum(foreign))
+            host.restore(another + checksum(another))
 
 
 @pytest.mark.parametrize(("kind", "other", "words"), [(CS, ME, "model exchange"), (ME, CS, "co-simulation")])
@@ -186,10 +192,12 @@ def test_null_states_are_refused(fmu: Path) -> None:
         state = "FMUstate" if host.version == 2 else "FMUState"
         size = ctypes.c_size_t()
         for function, arguments in [
-            (f"Get{state}", (None,)), (f"Set{state}", (None,)), (f"Serialized{state}Size", (None, ctypes.byref(size))),
+            (f"Get{state}", (None,)),
+            (f"Set{state}", (None,)),
+            (f"Serialized{state}Size", (None, ctypes.byref(size))),
             (f"Serialize{state}", (None, None, 0)),
             ("DeSerializeFMUstate" if host.version == 2 else "DeserializeFMUState", (None, 0, None)),
-        ]:  # fmt: skip
+        ]:
             assert host.call(function, *arguments) == ERROR
             assert "NULL" in host.messages[-1]
         held = host.fmu.getFMUState()

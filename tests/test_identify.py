@@ -11,11 +11,14 @@ import pytest
 from blind import bench, coverage
 from tubular_dea.cli import main
 from tubular_dea.identify import procedure
+from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
 from tubular_dea.identify.fit import fit, goodness, interval, inverse, profile_interval
 from tubular_dea.identify.misfit import misfit
+from tubular_dea.identify.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea
-from tubular_dea.model.saved import ModelFileError, as_json, load
+from tubular_dea.plants.saved import ModelFileError, as_json, load
+from tubular_dea.plants.tube import PLANT, TABLE_II
 from tubular_dea.sweep.models import calibrated
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "cosim_examples" / "data" / "bench"
@@ -31,13 +34,13 @@ def null(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bench.Tube]:
 
 
 @pytest.fixture(scope="module")
-def ready(null: tuple[Path, bench.Tube]) -> procedure.Prepared:
-    return procedure.prepare(read_folder(null[0]), tubular_dea())
+def work(null: tuple[Path, bench.Tube]) -> Study:
+    return study(read_folder(null[0], PLANT), held_out=())
 
 
-def test_jacobian_is_that_of_the_residuals(ready: procedure.Prepared) -> None:
+def test_jacobian_is_that_of_the_residuals(work: Study) -> None:
     start = tubular_dea().parameter_values()
-    problem = ready.problem(procedure.free_parameters(tubular_dea(), start), start, [1])
+    problem = work.problem((), procedure.free_parameters(PLANT.model, start), start, work.training[1:2])
     at = problem.scaled(start)
     _, jacobian = problem.linearised(at)
     for i in range(len(problem.free)):
@@ -47,11 +50,10 @@ def test_jacobian_is_that_of_the_residuals(ready: procedure.Prepared) -> None:
         assert np.linalg.norm(slope - jacobian[:, i]) < 0.02 * np.linalg.norm(jacobian[:, i])
 
 
-def test_joint_fit_finds_the_tube_and_its_intervals_hold(
-    ready: procedure.Prepared, null: tuple[Path, bench.Tube]
-) -> None:
-    model = tubular_dea()
-    problem, best = procedure.joint(ready, model, model.parameter_values(), starts=1)
+def test_joint_fit_finds_the_tube_and_its_intervals_hold(work: Study, null: tuple[Path, bench.Tube]) -> None:
+    _, first = procedure.joint(work, PLANT.model.parameter_values(), starts=1)
+    work = adjusted(work, (), first.values, first.free)  # as the command does
+    problem, best = procedure.joint(work, first.values, starts=1)
     assert best.converged
     assert best.cost / best.residual.size == pytest.approx(1, abs=0.05)
     truth = dict(zip([q.name for q in IDENTIFIED], null[1].identified, strict=True))
@@ -62,11 +64,11 @@ def test_joint_fit_finds_the_tube_and_its_intervals_hold(
     assert goodness(problem.records, outputs) > 98
 
 
-def test_the_faster_branch_is_called_the_first(ready: procedure.Prepared) -> None:
+def test_the_faster_branch_is_called_the_first(work: Study) -> None:
     values = tubular_dea().parameter_values()
-    exchanged = {n: values[procedure.EXCHANGED.get(n, n)] for n in values}
-    problem = ready.problem(procedure.free_parameters(tubular_dea(), exchanged), exchanged, [1])
-    found = procedure.ordered_fit(problem, fit(problem, exchanged, evaluations=1))
+    exchanged = {n: values[PLANT.exchanges[0].pairs.get(n, n)] for n in values}
+    problem = work.problem((), procedure.free_parameters(PLANT.model, exchanged), exchanged, work.training[1:2])
+    found = procedure.ordered_fit(PLANT, problem, fit(problem, exchanged, evaluations=1))
     assert found.values["k_1"] / found.values["eta_1"] > found.values["k_2"] / found.values["eta_2"]
     residual, jacobian = problem.linearised(found.scaled)
     np.testing.assert_allclose(residual, found.residual, atol=0.02)
@@ -77,10 +79,9 @@ def test_the_faster_branch_is_called_the_first(ready: procedure.Prepared) -> Non
         assert found.stderr[free.name] == pytest.approx(free.slope(found.values[free.name]) * width, rel=0.05)
 
 
-def test_table_2_leads_to_the_answer(ready: procedure.Prepared, null: tuple[Path, bench.Tube]) -> None:
-    model = tubular_dea()
-    start = procedure.staged(ready, model, model.parameter_values() | procedure.TABLE_II)
-    _, best = procedure.joint(ready, model, start, starts=1)
+def test_table_2_leads_to_the_answer(work: Study, null: tuple[Path, bench.Tube]) -> None:
+    start = procedure.staged(work, PLANT.model.parameter_values() | TABLE_II)
+    _, best = procedure.joint(work, start, starts=1)
     assert best.cost / best.residual.size == pytest.approx(1, abs=0.05)
     truth = dict(zip([q.name for q in IDENTIFIED], null[1].identified, strict=True))
     for name, value in truth.items():
@@ -89,18 +90,19 @@ def test_table_2_leads_to_the_answer(ready: procedure.Prepared, null: tuple[Path
     assert {"C_1", "eps_r", "k_1"} <= {n for n, v in truth.items() if best.stderr[n] < 0.015 * abs(v)}
 
 
-def test_profile_agrees_with_the_covariance_where_the_data_determine(ready: procedure.Prepared) -> None:
+def test_profile_agrees_with_the_covariance_where_the_data_determine(work: Study) -> None:
     start = tubular_dea().parameter_values()
-    problem = ready.problem(procedure.free_parameters(tubular_dea(), start, ["C_1", "eps_r", "eta_o"]), start, [1])
+    free = procedure.free_parameters(PLANT.model, start, ["C_1", "eps_r", "eta_o"])
+    problem = work.problem((), free, start, work.training[1:2])
     best = fit(problem, start)
     for near, far in zip(interval(best, "C_1"), profile_interval(problem, best, "C_1"), strict=True):
         assert abs(near - best.values["C_1"]) == pytest.approx(abs(far - best.values["C_1"]), rel=0.15)
 
 
-def test_what_is_not_determined_is_named(ready: procedure.Prepared) -> None:
+def test_what_is_not_determined_is_named(work: Study) -> None:
     start = tubular_dea().parameter_values()
-    pressure_only = [i for i, e in enumerate(ready.experiments) if e.name == "05_pressure_steps"]
-    problem = ready.problem(procedure.free_parameters(tubular_dea(), start, ["C_1", "eps_r"]), start, pressure_only)
+    pressure_only = [p for p in work.training if p.name == "05_pressure_steps"]
+    problem = work.problem((), procedure.free_parameters(PLANT.model, start, ["C_1", "eps_r"]), start, pressure_only)
     assert fit(problem, start, evaluations=5).undetermined() == ["eps_r"]
 
 
@@ -120,9 +122,8 @@ def test_a_misfit_is_said(capsys: pytest.CaptureFixture, tmp_path: Path) -> None
     assert content["residual_over_noise"] > 1.1
 
 
-def test_no_misfit_is_said_where_there_is_none(ready: procedure.Prepared) -> None:
-    model = tubular_dea()
-    problem, best = procedure.joint(ready, model, model.parameter_values(), starts=1)
+def test_no_misfit_is_said_where_there_is_none(work: Study) -> None:
+    problem, best = procedure.joint(work, PLANT.model.parameter_values(), starts=1)
     assert not misfit(problem, best).significant
 
 

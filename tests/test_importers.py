@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from hosts import importers
-from hosts.compile import Target, compile_host, find_wine, run_host, time_host
+from hosts.compile import OTHER_PLATFORMS, Target, compile_host, run_host, time_host
 
 STEP = 1e-3  # s
 STEPS = 1500
@@ -46,10 +46,19 @@ def unavailable(reason: str) -> None:
     pytest.skip(reason)
 
 
-def require_wine() -> None:
-    """Skip unless Windows programs run here."""
-    if os.name != "nt" and find_wine() is None:
-        unavailable("the Windows binary needs wine (Debian: wine wine64)")
+PROGRAMS = {
+    "x86_64-windows": "wine wine64",
+    "x86-windows": "wine wine32:i386",
+    "aarch64-linux": "qemu-user libc6-arm64-cross",
+}
+
+
+def require_runner(target: Target) -> None:
+    """Skip unless programs for `target` run here."""
+    if target == "x86-windows" and "NO_WINE32" in os.environ:  # .ci/run has tried
+        pytest.skip(os.environ["NO_WINE32"])
+    if target in OTHER_PLATFORMS and OTHER_PLATFORMS[target].runner() is None:
+        unavailable(f"the binary for {target} needs the Debian packages {PROGRAMS[target]}")
 
 
 def require_importer(importer: str) -> None:
@@ -58,10 +67,7 @@ def require_importer(importer: str) -> None:
     if importlib.util.find_spec(package) is None:
         unavailable(f"{importer} needs the Python package {package}")
     loads = subprocess.run(
-        [sys.executable, "-c", f"import {package}"],
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
+        [sys.executable, "-c", f"import {package}"], capture_output=True, text=True, timeout=TIMEOUT_S
     )
     if loads.returncode != 0:
         unavailable(f"{package} does not load: {loads.stderr.strip().splitlines()[-1]}")
@@ -114,9 +120,7 @@ def assert_moves(reference: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("fixture", ["fmi2_fmu", "fmi3_fmu", "python_fmu"])
-def test_reference_moves(
-    fixture: str, trajectory: Trajectory, request: pytest.FixtureRequest
-) -> None:
+def test_reference_moves(fixture: str, trajectory: Trajectory, request: pytest.FixtureRequest) -> None:
     assert_moves(trajectory("fmpy", request.getfixturevalue(fixture)))
 
 
@@ -150,44 +154,55 @@ def test_c_host_agrees_with_fmpy(
     assert_same(reported, trajectory("fmpy", fmi2_fmu))
 
 
-def test_windows_binary_agrees_with_fmpy(
-    fmi2_fmu_windows: Path,
+@pytest.mark.parametrize("target", OTHER_PLATFORMS)
+def test_foreign_binaries_agree_with_fmpy(
+    target: Target,
+    fmi2_fmu_other_platforms: Path,
     fmi2_fmu: Path,
     trajectory: Trajectory,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    require_wine()
-    host = compile_host("x86_64-windows", tmp_path_factory.getbasetemp())
-    reported = run_host(host, fmi2_fmu_windows, protocol(), ["lambda_2"])
+    require_runner(target)
+    host = compile_host(target, tmp_path_factory.getbasetemp())
+    reported = run_host(host, fmi2_fmu_other_platforms, protocol(), ["lambda_2"])
     assert_same(reported, trajectory("fmpy", fmi2_fmu))
 
 
-@pytest.mark.parametrize(("giver", "taker"), [("host", "x86_64-windows"), ("x86_64-windows", "host"),
-                                              ("host", "host")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("giver", "taker"),
+    [
+        ("host", "x86_64-windows"),
+        ("x86_64-windows", "host"),
+        ("host", "host"),
+        ("host", "aarch64-linux"),
+        ("host", "x86-windows"),
+    ],
+)
 def test_states_move_between_platforms(
-    giver: Target, taker: Target, fmi2_fmu_windows: Path, tmp_path: Path,
+    giver: Target,
+    taker: Target,
+    fmi2_fmu_other_platforms: Path,
+    tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:  # fmt: skip
+) -> None:
     """A state stored by one process in mid-motion, and taken up by another that came there along another way."""
-    if {giver, taker} != {"host"}:
-        require_wine()
+    require_runner(giver)
+    require_runner(taker)
     whole, at, file = protocol()[:901], 600, tmp_path / "state"
     other = whole.copy()
     other[:at, 1:] = 1000.0
-    drive = {"host": "", "x86_64-windows": "" if os.name == "nt" else "Z:"}
+    drive = {t: "Z:" if t.endswith("windows") and os.name != "nt" else "" for t in ("host", *OTHER_PLATFORMS)}
     hosts = {target: compile_host(target, tmp_path_factory.getbasetemp()) for target in (giver, taker)}
     outputs = ["lambda_2", "lambda_2_rate", "sigma_vis1", "sigma_vis2"]
     save, restore = (["--save", str(at), drive[giver] + str(file)], ["--restore", str(at), drive[taker] + str(file)])
-    given = run_host(hosts[giver], fmi2_fmu_windows, whole, outputs, save)
-    taken = run_host(hosts[taker], fmi2_fmu_windows, other, outputs, restore)
+    given = run_host(hosts[giver], fmi2_fmu_other_platforms, whole, outputs, save)
+    taken = run_host(hosts[taker], fmi2_fmu_other_platforms, other, outputs, restore)
     apart = np.abs(given - taken)[:, 1:] / [1, 10, 1e5, 1e5]
     assert apart[at].max() > 1e-3, "the other way led to the same place"
     assert apart[at + 1 :].max() <= (0 if giver == taker else 1e-12)
 
 
-def test_c_host_tells_what_is_wrong(
-    fmi2_fmu: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_c_host_tells_what_is_wrong(fmi2_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     host = compile_host("host", tmp_path_factory.getbasetemp())
     gap = np.delete(protocol(), 7, axis=0)
     with pytest.raises(RuntimeError, match=r"expected input row 8 at t = 0\.007 s"):

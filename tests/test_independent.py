@@ -84,9 +84,7 @@ def test_agreement_is_far_below_the_tolerance(name: str) -> None:
 def test_protocol_reproduces_the_recorded_inputs(name: str) -> None:
     """At a jump the sample carries the value after it; the record reads it 1e-9 s late (2e-6 V)."""
     expected, pieces = trace(name), tube.smooth_pieces(case(name)["inputs"])
-    for time, pressure, voltage in zip(
-        expected["time"], expected["pressure"], expected["voltage"], strict=True
-    ):
+    for time, pressure, voltage in zip(expected["time"], expected["pressure"], expected["voltage"], strict=True):
         piece = [piece for piece in pieces if piece.start <= time][-1]
         assert piece.inputs(time) == pytest.approx((pressure, voltage), rel=2e-9, abs=2e-6)
 
@@ -146,8 +144,7 @@ def test_jacobian_is_the_slope_of_the_right_hand_side() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kilovolt", "millimetre"),
-    [(0.0, 17.82), (4.0, 18.40), (5.0, 18.80), (5.5, 19.07), (6.0, 19.41), (7.0, 20.52)],
+    ("kilovolt", "millimetre"), [(0.0, 17.82), (4.0, 18.40), (5.0, 18.80), (5.5, 19.07), (6.0, 19.41), (7.0, 20.52)]
 )
 def test_equilibrium_radius_at_95_mmhg(kilovolt: float, millimetre: float) -> None:
     radius = tube.equilibrium_radius(95 * MMHG, kilovolt * 1e3)
@@ -167,9 +164,7 @@ def test_equilibrium_radius_at_95_mmhg(kilovolt: float, millimetre: float) -> No
         (7.0, 23.0, 104.6, 0.05),
     ],
 )
-def test_snap_through_fold(
-    kilovolt: float, millimetre: float, mmhg: float, half_digit: float
-) -> None:
+def test_snap_through_fold(kilovolt: float, millimetre: float, mmhg: float, half_digit: float) -> None:
     radius, pressure = tube.fold(kilovolt * 1e3)
     assert radius * 1e3 == pytest.approx(millimetre, abs=0.05)
     assert pressure / MMHG == pytest.approx(mmhg, abs=half_digit)

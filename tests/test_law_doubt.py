@@ -1,4 +1,4 @@
-"""Doubt about parameters beside effects whose law is not known to be the tube's."""
+"""Uncertainty of parameters beside effects whose law is not known to be the tube's."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import pytest
 from tubular_dea.discover.law_doubt import with_law, with_rivals
 from tubular_dea.identify.fit import Fit, described
 from tubular_dea.identify.problem import Free
+from tubular_dea.plants.effects import catalogue
 
 TIMES = np.linspace(0, 10, 2000)
 NOISE = 1.0
+STUDY = SimpleNamespace(catalogue=catalogue())
 FREE = [Free("stiffness", 1.0), Free("eps_field", 0.2)]  # a parameter of the tube, and an effect of the catalogue
 VOLTAGE = np.interp(TIMES, [0, 5, 10], [0, 5e3, 0])
 
@@ -56,24 +58,24 @@ def test_another_law_is_within_the_doubt() -> None:
         law = 1 + 0.05 * np.sin(random.uniform(0, 2 * np.pi) + VOLTAGE / 5e3 * random.uniform(1, 3))
         record = 20 * Line.ramp + 0.2 * Line.effect * law + random.standard_normal(TIMES.size)
         problem, best = fitted(record)
-        doubtful = with_law(problem, ("field_dependent_permittivity",), best)
+        wider = with_law(STUDY, problem, ("field_dependent_permittivity",), best)
         outside += abs(best.values["stiffness"] - 20) > 2 * best.stderr["stiffness"]
-        inside += abs(best.values["stiffness"] - 20) < 2 * doubtful.stderr["stiffness"]
-        assert doubtful.values == best.values
+        inside += abs(best.values["stiffness"] - 20) < 2 * wider.stderr["stiffness"]
+        assert wider.values == best.values
     assert outside > 20
     assert inside >= 36
 
 
 def test_an_exact_effect_has_no_other_law() -> None:
     problem, best = fitted(20 * Line.ramp + 0.2 * Line.effect)
-    assert with_law(problem, ("pressure_offset",), best) is best
+    assert with_law(STUDY, problem, ("pressure_offset",), best) is best
 
 
 def test_the_law_itself_leaves_little_doubt() -> None:
     random = np.random.default_rng(2)
     problem, best = fitted(20 * Line.ramp + 0.2 * Line.effect + random.standard_normal(TIMES.size))
-    doubtful = with_law(problem, ("field_dependent_permittivity",), best)
-    assert best.stderr["stiffness"] < doubtful.stderr["stiffness"] < 10 * best.stderr["stiffness"]
+    wider = with_law(STUDY, problem, ("field_dependent_permittivity",), best)
+    assert best.stderr["stiffness"] < wider.stderr["stiffness"] < 10 * best.stderr["stiffness"]
 
 
 def test_equals_count_with_their_spread() -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupled import CASES, PERIOD, case, pulses, reference, shared, slaves, stretch
+from coupled import CASES, PERIOD, case, pulses, reference, slaves, stretch
+from shared_data import shared
 from tubular_dea.cosim.beats import tube_work
 from tubular_dea.cosim.heart_assist import driven_tube, heart_assist
 from tubular_dea.cosim.master import MasterError, Options, Run, simulate
 from tubular_dea.cosim.slaves import SlaveError
-from tubular_dea.cosim.system import Connection, System, read_connections
+from tubular_dea.cosim.system import Connection, System
 from tubular_dea.model.compose import CouplingError
 from tubular_dea.model.windkessel import patient
 from tubular_dea.protocol import Protocol
@@ -167,35 +168,22 @@ def test_wrong_connections_are_refused_before_the_run() -> None:
         "there is no part 'hert'; did you mean heart": with_wires(Connection("hert.r_wave", "tube.pressure")),
         "heart has no output 'rwave'; did you mean r_wave": with_wires(Connection("heart.rwave", "tube.pressure")),
         "tube has no input 'pressur'; did you mean pressure": with_wires(
-            Connection("heart.aortic_pressure", "tube.pressur")),
+            Connection("heart.aortic_pressure", "tube.pressur")
+        ),
         "keep one": with_wires(Connection("heart.ventricular_pressure", "tube.pressure")),
         "nothing is connected to heart.tube_flow": dataclasses.replace(
-            system, connections=[c for c in system.connections if c.target != "heart.tube_flow"]),
+            system, connections=[c for c in system.connections if c.target != "heart.tube_flow"]
+        ),
         "heart.aortic_flow is in 'm3/s' but tube.pressure expects 'Pa'": dataclasses.replace(
-            system, connections=[Connection("heart.aortic_flow", "tube.pressure"), *system.connections[1:]]),
+            system, connections=[Connection("heart.aortic_flow", "tube.pressure"), *system.connections[1:]]
+        ),
         "heart has no parameter 'CC'": dataclasses.replace(system, parameters={"heart.CC": 1.0}),
         "event heart.nothing": dataclasses.replace(system, events=["heart.nothing"]),
         "expected 'part.variable' but was given 'pressure'": with_wires(Connection("pressure", "tube.pressure")),
-    }  # fmt: skip
+    }
     for text, wrong in bad.items():
         with pytest.raises(CouplingError, match=text):
             simulate(wrong, 1.0)
-
-
-def test_connections_come_from_a_table(tmp_path: Path) -> None:
-    table = tmp_path / "wires.csv"
-    table.write_text(
-        "source,target,sampled\nheart.r_wave,scheduler.r_wave,true\nheart.aortic_pressure,tube.pressure,\n"
-    )
-    assert read_connections(table) == [
-        Connection("heart.r_wave", "scheduler.r_wave", True), Connection("heart.aortic_pressure", "tube.pressure")
-    ]  # fmt: skip
-    table.write_text("from,to\na,b\n")
-    with pytest.raises(CouplingError, match="line 1: expected the columns source,target"):
-        read_connections(table)
-    table.write_text("source,target\nheart.r_wave\n")
-    with pytest.raises(CouplingError, match="line 2: expected a source and a target"):
-        read_connections(table)
 
 
 def test_wrong_options_are_refused() -> None:
@@ -243,7 +231,10 @@ def test_measured_pressure_drives_the_tube() -> None:
     time = np.arange(pressure.size) / 200
     wires = [Connection("drive.pressure", "tube.pressure"), Connection("drive.voltage", "tube.voltage")]
     drive = Protocol.of(time, pressure=pressure, voltage=np.full(time.size, 5000.0))
-    run = simulate(System({"tube": slaves()["tube"]}, wires, {"drive": drive}, {"tube.start_at_equilibrium": 1.0}),
-                   float(time[-1]), Options("jacobi", 1e-2, restart=1.0)).completed()  # fmt: skip
+    run = simulate(
+        System({"tube": slaves()["tube"]}, wires, {"drive": drive}, {"tube.start_at_equilibrium": 1.0}),
+        float(time[-1]),
+        Options("jacobi", 1e-2, restart=1.0),
+    ).completed()
     assert max(np.abs(run.time - t).min() for t in time) < 1e-9
     assert np.ptp(run["tube.radial_displacement"][400:]) > 1e-4

@@ -19,10 +19,10 @@ from refusals import DISCARD, doubles, refused
 from tubular_dea.export.package import native_fmu
 from tubular_dea.export.python_fmu import python_fmu as package
 from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.kernel.batch import Batch, Breakpoints, Probe
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError, Model
 from tubular_dea.protocol import Protocol
-from tubular_dea.sweep.batch import Batch, Breakpoints, Probe
 
 COLLAPSING = {"lambda_2_start": 0.8, "C_2": 0.0, "C_3": 1e-3}
 VOLTAGE = 1e7
@@ -42,8 +42,9 @@ def with_minimum(minimum: float) -> Model:
 def test_the_kernel_says_where_it_ended(kernel: Kernel, sensitivities: tuple[str, ...]) -> None:
     with pytest.raises(KernelError, match=rf"ended at 3\.1[0-9]*e-06 s: {END}"):
         kernel.simulate(SECOND, np.array([0.5]), COLLAPSING, sensitivities=sensitivities)
-    with pytest.raises(KernelError, match="ended at 0 s: lambda_2 would come to 0"):
-        kernel.simulate(SECOND, np.array([0.5]), {"lambda_2_start": -0.5}, sensitivities=sensitivities)
+    with pytest.raises(KernelError, match="ended at 0 s: lambda_2 would come to 1"):
+        above_one = Kernel(with_minimum(1.0))
+        above_one.simulate(SECOND, np.array([0.5]), {"lambda_2_start": 0.9}, sensitivities=sensitivities)
 
 
 def test_a_kept_mesh_does_not_step_across(kernel: Kernel) -> None:
@@ -101,9 +102,7 @@ def test_states_from_outside_are_discarded(fmu: Path, lambda_2: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
-def test_a_start_below_the_minimum_is_refused(
-    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_start_below_the_minimum_is_refused(kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     build = native_fmu if kind == "native" else lambda model, _, path: package(model, path)
     path = build(with_minimum(1.2), 2, tmp_path / "TubularDEA.fmu")
     with Host(path) as host:

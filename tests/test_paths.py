@@ -47,15 +47,24 @@ def test_simulate_fmu_as_a_user_would(fmi2_fmu: Path, fmi3_fmu: Path) -> None:
     """FMPy's own loop, co-simulation and model exchange, on held inputs: 4 kV at 95 mmHg from rest."""
     from fmpy import simulate_fmu
 
-    inputs = np.array([(0.0, 12665.59, 0.0), (0.5, 12665.59, 0.0), (0.5, 12665.59, 4000.0), (2.0, 12665.59, 4000.0)],
-                      dtype=[("time", float), ("pressure", float), ("voltage", float)])  # fmt: skip
+    inputs = np.array(
+        [(0.0, 12665.59, 0.0), (0.5, 12665.59, 0.0), (0.5, 12665.59, 4000.0), (2.0, 12665.59, 4000.0)],
+        dtype=[("time", float), ("pressure", float), ("voltage", float)],
+    )
     results = [
-        simulate_fmu(str(fmu), fmi_type=kind, stop_time=2.0, output_interval=0.01, input=inputs,
-                     relative_tolerance=1e-6, start_values={"start_at_equilibrium": True, "pressure": 12665.59},
-                     output=["radius"])["radius"][-1]
+        simulate_fmu(
+            str(fmu),
+            fmi_type=kind,
+            stop_time=2.0,
+            output_interval=0.01,
+            input=inputs,
+            relative_tolerance=1e-6,
+            start_values={"start_at_equilibrium": True, "pressure": 12665.59},
+            output=["radius"],
+        )["radius"][-1]
         for fmu in (fmi2_fmu, fmi3_fmu)
         for kind in ("CoSimulation", "ModelExchange")
-    ]  # fmt: skip
+    ]
     assert np.ptp(results) < 1e-7
     assert 17.9e-3 < results[0] < 18.40e-3  # creeping from 17.82 mm towards 18.40 mm
 
@@ -65,8 +74,10 @@ def test_the_last_sample_is_the_solution_whatever_the_grid(kernel: Kernel) -> No
     random = np.random.default_rng(5)
     for stop in np.round(random.uniform(0.5, 3.0, 300), 3):
         on = round(float(random.uniform(0.1, 0.4)), 4)
-        protocol = Protocol(np.array([0, on, on, stop]), {"pressure": np.array([0.0, 9e3, 9e3, 9e3]),
-                                                          "voltage": np.array([0.0, 0.0, 4e3, 4e3])})  # fmt: skip
+        protocol = Protocol(
+            np.array([0, on, on, stop]),
+            {"pressure": np.array([0.0, 9e3, 9e3, 9e3]), "voltage": np.array([0.0, 0.0, 4e3, 4e3])},
+        )
         times = np.append(np.arange(0, stop, 4e-3), stop)
         rough, fine = (kernel.simulate(protocol, times, {}, tolerance)["lambda_2"] for tolerance in (1e-6, 1e-8))
         assert np.abs(rough - fine).max() < 1e-5, stop

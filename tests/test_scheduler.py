@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupled import needs, shared, slaves
+from coupled import needs, slaves
+from shared_data import shared
 from tubular_dea.cosim.heartbeats import Ecg, HeartbeatError, detect, r_waves, read_ecg
 from tubular_dea.cosim.master import Options, Run, simulate
 from tubular_dea.cosim.slaves import Slave
@@ -31,8 +32,13 @@ def scheduled(
     wires = [Connection("ecg.r_wave", "scheduler.r_wave", sampled=True)]
     wires += [Connection(f"{n}.{n}", f"scheduler.{n}", sampled=True) for n in tables]
     parameters = {f"scheduler.{n}": v for n, v in {**SAFE, **settings}.items() if n not in tables}
-    system = System({"scheduler": slaves()["scheduler"]}, wires, {"ecg": r_waves(times, stop), **tables}, parameters,
-                    ["scheduler.next_event"])  # fmt: skip
+    system = System(
+        {"scheduler": slaves()["scheduler"]},
+        wires,
+        {"ecg": r_waves(times, stop), **tables},
+        parameters,
+        ["scheduler.next_event"],
+    )
     return simulate(system, stop, Options("jacobi", step)).completed()
 
 
@@ -307,8 +313,9 @@ def test_arterial_pressure_shows_its_notches() -> None:
     filled = np.nan_to_num(pressure.signal[: int(stop * pressure.rate) + 1]) * 133.322
     grid = np.arange(filled.size) / pressure.rate
     table = Protocol.of([*grid, stop + 1], aortic_pressure=[*filled, filled[-1]])
-    run = scheduled(beats[beats < stop], stop, step=0.004, tables={"aortic_pressure": table}, off_fraction=0.6,
-                    max_on_time=0.5)  # fmt: skip
+    run = scheduled(
+        beats[beats < stop], stop, step=0.004, tables={"aortic_pressure": table}, off_fraction=0.6, max_on_time=0.5
+    )
     assert last(run, "beats") > 100
     assert last(run, "notches") > 0.5 * last(run, "beats")
     assert last(run, "pulses") > 0.7 * last(run, "beats")

@@ -9,18 +9,24 @@ import pytest
 
 from scenarios import CASES, MMHG, case
 from tubular_dea.kernel import Kernel
+from tubular_dea.kernel.batch import Batch, BatchError, Breakpoints, Probe
 from tubular_dea.model.dea import tubular_dea
-from tubular_dea.model.effects import with_effects
+from tubular_dea.plants.effects import with_effects
 from tubular_dea.protocol import Protocol
-from tubular_dea.sweep.batch import Batch, BatchError, Breakpoints, Probe
 from tubular_dea.sweep.models import assisted_heart
 
 THRESHOLD = 16.5e-3  # m
 PROBES = (
-    Probe("final", "lambda_2"), Probe("max", "lambda_2"), Probe("max", "radial_displacement"), Probe("mean", "radius"),
-    Probe("min", "snap_through_margin"), Probe("at", "lambda_2", 2.5), Probe("rise", "radius", None, THRESHOLD),
-    Probe("rise", "beyond_fold"), Probe("mean", "lambda_2", 2.0),
-)  # fmt: skip
+    Probe("final", "lambda_2"),
+    Probe("max", "lambda_2"),
+    Probe("max", "radial_displacement"),
+    Probe("mean", "radius"),
+    Probe("min", "snap_through_margin"),
+    Probe("at", "lambda_2", 2.5),
+    Probe("rise", "radius", None, THRESHOLD),
+    Probe("rise", "beyond_fold"),
+    Probe("mean", "lambda_2", 2.0),
+)
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +61,14 @@ def test_reduced_in_c_as_from_a_dense_trajectory(name: str, batch: Batch, kernel
     )
     snapped = lambda_2[-1] > beyond.values[0, 0]
     expected = [
-        lambda_2[-1], lambda_2.max(), dense["radial_displacement"].max(), np.trapezoid(radius, times) / reference.stop,
-        dense["snap_through_margin"].min(), lambda_2[times == 2.5][0], times[np.argmax(radius >= THRESHOLD)],
-    ]  # fmt: skip
+        lambda_2[-1],
+        lambda_2.max(),
+        dense["radial_displacement"].max(),
+        np.trapezoid(radius, times) / reference.stop,
+        dense["snap_through_margin"].min(),
+        lambda_2[times == 2.5][0],
+        times[np.argmax(radius >= THRESHOLD)],
+    ]
     scale = [1, 1, 0.015, 0.015, 100, 1, 100]
     np.testing.assert_array_less(np.abs(found.values[0, :7] - expected) / scale, 4e-6)
     assert np.isfinite(found.values[0, 7]) == snapped
@@ -72,8 +83,10 @@ def test_the_same_bits_in_any_company(batch: Batch) -> None:
 
     def some(chosen: np.ndarray) -> np.ndarray:
         v = values["voltage"]
-        inputs = {"pressure": Breakpoints(values["pressure"].time, values["pressure"].value[chosen]),
-                  "voltage": Breakpoints(v.time[chosen], v.value[chosen])}  # fmt: skip
+        inputs = {
+            "pressure": Breakpoints(values["pressure"].time, values["pressure"].value[chosen]),
+            "voltage": Breakpoints(v.time[chosen], v.value[chosen]),
+        }
         return batch.trajectories(chosen.size, {}, inputs, 1.0).values
 
     for chosen in (np.array([5]), np.arange(36, -1, -1), np.arange(8, 24), np.array([3, 3, 3])):
@@ -143,5 +156,5 @@ def test_a_composed_model_is_a_model() -> None:
 def test_unknown_variables_have_near_names() -> None:
     with pytest.raises(BatchError, match="no variable 'radios'; did you mean radius"):
         Batch(tubular_dea(), [Probe("final", "radios")])
-    with pytest.raises(BatchError, match="read late"):
+    with pytest.raises(BatchError, match="is delayed"):
         Batch(with_effects(tubular_dea(), ["sensor_delay"]), [Probe("final", "measured_displacement")])

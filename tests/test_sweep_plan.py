@@ -19,7 +19,7 @@ from tubular_dea.sweep.axes import Joint
 from tubular_dea.sweep.expression import PlanError
 from tubular_dea.sweep.inputs import template
 from tubular_dea.sweep.plan import make_plan, read_plan
-from tubular_dea.sweep.rows import Study
+from tubular_dea.sweep.rows import PreparedPlan
 
 REST: dict[str, Any] = {"study": "rest", "outputs": ["radius"]}
 
@@ -114,7 +114,7 @@ def test_inputs_follow_their_text() -> None:
 def test_too_many_pulses_are_a_row_that_says_so() -> None:
     pulses = {"voltage": "pulses 0 {amplitude} every {period} from 0.1 for 0.01"}
     vary = {"amplitude": ["5 kV"], "period": [0.5, 0.0, 1e-9, -1]}
-    table = Study(steps(outputs=["max electric_field"], inputs=pulses, vary=vary, design={})).rows(0, 4)
+    table = PreparedPlan(steps(outputs=["max electric_field"], inputs=pulses, vary=vary, design={})).rows(0, 4)
     assert table["status"].tolist() == [0, -4, -4, -4]
     assert table["message"][1:].tolist() == ["voltage is not a finite number"] * 3
 
@@ -154,7 +154,7 @@ def test_rows_out_of_bounds_or_order_are_rows() -> None:
     with pytest.raises(PlanError, match="eps_r"):
         steps(vary=vary | {"amplitude": ["5 kV"]}, design={})
     vary = {"on": {"from": "0.5 s", "to": "2 s", "count": 4}, "amplitude": ["5 kV"], "pressure": ["95 mmHg"]}
-    table = Study(steps(vary=vary, design={})).rows(0, 4)
+    table = PreparedPlan(steps(vary=vary, design={})).rows(0, 4)
     assert table["status"].tolist() == [0, 0, 0, -2], "an on-time of 2 s is behind the off-time of 1.5 s"
     assert table["message"][3] == "the times of voltage do not ascend"
     assert np.isnan(table["max_electric_field"][3])
@@ -163,7 +163,7 @@ def test_rows_out_of_bounds_or_order_are_rows() -> None:
 def test_samples_are_columns(kernel: Kernel) -> None:
     vary = {"amplitude": ["4 kV"], "on": [0.5]}
     plan = steps(outputs=["radius every 0.3 s", "final radius"], vary=vary, design={}, set={})
-    table = Study(plan).rows(0, 1)
+    table = PreparedPlan(plan).rows(0, 1)
     samples = [name for name in table if name.startswith("radius_at_")]
     assert samples == [f"radius_at_{t}_s" for t in ("0", "0.3", "0.6", "0.9", "1.2", "1.5", "1.8")]
     protocol = Protocol.of([0, 0.5, 0.5, 1.5, 1.5, 2], pressure=[0.0] * 6, voltage=[0, 0, 4e3, 4e3, 0, 0])
@@ -174,7 +174,7 @@ def test_samples_are_columns(kernel: Kernel) -> None:
 def test_a_change_is_from_the_start_of_its_window(kernel: Kernel) -> None:
     wanted = {"whole": "change lambda_2", "late": "change lambda_2 over the last 0.5 s", "swing": "swing lambda_2"}
     vary = {"pressure": ["95 mmHg"], "amplitude": ["5 kV"], "on": [0.5]}
-    row = Study(steps(outputs=wanted, vary=vary, design={})).rows(0, 1)
+    row = PreparedPlan(steps(outputs=wanted, vary=vary, design={})).rows(0, 1)
     mmhg = [95 * MMHG] * 6
     protocol = Protocol.of([0, 0.5, 0.5, 1.5, 1.5, 2], pressure=mmhg, voltage=[0, 0, 5e3, 5e3, 0, 0])
     start, at, end = kernel.simulate(protocol, np.array([0, 1.5, 2]), {"start_at_equilibrium": 1}, 1e-8)["lambda_2"]
@@ -186,7 +186,7 @@ def test_a_change_is_from_the_start_of_its_window(kernel: Kernel) -> None:
 def test_patients_set_many_parameters(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("patient,C_1 [kPa],h_o [mm]\nAnna,300,1\nBert,350,1.2\n", encoding="utf-8")
     plan = make_plan(rest(patient={"file": "p.csv"}, pressure=["95 mmHg"]), tmp_path)
-    table = Study(plan).rows(0, 2)
+    table = PreparedPlan(plan).rows(0, 2)
     assert table["patient"].tolist() == ["Anna", "Bert"]
     assert table["C_1"].tolist() == [300e3, 350e3]
     assert table["radius"][0] > table["radius"][1]
@@ -198,9 +198,13 @@ def test_patients_set_many_parameters(tmp_path: Path) -> None:
 def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:
     names, deviation, correlation = ["C_1", "eps_r"], np.array([5e3, 0.05]), 0.8
     covariance = np.outer(deviation, deviation) * [[1, correlation], [correlation, 1]]
-    content = {"format": 1, "model": "TubularDEA", "effects": ["prestretch"],
-               "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
-               "covariance": {"names": names, "matrix": covariance.tolist()}}  # fmt: skip
+    content = {
+        "format": 1,
+        "model": "TubularDEA",
+        "effects": ["prestretch"],
+        "parameters": {"C_1": {"value": 340e3}, "eps_r": 2.9},
+        "covariance": {"names": names, "matrix": covariance.tolist()},
+    }
     (tmp_path / "model.json").write_text(json.dumps(content), encoding="utf-8")
     tables = {"model": "model.json", "vary": {"calibration": {"model": "model.json"}}}
     plan = make_plan(REST | tables | {"design": {"kind": "sobol", "points": 4096}}, tmp_path)
@@ -208,7 +212,7 @@ def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:
     columns = plan.design.columns(0, 4096)
     np.testing.assert_allclose(np.cov(columns["C_1"], columns["eps_r"]), covariance, rtol=0.02)
     assert columns["C_1"].mean() == pytest.approx(340e3, rel=1e-4)
-    assert Study(plan).rows(0, 4)["status"].tolist() == [0] * 4
+    assert PreparedPlan(plan).rows(0, 4)["status"].tolist() == [0] * 4
     with pytest.raises(PlanError, match="model.json"):
         make_plan(REST | {"model": "none/model.json"}, tmp_path)
 
@@ -220,4 +224,4 @@ def test_the_examples_are_plans() -> None:
     for path in found:
         plan = read_plan(path)
         assert plan.design.rows > 100
-        assert (Study(plan).rows(0, 4)["status"] == 0).all()
+        assert (PreparedPlan(plan).rows(0, 4)["status"] == 0).all()

@@ -115,12 +115,19 @@ def test_a_folder_of_another_plan_is_refused(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_too_large_is_said_before_starting(tmp_path: Path) -> None:
-    huge = {"study": "rest", "outputs": ["radius"], "vary": {
-        name: {"from": 1, "to": 2, "count": 10_000_000} for name in ("pressure", "voltage")}}  # fmt: skip
+    huge = {
+        "study": "rest",
+        "outputs": ["radius"],
+        "vary": {name: {"from": 1, "to": 2, "count": 10_000_000} for name in ("pressure", "voltage")},
+    }
     with pytest.raises(StoreError, match=r"1e\+14 rows need about .* GB on disk"):
         carry_out(make_plan(huge), tmp_path / "out")
-    many = {"study": "rest", "outputs": ["radius"], "vary": {n: {"from": 2, "to": 3} for n in ("eps_r", "C_2")},
-            "design": {"kind": "latin_hypercube", "points": 1_000_000_000}}  # fmt: skip
+    many = {
+        "study": "rest",
+        "outputs": ["radius"],
+        "vary": {n: {"from": 2, "to": 3} for n in ("eps_r", "C_2")},
+        "design": {"kind": "latin_hypercube", "points": 1_000_000_000},
+    }
     with pytest.raises(StoreError, match="memory|disk"):
         carry_out(make_plan(many), tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -144,18 +151,21 @@ def test_a_grid_is_a_cube(tmp_path: Path) -> None:
 
 
 def test_an_fmu_made_elsewhere_takes_the_same_plan(fmi2_fmu: Path, tmp_path: Path) -> None:
-    changes = {"design": {}, "set": {}, "vary": {"pressure": ["80 mmHg", "95 mmHg"], "amplitude": ["4 kV"], "on": [0.5],
-                                               "C_1": ["300 kPa", "333 kPa"]}}  # fmt: skip
+    changes = {
+        "design": {},
+        "set": {},
+        "vary": {"pressure": ["80 mmHg", "95 mmHg"], "amplitude": ["4 kV"], "on": [0.5], "C_1": ["300 kPa", "333 kPa"]},
+    }
     outputs = ["final lambda_2", "max electric_field", "mean radius", "time radius rises above 17 mm", "radius at 1 s"]
     own = steps(outputs=outputs, **changes)
-    foreign = steps(outputs=outputs, model=str(fmi2_fmu), **changes)
-    tables = [carry_out(plan, tmp_path / str(i)).table() for i, plan in enumerate((own, foreign))]
+    external = steps(outputs=outputs, model=str(fmi2_fmu), **changes)
+    tables = [carry_out(plan, tmp_path / str(i)).table() for i, plan in enumerate((own, external))]
     assert tables[1]["status"].tolist() == [0] * 4
     for name in tables[0]:
         if tables[0][name].dtype == float:
             between = 4e-3 if name.startswith("time") else 0.0  # s, from sample to sample
             np.testing.assert_allclose(tables[1][name], tables[0][name], rtol=2e-3, atol=between)
-    assert own.fingerprint != foreign.fingerprint
+    assert own.fingerprint != external.fingerprint
 
 
 def test_a_report_with_pictures(tmp_path: Path) -> None:
@@ -184,11 +194,18 @@ def test_a_map_is_coloured_up_to_its_boundary(tmp_path: Path) -> None:
 def test_sensitivities_find_what_matters(kind: str, tmp_path: Path) -> None:
     """The displacement of a thin tube goes nearly as p / C_1: of 10 % in p and 5 % in C_1, p makes four fifths."""
     pytest.importorskip("SALib")
-    plan = make_plan({
-        "study": "rest", "outputs": ["radial_displacement"], "design": {"kind": kind, "points": 256},
-        "vary": {"pressure": {"from": "9 mmHg", "to": "11 mmHg"}, "C_1": {"from": "316 kPa", "to": "350 kPa"},
-                 "rho": {"from": 900, "to": 1100}},
-    })  # fmt: skip
+    plan = make_plan(
+        {
+            "study": "rest",
+            "outputs": ["radial_displacement"],
+            "design": {"kind": kind, "points": 256},
+            "vary": {
+                "pressure": {"from": "9 mmHg", "to": "11 mmHg"},
+                "C_1": {"from": "316 kPa", "to": "350 kPa"},
+                "rho": {"from": 900, "to": 1100},
+            },
+        }
+    )
     store = carry_out(plan, tmp_path)
     assert any(path.name.startswith(("sobol_", "tornado_")) for path in write_report(store, plan))
     found = {s["kind"]: s for s in json.loads((tmp_path / "statistics.json").read_text())}

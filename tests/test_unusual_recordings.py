@@ -11,18 +11,19 @@ import pytest
 
 from tubular_dea.cli import main
 from tubular_dea.discover import base, engine, inputs_noise, outcome, residuals
-from tubular_dea.discover.study import Study, study
 from tubular_dea.identify import procedure
-from tubular_dea.identify.bench import TUBE
+from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.checks import mislabelled
 from tubular_dea.identify.data import Experiment, Recordings, read_experiment
 from tubular_dea.identify.drive import drive, joined
 from tubular_dea.identify.fit import fit, goodness
+from tubular_dea.identify.study import Study, sensor_noise, study
 from tubular_dea.kernel import Kernel
-from tubular_dea.model.dea import tubular_dea
+from tubular_dea.plants.tube import PLANT
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "cosim_examples" / "data" / "bench"
-MODEL = tubular_dea()
+MODEL = PLANT.model
+OUTPUT = PLANT.outputs[0].name
 TIME = np.arange(0, 8, 0.004)
 SOFT = {"C_1": 0.6, "C_2": 0.6, "C_3": 0.6, "eps_r": 1.6, "k_1": 0.6, "k_2": 0.6}  # of Table III
 
@@ -35,28 +36,30 @@ def recorded(
     switched = np.repeat(TIME, 2)[1:], np.repeat(voltage, 2)[:-1]  # held from sample to sample
     protocol = joined([(TIME, pressure), switched], ["pressure", "voltage"])
     radius = Kernel(MODEL).simulate(protocol, TIME, values)["radial_displacement"]
-    monitors = {"pressure": pressure + noise * random.standard_normal(TIME.size),
-                "voltage": voltage + 4 * random.standard_normal(TIME.size)}  # fmt: skip
-    return Experiment(str(seed), TIME, monitors, radius + 15e-6 * random.standard_normal(TIME.size),
-                      np.arange(TIME.size))  # fmt: skip
+    monitors = {
+        "pressure": pressure + noise * random.standard_normal(TIME.size),
+        "voltage": voltage + 4 * random.standard_normal(TIME.size),
+    }
+    laser = radius + 15e-6 * random.standard_normal(TIME.size)
+    return Experiment(str(seed), TIME, monitors, {OUTPUT: laser}, np.arange(TIME.size))
 
 
-def several(
-    values: Mapping[str, float] | None = None, softer: float = 1.0, seed: int = 0, **more: float
-) -> Recordings:
+def several(values: Mapping[str, float] | None = None, softer: float = 1.0, seed: int = 0, **more: float) -> Recordings:
     """Five experiments: 5.5 to 8.3 kPa (times `softer`), with voltage pulses of 3 to 4.8 kV, the last with a ramp."""
     pulses = (TIME % 2 > 1) & (TIME > 1.5)
     voltages = [np.where(pulses, 3000.0 + 600 * i, 0.0) for i in range(4)] + [500 * np.clip(TIME - 2, 0, None)]
     pressures = [softer * (5500 + 700 * i) * np.minimum(TIME, 1) for i in range(5)]
     driven = enumerate(zip(pressures, voltages, strict=True), seed)
     listed = [recorded(i, p, v, values, **more) for i, (p, v) in driven]
-    return Recordings(TUBE, listed, {}, {}, "unusual")
+    return Recordings(PLANT, listed, {}, {}, "unusual")
 
 
 def changed(recordings: Recordings, change: Mapping[str, object]) -> Recordings:
     """The recordings with a function applied to each input that is named."""
-    listed = [replace(e, inputs={n: change.get(n, lambda v: v)(v) for n, v in e.inputs.items()})  # type: ignore[operator]
-              for e in recordings.experiments]  # fmt: skip
+    listed = [
+        replace(e, inputs={n: change.get(n, lambda v: v)(v) for n, v in e.inputs.items()})  # type: ignore[operator]
+        for e in recordings.experiments
+    ]
     return replace(recordings, experiments=listed)
 
 
@@ -66,7 +69,7 @@ def plain() -> Recordings:
 
 
 def noise_of(recordings: Recordings) -> float:
-    return procedure.sensor_noise(recordings, [drive(e, TUBE) for e in recordings.experiments]).rms
+    return sensor_noise(recordings, [drive(e, PLANT.inputs) for e in recordings.experiments])[OUTPUT].rms
 
 
 def test_set_points_and_coarse_monitors_are_no_noise_of_the_sensor(plain: Recordings) -> None:
@@ -82,20 +85,20 @@ def test_a_coarse_monitor_is_neither_frozen_nor_saturated(tmp_path: Path, name: 
         table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
         table[:, column] = np.round(table[:, column] / step) * step
         np.savetxt(tmp_path / source.name, table, delimiter=",", header=header, comments="")
-        assert read_experiment(tmp_path / source.name).time.size == len(lines)
+        assert read_experiment(tmp_path / source.name, PLANT).time.size == len(lines)
 
 
 def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
-    voltage = next(signal for signal in TUBE.inputs if signal.name == "voltage")
+    voltage = next(signal for signal in PLANT.inputs if signal.name == "voltage")
     toggling = 2.44 * (np.random.default_rng(0).random(2000) < 0.05)  # 12 bits of 10 kV
-    assert mislabelled(toggling, voltage) == ""
-    assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage)
+    assert mislabelled(toggling, voltage, "V") == ""
+    assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage, "V")
 
 
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     def prepared(recordings: Recordings) -> tuple[Study, list[np.ndarray]]:
-        work = study(recordings, MODEL)
-        return work, inputs_noise.weights(work, MODEL.parameter_values())
+        work = adjusted(study(recordings, prior=engine.PRIOR), (), MODEL.parameter_values())
+        return work, inputs_noise.weights(work, inputs_noise.input_gains(work, MODEL.parameter_values()))
 
     (_, positive), (work, negative) = prepared(plain), prepared(changed(plain, {"voltage": lambda v: -v}))
     for a, b in zip(positive, negative, strict=True):
@@ -106,9 +109,9 @@ def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
 def test_geometry_of_the_bench_counts_in_identify(plain: Recordings) -> None:
     found = []
     for h_ao in (100e-6, 200e-6):
-        ready = procedure.prepare(replace(plain, geometry={"h_ao": h_ao}), MODEL)
+        work = study(replace(plain, geometry={"h_ao": h_ao}), held_out=())
         start = MODEL.parameter_values() | {"eps_r": 2.8 * (h_ao / 100e-6) ** 2}
-        found.append(procedure.joint(ready, MODEL, start, 1, names=["eps_r"])[1].values)
+        found.append(procedure.joint(work, start, 1, names=["eps_r"])[1].values)
     assert found[0]["eps_r"] == pytest.approx(2.8, rel=0.01)
     assert found[1]["eps_r"] == pytest.approx(4 * found[0]["eps_r"], rel=1e-4)  # the force goes with eps_r / h_ao^2
     assert found[1]["h_ao"] == 200e-6
@@ -117,15 +120,15 @@ def test_geometry_of_the_bench_counts_in_identify(plain: Recordings) -> None:
 def test_recordings_without_pressure_have_finite_doubt() -> None:
     pulses = np.where((TIME > 1) & (TIME < 5), 1.0, 0.0)
     listed = [recorded(i, 0 * TIME, v * pulses, noise=0.0) for i, v in enumerate((5e3, 6e3, 6.8e3))]
-    ready = procedure.prepare(Recordings(TUBE, listed, {}, {}, "voltage alone"), MODEL)
-    best = procedure.joint(ready, MODEL, MODEL.parameter_values(), 1)[1]
+    work = study(Recordings(PLANT, listed, {}, {}, "voltage alone"), held_out=())
+    best = procedure.joint(work, MODEL.parameter_values(), 1)[1]
     assert np.all(np.isfinite(best.covariance))
 
 
 def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
     declared = MODEL.parameter_values()
     truth = {n: declared[n] * part for n, part in SOFT.items()}
-    work = study(several(truth, softer=0.6, seed=20), MODEL)
+    work = study(several(truth, softer=0.6, seed=20), prior=engine.PRIOR)
     for seed in (0, 3):  # without the declared branches among the starts, both end in a poorer place
         found = base.recalibrate(work, seed=seed)
         assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + base.AGREE
@@ -133,8 +136,8 @@ def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
 
 def test_the_level_of_noise_is_as_doubtful_as_the_record_is_short(plain: Recordings) -> None:
     short = replace(plain, experiments=plain.experiments[:1])
-    doubt = [procedure.sensor_noise(r, [drive(e, TUBE) for e in r.experiments]).doubt for r in (plain, short)]
-    assert doubt[0] < doubt[1] == pytest.approx(np.sqrt(2 / TIME.size), rel=0.2)
+    noise = [sensor_noise(r, [drive(e, PLANT.inputs) for e in r.experiments])[OUTPUT] for r in (plain, short)]
+    assert noise[0].uncertainty < noise[1].uncertainty == pytest.approx(np.sqrt(2 / TIME.size), rel=0.2)
 
 
 def test_few_blocks_and_records_at_rest_have_statistics() -> None:
@@ -145,8 +148,8 @@ def test_few_blocks_and_records_at_rest_have_statistics() -> None:
 def test_a_held_out_end_at_rest_has_no_goodness() -> None:
     voltage = np.where(TIME < 5, 6e3 * (TIME % 2 > 1) * (TIME > 1), 0.0)
     one = recorded(0, 9000 * np.minimum(TIME, 1), voltage)
-    at_rest = np.where(TIME < 5.9, one.output, np.median(one.output[-100:]))
-    found = engine.discover(Recordings(TUBE, [replace(one, output=at_rest)], {}, {"radius": 15e-6}, "one"))
+    at_rest = np.where(TIME < 5.9, one.outputs[OUTPUT], np.median(one.outputs[OUTPUT][-100:]))
+    found = engine.discover(Recordings(PLANT, [replace(one, outputs={OUTPUT: at_rest})], {}, {"radius": 15e-6}, "one"))
     result = outcome.result(found)
     assert result["error"]["after"]["held_out_fit_percent"] is None
     assert result["error"]["after"]["fit_percent"] > 0

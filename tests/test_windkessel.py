@@ -12,7 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from coupled import needs, shared, slaves
+from coupled import needs, slaves
+from shared_data import shared
 from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.compose import CouplingError, compose
@@ -25,8 +26,13 @@ from tubular_dea.protocol import Protocol
 
 PERIOD = 0.8
 # A ventricle that never ejects: flow enters the windkessel only as (negative) tube flow.
-IDLE = {"E_max": PATIENTS["healthy"]["E_min"], "filling_pressure": 0.0, "venous_pressure": 0.0,
-        "ventricular_volume_start": 10 * ML, "R_closed": 1e16}  # fmt: skip
+IDLE = {
+    "E_max": PATIENTS["healthy"]["E_min"],
+    "filling_pressure": 0.0,
+    "venous_pressure": 0.0,
+    "ventricular_volume_start": 10 * ML,
+    "R_closed": 1e16,
+}
 
 
 @functools.cache
@@ -81,40 +87,88 @@ def svzerod_beat(values: dict[str, float], cycles: int, points: int) -> dict[str
     peak = _hill_peak()  # svZeroDSolver norms the curve to a peak of 1
     configuration = {
         "simulation_parameters": {
-            "number_of_cardiac_cycles": cycles, "number_of_time_pts_per_cardiac_cycle": points,
-            "output_variable_based": True, "output_all_cycles": False, "cardiac_period": PERIOD,
+            "number_of_cardiac_cycles": cycles,
+            "number_of_time_pts_per_cardiac_cycle": points,
+            "output_variable_based": True,
+            "output_all_cycles": False,
+            "cardiac_period": PERIOD,
             "absolute_tolerance": 1e-10,
         },
         "vessels": [
-            {"vessel_id": 1, "vessel_length": 1.0, "vessel_name": "atrium", "boundary_conditions": {"inlet": "FILL"},
-             "zero_d_element_type": "BloodVessel", "zero_d_element_values": ideal},
-            {"vessel_id": 2, "vessel_length": 1.0, "vessel_name": "aorta", "boundary_conditions": {"outlet": "RCR"},
-             "zero_d_element_type": "BloodVessel", "zero_d_element_values": ideal},
+            {
+                "vessel_id": 1,
+                "vessel_length": 1.0,
+                "vessel_name": "atrium",
+                "boundary_conditions": {"inlet": "FILL"},
+                "zero_d_element_type": "BloodVessel",
+                "zero_d_element_values": ideal,
+            },
+            {
+                "vessel_id": 2,
+                "vessel_length": 1.0,
+                "vessel_name": "aorta",
+                "boundary_conditions": {"outlet": "RCR"},
+                "zero_d_element_type": "BloodVessel",
+                "zero_d_element_values": ideal,
+            },
         ],
         "junctions": [],
         "boundary_conditions": [
             {"bc_name": "FILL", "bc_type": "PRESSURE", "bc_values": {"P": [fill, fill], "t": [0.0, PERIOD]}},
-            {"bc_name": "RCR", "bc_type": "RCR", "bc_values": {
-                "Rp": values["Z_c"] / RESISTANCE, "C": values["C"] / stiff, "Rd": values["R"] / RESISTANCE,
-                "Pd": values["venous_pressure"] / MMHG}},
+            {
+                "bc_name": "RCR",
+                "bc_type": "RCR",
+                "bc_values": {
+                    "Rp": values["Z_c"] / RESISTANCE,
+                    "C": values["C"] / stiff,
+                    "Rd": values["R"] / RESISTANCE,
+                    "Pd": values["venous_pressure"] / MMHG,
+                },
+            },
         ],
-        "chambers": [{
-            "type": "LinearElastanceChamber", "name": "lv",
-            "values": {"Emax": (values["E_max"] - values["E_min"]) * stiff * peak, "Epass": values["E_min"] * stiff,
-                       "Vrest": values["V_0"] / ML},
-            "activation_function": {"type": "two_hill", "t_shift": 0.0, "tau_1": 0.7 * scale, "tau_2": 1.17 * scale,
-                                    "m1": 1.9, "m2": 21.9},
-        }],
+        "chambers": [
+            {
+                "type": "LinearElastanceChamber",
+                "name": "lv",
+                "values": {
+                    "Emax": (values["E_max"] - values["E_min"]) * stiff * peak,
+                    "Epass": values["E_min"] * stiff,
+                    "Vrest": values["V_0"] / ML,
+                },
+                "activation_function": {
+                    "type": "two_hill",
+                    "t_shift": 0.0,
+                    "tau_1": 0.7 * scale,
+                    "tau_2": 1.17 * scale,
+                    "m1": 1.9,
+                    "m2": 21.9,
+                },
+            }
+        ],
         "valves": [
-            {"type": "PiecewiseValve", "name": "mitral", "params": {
-                "Rmax": 1e4, "Rmin": values["R_mitral"] / RESISTANCE, "upstream_block": "atrium",
-                "downstream_block": "lv"}},
-            {"type": "PiecewiseValve", "name": "aortic", "params": {
-                "Rmax": 1e4, "Rmin": values["R_aortic"] / RESISTANCE, "upstream_block": "lv",
-                "downstream_block": "aorta"}},
+            {
+                "type": "PiecewiseValve",
+                "name": "mitral",
+                "params": {
+                    "Rmax": 1e4,
+                    "Rmin": values["R_mitral"] / RESISTANCE,
+                    "upstream_block": "atrium",
+                    "downstream_block": "lv",
+                },
+            },
+            {
+                "type": "PiecewiseValve",
+                "name": "aortic",
+                "params": {
+                    "Rmax": 1e4,
+                    "Rmin": values["R_aortic"] / RESISTANCE,
+                    "upstream_block": "lv",
+                    "downstream_block": "aorta",
+                },
+            },
         ],
         "initial_condition": {"Vc:lv": 130.0, "pressure:aortic:aorta": 75.0, "pressure_c:RCR": 75.0},
-    }  # fmt: skip
+    }
     table = svzerod.simulate(configuration)
     names = {"pressure": "pressure:aortic:aorta", "volume": "Vc:lv", "ventricle": "pressure:lv:aortic"}
     return {key: table[table["name"] == name]["y"].to_numpy() for key, name in names.items()}
@@ -155,8 +209,13 @@ def simaan(emax: float, beats: int = 40) -> dict[str, float]:
         p = elastance(t) * (volume - 10)
         inlet, outlet = max(atrium - p, 0) / 0.005, max(p - aorta, 0) / 0.001
         back = (arteries - atrium) / 1.0
-        return [inlet - outlet, (back - inlet) / 4.4, (flow - back) / 1.33, (outlet - flow) / 0.08,
-                (aorta - arteries - 0.0398 * flow) / 0.0005]  # fmt: skip
+        return [
+            inlet - outlet,
+            (back - inlet) / 4.4,
+            (flow - back) / 1.33,
+            (outlet - flow) / 0.08,
+            (aorta - arteries - 0.0398 * flow) / 0.0005,
+        ]
 
     start = [140, 8.2, 67, 82, 0]
     solution = solve_ivp(rates, (0, beats * beat), start, method="LSODA", max_step=4e-3, rtol=1e-7, dense_output=True)
@@ -215,8 +274,13 @@ def fitted(time: np.ndarray, pressure: np.ndarray, flow: np.ndarray, elements: i
         z, r, c, inertance = np.exp(x[:4])
         return afterload(elements, time, flow, Z_c=z, R=r, C=c, L=inertance, aortic_pressure_start=x[4] * 1e4)
 
-    start = [np.log(0.04 * RESISTANCE), np.log(pressure.mean() / flow.mean()), np.log(1.3 * ML / MMHG),
-             np.log(0.01 * RESISTANCE), pressure[0] / 1e4]  # fmt: skip
+    start = [
+        np.log(0.04 * RESISTANCE),
+        np.log(pressure.mean() / flow.mean()),
+        np.log(1.3 * ML / MMHG),
+        np.log(0.01 * RESISTANCE),
+        pressure[0] / 1e4,
+    ]
     bounds = (np.array(start) - 4, np.array(start) + 4)
     best = least_squares(lambda x: (model(x) - pressure) / MMHG, start, diff_step=1e-4, bounds=bounds)
     return float(100 * (1 - np.linalg.norm(pressure - model(best.x)) / np.linalg.norm(pressure - pressure.mean())))

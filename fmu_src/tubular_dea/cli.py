@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -11,16 +10,11 @@ from pathlib import Path
 from typing import NoReturn
 
 from . import __version__
-from .errors import UserError
+from .commands import COMMANDS, declare
+from .errors import ArgumentError, UserError
 
-COMMANDS = {
-    "build": "write the FMUs",
-    "simulate": "drive the tube with pressure and voltage; CSV and a picture",
-    "assist": "run a ventricle with the tube, with and without assist; loops, pressures, energies",
-    "sweep": "compute a plan of many points: tables, maps, sensitivities; a laptop or a cluster",
-    "identify": "find the model's parameters from bench recordings",
-    "close-loop": "from bench recordings to the missing effect, and an FMU that has it",
-}
+OPTIONS = {"parameters": "set", "settings": "set", "cases": "compare", "tube": "model"}  # arguments called otherwise
+FILES = (".html", ".toml")  # endings of an --out that is one file, not a folder
 
 
 class Parser(argparse.ArgumentParser):
@@ -44,28 +38,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     # Only the command in use is imported: help and errors come at once.
     for name, description in COMMANDS.items():
-        subparser = subparsers.add_parser(
-            name, help=description, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
+        subparser = subparsers.add_parser(name, help=description, formatter_class=argparse.RawDescriptionHelpFormatter)
         if name in given[:1]:
-            module = importlib.import_module(f".commands.{name.replace('-', '_')}", __package__)
-            subparser.description, subparser.epilog = module.__doc__, module.EXAMPLE
-            module.add_arguments(subparser)
-            subparser.set_defaults(run=module.run)
+            declare(name, subparser)
     options, left = parser.parse_known_args(given)
     if left:
         subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(left)}")
     try:
-        if "out" in options:
-            writable_folder(options.out)
+        if getattr(options, "out", None) is not None:
+            writable_folder(options.out.parent if options.out.suffix in FILES else options.out)
         options.run(options)
     except UserError as problem:
-        print(f"tubular-dea {options.command}: {printable(str(problem))}", file=sys.stderr)
+        print(f"tubular-dea {options.command}: {printable(as_option(problem, options))}", file=sys.stderr)
+        return 2
+    except OSError as problem:  # what no room has told in its own words
+        words = f"{problem.filename}: {problem.strerror}" if problem.filename else problem.strerror or str(problem)
+        print(f"tubular-dea {options.command}: {printable(words)}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print(f"tubular-dea {options.command}: out of memory; ask for less, or free some", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"tubular-dea {options.command}: interrupted", file=sys.stderr)
         return 130
     return 0
+
+
+def as_option(problem: UserError, options: argparse.Namespace) -> str:
+    """The error, with the option in the place of the argument that it is about."""
+    if not isinstance(problem, ArgumentError):
+        return str(problem)
+    name = OPTIONS.get(problem.argument, problem.argument)
+    return f"--{name.replace('_', '-')}{problem.text}" if hasattr(options, name) else str(problem)
 
 
 def writable_folder(out: Path) -> None:

@@ -3,3 +3,19 @@
 
 class UserError(Exception):
     """Shown by the command line as one line, without a traceback."""
+
+
+class ArgumentError(UserError, ValueError):
+    """An argument that cannot be used.
+
+    `argument` is its name in Python; the command line shows the option of that name in its place. `text` follows the
+    name, as in ": expected a positive number".
+    """
+
+    def __init__(self, argument: str, text: str) -> None:
+        super().__init__(argument, text)
+        self.argument = argument
+        self.text = text
+
+    def __str__(self) -> str:
+        return f"{self.argument}{self.text}"

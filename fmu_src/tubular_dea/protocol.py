@@ -20,6 +20,10 @@ from .errors import UserError
 from .model.units import NUMBER, UnitError, factor, quantity
 from .tabular import TableError, headings, rows
 
+STOP, INTERVAL = 5.0, 0.01  # s: end of a run, and time between its samples, that is not told otherwise
+
+LATER = "later"  # name of an input that is late, while it is made
+
 
 class ProtocolError(UserError, ValueError):
     """An input specification or file that cannot be used; the text names the place and what was expected."""
@@ -33,8 +37,33 @@ class Protocol:
     inputs: dict[str, np.ndarray]
 
     @staticmethod
-    def of(time: Sequence[float], **inputs: Sequence[float]) -> Protocol:
-        """A checked protocol; `ProtocolError` for anything but finite, not descending times and finite values."""
+    def of(time: Sequence[float] | np.ndarray, **inputs: Sequence[float] | np.ndarray) -> Protocol:
+        """A protocol, checked.
+
+        Parameters
+        ----------
+        time : array of shape (n,)
+            Times [s] that do not descend; one that is there twice is a jump.
+        **inputs : array of shape (n,)
+            Values of each input at these times, in SI units.
+
+        Returns
+        -------
+        Protocol
+            The inputs over time, straight between the times.
+
+        Raises
+        ------
+        UserError
+            For anything but finite times that do not descend, and as many finite values.
+
+        Examples
+        --------
+        >>> import tubular_dea as td
+        >>> step = td.Protocol.of([0, 1, 1, 3], pressure=[12666] * 4, voltage=[0, 0, 5000, 5000])
+        >>> step.at([0.5, 2.0])["voltage"].tolist()
+        [0.0, 5000.0]
+        """
         grid = np.array(time, dtype=float)
         columns = {name: np.array(values, dtype=float) for name, values in inputs.items()}
         if grid.size < 2 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) < 0) or grid[-1] <= grid[0]:
@@ -55,9 +84,10 @@ class Protocol:
             raise ProtocolError(f"the protocol lacks {', '.join(missing)}; it has {', '.join(self.inputs)}")
         return np.column_stack([self.inputs[name] for name in names]).astype(float)
 
-    def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """The inputs at `times`; at a jump, the value after it."""
-        return {name: self._at(values, np.asarray(times, float)) for name, values in self.inputs.items()}
+    def at(self, times: Sequence[float] | np.ndarray, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """The inputs `names` (default: all) at `times`; at a jump, the value after it."""
+        chosen = self.inputs if names is None else names
+        return {name: self._at(self.inputs[name], np.asarray(times, float)) for name in chosen}
 
     def delayed(self, signals: Mapping[str, tuple[str, float]]) -> Protocol:
         """The protocol with more inputs: for each name, another input (name, delay [s]), exactly, as it was then.
@@ -72,6 +102,11 @@ class Protocol:
         inputs = {name: self._sides(values, grid) for name, values in self.inputs.items()}
         inputs |= {name: self._sides(self.inputs[of], grid - by) for name, (of, by) in signals.items()}
         return Protocol(grid, inputs)
+
+    def with_delay(self, name: str, by: float) -> Protocol:
+        """The protocol with one of its inputs later by some time [s]; earlier where that is negative."""
+        moved = self.delayed({LATER: (name, by)})
+        return Protocol(moved.time, {n: moved.inputs[LATER if n == name else n] for n in self.inputs})
 
     def _sides(self, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
         """Values on a grid that holds every inner time twice: after the first time, and before the second."""

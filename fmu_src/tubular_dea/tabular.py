@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import UserError
+from .files import FileError, read_whole
 
 
 class TableError(UserError, ValueError):
@@ -29,11 +30,11 @@ class Cell:
 def rows(path: Path) -> list[tuple[int, list[str]]]:
     """The lines of a CSV file that are not empty, each with its number in the file (from 1), cells stripped."""
     try:
-        content = path.read_text(encoding="utf-8-sig")
+        content = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise TableError(f"{path}: cannot be read as a text file; save it as CSV in UTF-8") from None
-    except OSError as problem:
-        raise TableError(f"{path}: cannot be read as a text file: {problem.strerror}") from None
+    except FileError as problem:
+        raise TableError(str(problem)) from None
     reader = csv.reader(content.splitlines())
     try:
         found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]

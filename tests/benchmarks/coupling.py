@@ -97,9 +97,11 @@ def orders() -> None:
     """Error and energy gap over the step, straight interpolation; then the default."""
     steps = (4e-3, 2e-3, 1e-3, 5e-4)
     for name in CASES:
-        print(f"{name}, 6 kV, smallest margin "
-              f"{coupled(name, {})[0]['tube.snap_through_margin'].min() / 133.322:.0f} mmHg; "
-              f"steps {steps} s:")  # fmt: skip
+        print(
+            f"{name}, 6 kV, smallest margin "
+            f"{coupled(name, {})[0]['tube.snap_through_margin'].min() / 133.322:.0f} mmHg; "
+            f"steps {steps} s:"
+        )
         for scheme, order in (("jacobi", 0), ("jacobi", 1), ("gauss-seidel", 0), ("gauss-seidel", 1), ("implicit", 0)):
             results = [coupled(name, {"scheme": scheme, "order": order, "step": h, **PLAIN}) for h in steps]
             if any(run.reason for run, _, _ in results):
@@ -116,9 +118,11 @@ def orders() -> None:
             run, error, gap = coupled(
                 name, {"step": 0.02, "variable": True, "tolerance": tolerance, "slave_tolerance": 1e-8}
             )
-            print(f"  variable step, tolerance {tolerance:g}: {run.time.size - 1} steps of "
-                  f"{1e3 * np.diff(run.time).min():.3f} to {1e3 * np.diff(run.time).max():.1f} ms, "
-                  f"error {error:.1e}, energy gap {gap:.1e}")  # fmt: skip
+            print(
+                f"  variable step, tolerance {tolerance:g}: {run.time.size - 1} steps of "
+                f"{1e3 * np.diff(run.time).min():.3f} to {1e3 * np.diff(run.time).max():.1f} ms, "
+                f"error {error:.1e}, energy gap {gap:.1e}"
+            )
 
 
 def _list(values: list[float]) -> str:

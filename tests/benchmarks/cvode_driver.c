@@ -43,7 +43,7 @@ typedef struct {
     double start, stop;
     double pressure, pressure_slope; /* Pa, Pa/s */
     double voltage, voltage_slope;   /* V, V/s */
-} Piece;
+} SmoothPiece;
 
 static const double RATIO = PAR_r_o / PAR_l_o;
 static const double MAXWELL = PAR_phi * PAR_eps_o * PAR_eps_r / (PAR_h_ao * PAR_h_ao);
@@ -98,19 +98,19 @@ void tube_jacobian(const double *x, double pressure, double voltage, double *jac
         jacobian[i] = columns[i];
 }
 
-static double pressure_at(const Piece *piece, double t)
+static double pressure_at(const SmoothPiece *piece, double t)
 {
     return piece->pressure + piece->pressure_slope * (t - piece->start);
 }
 
-static double voltage_at(const Piece *piece, double t)
+static double voltage_at(const SmoothPiece *piece, double t)
 {
     return piece->voltage + piece->voltage_slope * (t - piece->start);
 }
 
 static int cvode_rhs(double t, Vector y, Vector dy, void *data)
 {
-    const Piece *piece = data;
+    const SmoothPiece *piece = data;
     tube_rhs(N_VGetArrayPointer(y), pressure_at(piece, t), voltage_at(piece, t),
              N_VGetArrayPointer(dy));
     return 0;
@@ -119,7 +119,7 @@ static int cvode_rhs(double t, Vector y, Vector dy, void *data)
 static int cvode_jacobian(double t, Vector y, Vector dy, Matrix m, void *data, Vector v1, Vector v2,
                           Vector v3)
 {
-    const Piece *piece = data;
+    const SmoothPiece *piece = data;
     (void)dy, (void)v1, (void)v2, (void)v3;
     tube_jacobian(N_VGetArrayPointer(y), pressure_at(piece, t), voltage_at(piece, t),
                   SUNDenseMatrix_Data(m));
@@ -128,7 +128,7 @@ static int cvode_jacobian(double t, Vector y, Vector dy, Matrix m, void *data, V
 
 /* One piece from y at its start to y at its end. Samples are (times[i], lambda_2[i]) from *next on;
  * one at the end of the piece belongs to the next. Returns CVODE's flag, negative on failure. */
-static int solve_piece(void *cvode, Vector y, Piece *piece, const double *times, int count,
+static int solve_piece(void *cvode, Vector y, SmoothPiece *piece, const double *times, int count,
                        int *next, double *lambda_2)
 {
     double reached;
@@ -144,7 +144,7 @@ static int solve_piece(void *cvode, Vector y, Piece *piece, const double *times,
 
 /* lambda_2 at the rising `times` from x = `start` at the first piece; 0, or CVODE's negative flag.
  * Between pieces CVODE starts afresh, as the inputs have a corner or a jump there. */
-int tube_solve(Piece *pieces, int piece_count, const double *start, const double *times, int count,
+int tube_solve(SmoothPiece *pieces, int piece_count, const double *start, const double *times, int count,
                double rtol, const double *atol, double *lambda_2)
 {
     Context context;

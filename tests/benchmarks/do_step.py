@@ -61,9 +61,11 @@ def build(folder: Path) -> list[Contender]:
     ours = python_fmu(tubular_dea(), folder / "TubularDEA.fmu")
     with redirect_stdout(None):
         theirs = FmuBuilder.build_FMU(
-            HERE / "lsoda_slave.py", folder / "LsodaTube.fmu", [HERE.parent / "independent.py"],
+            HERE / "lsoda_slave.py",
+            folder / "LsodaTube.fmu",
+            [HERE.parent / "independent.py"],
             needsExecutionTool=False,
-        )  # fmt: skip
+        )
     return [
         Contender("reference", ours, 1e-11),
         Contender("ours", ours, 1e-6),
@@ -79,8 +81,12 @@ def run(contender: Contender, steps: int) -> tuple[float, np.ndarray]:
     reference = {v.name: v.valueReference for v in description.modelVariables}
     inputs, output = [reference["pressure"], reference["voltage"]], [reference["lambda_2"]]
     folder = fmpy.extract(str(contender.path))
-    fmu = FMU2Slave(guid=description.guid, unzipDirectory=folder, instanceName="tube",
-                    modelIdentifier=description.coSimulation.modelIdentifier)  # fmt: skip
+    fmu = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=folder,
+        instanceName="tube",
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
     fmu.instantiate()
     if contender.interface is not None:
         fmu.setInteger([reference["interface"]], [contender.interface])

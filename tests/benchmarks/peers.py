@@ -55,7 +55,7 @@ def start_of(protocol: tube.Protocol) -> np.ndarray:
     return np.array(protocol.get("start", tube.AT_REST), dtype=float)
 
 
-def with_slopes(piece: tube.Piece) -> tuple[float, ...]:
+def with_slopes(piece: tube.SmoothPiece) -> tuple[float, ...]:
     """(start, stop [s], pressure [Pa], its slope [Pa/s], voltage [V], its slope [V/s]).
 
     As Python's own floats: a NumPy scalar among them would slow the whole right-hand side.
@@ -90,9 +90,7 @@ def python_rhs() -> Callable[..., tuple]:
     eta, k_1, k_2 = Folded.eta, Folded.k_1, Folded.k_2
     decay_1, decay_2 = Folded.decay_1, Folded.decay_2
 
-    def rhs(
-        t: float, x: np.ndarray, start: float, p_0: float, p_1: float, v_0: float, v_1: float
-    ) -> tuple:
+    def rhs(t: float, x: np.ndarray, start: float, p_0: float, p_1: float, v_0: float, v_1: float) -> tuple:
         lam, rate, vis_1, vis_2 = x.tolist()
         since = t - start
         v = v_0 + v_1 * since
@@ -151,10 +149,7 @@ def load_sundials() -> None:
 
     folder = Path(fmpy.__file__).parent / "sundials" / fmpy.platform_tuple
     if not sys.platform.startswith("linux") or not folder.is_dir():
-        raise RuntimeError(
-            "Expected FMPy's SUNDIALS for Linux for the CVODE peer but this is "
-            f"{fmpy.platform_tuple}."
-        )
+        raise RuntimeError(f"Expected FMPy's SUNDIALS for Linux for the CVODE peer but this is {fmpy.platform_tuple}.")
     for part in ("core", "nvecserial", "sunmatrixdense", "sunlinsoldense", "cvode"):
         ctypes.CDLL(str(folder / f"sundials_{part}.so"), mode=ctypes.RTLD_GLOBAL)
 

@@ -32,10 +32,10 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 import peers  # noqa: E402
 from peers import tube  # noqa: E402
 from tubular_dea.kernel import Kernel  # noqa: E402
+from tubular_dea.kernel.batch import Batch, Breakpoints, Probe  # noqa: E402
 from tubular_dea.model.dea import tubular_dea  # noqa: E402
 from tubular_dea.protocol import Protocol  # noqa: E402
 from tubular_dea.sweep.backends import Cluster, Threads, backend  # noqa: E402
-from tubular_dea.sweep.batch import Batch, Breakpoints, Probe  # noqa: E402
 from tubular_dea.sweep.plan import Plan, make_plan, read_plan  # noqa: E402
 from tubular_dea.sweep.run import carry_out  # noqa: E402
 
@@ -106,41 +106,63 @@ def _batch(batch: Batch, kernel: Kernel, protocol: tube.Protocol, times: np.ndar
 def _breakpoints(protocol: tube.Protocol) -> dict[str, Breakpoints]:
     spread = 1 + 0.01 * np.linspace(-1, 1, ROWS)[:, None]
     time = np.array([protocol["time"]])
-    return {"pressure": Breakpoints(time, spread * np.array([protocol["pressure"]])),
-            "voltage": Breakpoints(time, np.array([protocol["voltage"]]))}  # fmt: skip
+    return {
+        "pressure": Breakpoints(time, spread * np.array([protocol["pressure"]])),
+        "voltage": Breakpoints(time, np.array([protocol["voltage"]])),
+    }
 
 
 def steps(points: int, kind: str = "random") -> Plan:
     """Voltage steps of a pre-stretched tube, 15 s each."""
-    return make_plan({
-        "name": f"{points} steps", "outputs": ["final radial_displacement", "final electric_field"],
-        "design": {"kind": kind, "points": points}, "run": {"stop": "15 s", "tolerance": 1e-4},
-        "set": {"lambda_2_start": 1.188},
-        "inputs": {"pressure": "{level}", "voltage": "step 0 {amplitude} at 1 until 11"},
-        "vary": {"level": {"from": "80 mmHg", "to": "100 mmHg"}, "amplitude": {"from": "0 kV", "to": "5 kV"}},
-    })  # fmt: skip
+    return make_plan(
+        {
+            "name": f"{points} steps",
+            "outputs": ["final radial_displacement", "final electric_field"],
+            "design": {"kind": kind, "points": points},
+            "run": {"stop": "15 s", "tolerance": 1e-4},
+            "set": {"lambda_2_start": 1.188},
+            "inputs": {"pressure": "{level}", "voltage": "step 0 {amplitude} at 1 until 11"},
+            "vary": {"level": {"from": "80 mmHg", "to": "100 mmHg"}, "amplitude": {"from": "0 kV", "to": "5 kV"}},
+        }
+    )
 
 
 def rest(points: int) -> Plan:
     """Rest states over pressure and thickness."""
-    return make_plan({
-        "name": f"{points} rest states", "study": "rest", "outputs": ["radial_displacement", "snap_through_margin"],
-        "design": {"kind": "random", "points": points}, "set": {}, "inputs": {"voltage": "4 kV"},
-        "vary": {"pressure": {"from": "0 mmHg", "to": "120 mmHg"}, "h_o": {"from": "0.9 mm", "to": "1.1 mm"}},
-    })  # fmt: skip
+    return make_plan(
+        {
+            "name": f"{points} rest states",
+            "study": "rest",
+            "outputs": ["radial_displacement", "snap_through_margin"],
+            "design": {"kind": "random", "points": points},
+            "set": {},
+            "inputs": {"voltage": "4 kV"},
+            "vary": {"pressure": {"from": "0 mmHg", "to": "120 mmHg"}, "h_o": {"from": "0.9 mm", "to": "1.1 mm"}},
+        }
+    )
 
 
 def mixed(points: int) -> Plan:
     """Protocols like those of CASES and between them: pressure and voltage raised at any speed, up to snap-through."""
-    return make_plan({
-        "name": f"{points} protocols", "outputs": ["final lambda_2", "final electric_field"],
-        "design": {"kind": "random", "points": points}, "run": {"stop": "16 s", "tolerance": 1e-5},
-        "inputs": {"pressure": "ramp 0 {level} from 0 to {rise}",
-                   "voltage": "ramp 0 {amplitude} from {on} to {on + slope}"},
-        "vary": {"level": {"from": "80 mmHg", "to": "122 mmHg"}, "rise": {"from": "1 s", "to": "13 s"},
-                 "amplitude": {"from": "4 kV", "to": "7 kV"}, "on": {"from": "1 s", "to": "4 s"},
-                 "slope": {"from": "1 ms", "to": "6 s"}},
-    })  # fmt: skip
+    return make_plan(
+        {
+            "name": f"{points} protocols",
+            "outputs": ["final lambda_2", "final electric_field"],
+            "design": {"kind": "random", "points": points},
+            "run": {"stop": "16 s", "tolerance": 1e-5},
+            "inputs": {
+                "pressure": "ramp 0 {level} from 0 to {rise}",
+                "voltage": "ramp 0 {amplitude} from {on} to {on + slope}",
+            },
+            "vary": {
+                "level": {"from": "80 mmHg", "to": "122 mmHg"},
+                "rise": {"from": "1 s", "to": "13 s"},
+                "amplitude": {"from": "4 kV", "to": "7 kV"},
+                "on": {"from": "1 s", "to": "4 s"},
+                "slope": {"from": "1 ms", "to": "6 s"},
+            },
+        }
+    )
 
 
 def over_cores(points: int = 100_000) -> dict[str, object]:
@@ -151,8 +173,11 @@ def over_cores(points: int = 100_000) -> dict[str, object]:
     plan = mixed(points)
     found = _interleaved({n: partial(_pinned, processors[:n], plan) for n in (1, 2)})
     (one_, work), (two, work_of_two) = found.values()
-    print(f"cores: {plan.name}: {points / one_:.0f} rows/s on one, {points / two:.0f} on two: {one_ / two:.2f} times; "
-          f"by processor time {2 * work / work_of_two:.2f}", flush=True)  # fmt: skip
+    print(
+        f"cores: {plan.name}: {points / one_:.0f} rows/s on one, {points / two:.0f} on two: {one_ / two:.2f} times; "
+        f"by processor time {2 * work / work_of_two:.2f}",
+        flush=True,
+    )
     return {"seconds": found, "ratio": one_ / two}
 
 
@@ -225,8 +250,11 @@ def over_dask(points: int = 100_000) -> dict[str, object]:
             seconds = _interleaved(runs, rounds)
             overhead, work = (seconds["dask"][i] / seconds["threads"][i] - 1 for i in (0, 1))
             (in_threads, _), (on_dask, _) = seconds.values()
-            print(f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: "
-                  f"{100 * overhead:+.1f} %; processor time {100 * work:+.1f} %", flush=True)  # fmt: skip
+            print(
+                f"dask: {plan.name}: {in_threads:.3f} s in threads, {on_dask:.3f} s on Dask: "
+                f"{100 * overhead:+.1f} %; processor time {100 * work:+.1f} %",
+                flush=True,
+            )
             found[plan.name] = seconds | {"overhead": overhead}
     return found
 
@@ -252,8 +280,12 @@ def assisted_beats() -> dict[str, object]:
 
 
 BENCHMARKS: dict[str, Callable[[], dict[str, object]]] = {
-    "peers": against_peers, "cores": over_cores, "points": over_points, "dask": over_dask, "beats": assisted_beats,
-}  # fmt: skip
+    "peers": against_peers,
+    "cores": over_cores,
+    "points": over_points,
+    "dask": over_dask,
+    "beats": assisted_beats,
+}
 
 
 def main() -> None:

@@ -13,12 +13,7 @@ from peers import tube
 on_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the CVODE peer uses FMPy's SUNDIALS for Linux"
 )
-STATES = [
-    (1.0, 0.1, 0.0, 0.0),
-    (1.3, 0.2, 5e3, -1e3),
-    (0.95, -2.0, 10.0, 20.0),
-    (2.5, 0.4, 7e5, 6e5),
-]
+STATES = [(1.0, 0.1, 0.0, 0.0), (1.3, 0.2, 5e3, -1e3), (0.95, -2.0, 10.0, 20.0), (2.5, 0.4, 7e5, 6e5)]
 
 
 @pytest.mark.parametrize("x", STATES)
@@ -40,9 +35,7 @@ def test_c_tube(x: tuple) -> None:
     np.testing.assert_allclose(by_column.T, expected, rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "solve", [peers.solve_lsoda, pytest.param(peers.solve_cvode, marks=on_linux)]
-)
+@pytest.mark.parametrize("solve", [peers.solve_lsoda, pytest.param(peers.solve_cvode, marks=on_linux)])
 @pytest.mark.parametrize("name", ["step_4kV", "ramp_7kV_snap_through"])
 def test_peers_reproduce_the_trace(solve: peers.Solve, name: str) -> None:
     protocol, times = peers.experiment(name)
@@ -51,9 +44,7 @@ def test_peers_reproduce_the_trace(solve: peers.Solve, name: str) -> None:
     np.testing.assert_allclose(lambda_2, trace[:, 4], rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    "solve", [peers.solve_lsoda, pytest.param(peers.solve_cvode, marks=on_linux)]
-)
+@pytest.mark.parametrize("solve", [peers.solve_lsoda, pytest.param(peers.solve_cvode, marks=on_linux)])
 def test_peers_sample_anywhere(solve: peers.Solve) -> None:
     """Samples off the corners and not up to the end of the protocol."""
     protocol, _ = peers.experiment("step_4kV")

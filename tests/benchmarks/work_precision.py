@@ -53,10 +53,20 @@ def solve_kernel(name: str, rtol: float) -> np.ndarray:
     """lambda_2 of experiment `name` from one call of the compiled kernel."""
     (p, points, u, times), x, _ = prepared(name)
     failed = kernel()._library.kernel_trajectory(
-        p, ctypes.c_long(len(points)), points, u, ctypes.c_double(rtol), ctypes.c_long(MOST_STEPS),
-        ctypes.c_long(len(times)), times, 0, x.ctypes.data_as(ctypes.c_void_p), None, (ctypes.c_long * 2)(),
+        p,
+        ctypes.c_long(len(points)),
+        points,
+        u,
+        ctypes.c_double(rtol),
+        ctypes.c_long(MOST_STEPS),
+        ctypes.c_long(len(times)),
+        times,
+        0,
+        x.ctypes.data_as(ctypes.c_void_p),
+        None,
+        (ctypes.c_long * 2)(),
         ctypes.byref(ctypes.c_double()),
-    )  # fmt: skip
+    )
     assert not failed
     return x[:, 0]
 

@@ -19,43 +19,46 @@ from tubular_dea.identify import procedure
 from tubular_dea.identify.data import read_folder
 from tubular_dea.identify.doubt import with_monitors
 from tubular_dea.identify.fit import described, interval
-from tubular_dea.model.dea import IDENTIFIED, tubular_dea
+from tubular_dea.identify.study import Study, study
+from tubular_dea.model.dea import IDENTIFIED
+from tubular_dea.plants.tube import PLANT, TABLE_II
 
 NAMES = [q.name for q in IDENTIFIED]
 Ends = list[tuple[float, float, float, float]]  # of each parameter: truth, estimate, lower and upper end
 
 
-def recorded(seed: int, only: list[str] | None = None) -> tuple[procedure.Prepared, dict[str, float]]:
-    """Recordings in which nothing is missing, as `identify` prepares them, and the truth behind them."""
+def recorded(seed: int, only: list[str] | None = None) -> tuple[Study, dict[str, float]]:
+    """Recordings in which nothing is missing, as `identify` studies them, and the truth behind them."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
         tube = bench.draw(seed, "none")
         bench.write(tube, data, seed, only)
-        ready = procedure.prepare(read_folder(data), tubular_dea())
-    return ready, dict(zip(NAMES, tube.identified, strict=True))
+        work = study(read_folder(data, PLANT), held_out=())
+    return work, dict(zip(NAMES, tube.identified, strict=True))
 
 
 def linearised(seed: int, only: list[str] | None = None) -> Ends:
     """Intervals from one linearisation at the truth."""
-    ready, truth = recorded(seed, only)
-    problem = ready.problem(procedure.free_parameters(tubular_dea(), truth), truth)
+    work, truth = recorded(seed, only)
+    problem = work.problem((), procedure.free_parameters(PLANT.model, truth), truth)
     at = problem.scaled(truth)
     there = described(problem, at)
     found = at - there.covariance @ (there.jacobian.T @ there.residual)
-    half = 1.96 * np.sqrt(np.diag(with_monitors(problem, there, ready.drives).covariance))
-    si = [[f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)] for row in (found, found - half,
-                                                                                       found + half)]  # fmt: skip
+    half = 1.96 * np.sqrt(np.diag(with_monitors(problem, there, [p.driven for p in work.training]).covariance))
+    si = [
+        [f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)]
+        for row in (found, found - half, found + half)
+    ]
     return [(truth[n], *row) for n, row in zip(problem.names, zip(*si, strict=True), strict=True)]
 
 
 def full(seed: int, table_2: bool = False, only: list[str] | None = None) -> Ends:
     """Intervals of a whole identification."""
-    ready, truth = recorded(seed, only)
-    model = tubular_dea()
-    start = model.parameter_values()
+    work, truth = recorded(seed, only)
+    start = PLANT.model.parameter_values()
     if table_2:
-        start = procedure.staged(ready, model, start | procedure.TABLE_II)
-    _, best = procedure.joint(ready, model, start, 1)
+        start = procedure.staged(work, start | TABLE_II)
+    _, best = procedure.joint(work, start, 1)
     return [(truth[n], best.values[n], *interval(best, n)) for n in best.names]
 
 
@@ -65,10 +68,13 @@ def table(trials: list[Ends]) -> str:
     truth, found, low, high = np.moveaxis(ends, 2, 0)
     held = (np.minimum(low, high) <= truth) & (truth <= np.maximum(low, high))
     error = np.abs(found / truth - 1)
-    lines = [f"{n:8s} holds {held[:, i].mean():6.1%}   error median {np.median(error[:, i]):.2%}, "
-             f"largest {error[:, i].max():.2%}" for i, n in enumerate(NAMES)]  # fmt: skip
-    doubt = np.sqrt(0.95 * 0.05 / held.size)
-    return "\n".join([*lines, f"all      holds {held.mean():6.1%} of {held.size} (chance: +-{1.96 * doubt:.1%})"])
+    lines = [
+        f"{n:8s} holds {held[:, i].mean():6.1%}   error median {np.median(error[:, i]):.2%}, "
+        f"largest {error[:, i].max():.2%}"
+        for i, n in enumerate(NAMES)
+    ]
+    uncertainty = np.sqrt(0.95 * 0.05 / held.size)
+    return "\n".join([*lines, f"all      holds {held.mean():6.1%} of {held.size} (chance: +-{1.96 * uncertainty:.1%})"])
 
 
 def main() -> None:

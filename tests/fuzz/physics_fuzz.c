@@ -134,12 +134,12 @@ static int start(fmi2Component tube, const Case *c, double tolerance, long place
         const fmi2Integer integer = (fmi2Integer)c->p[i];
         const double value = c->p[i];
         if (v->kind != PARAMETER) continue;
-        if (refused(v->type == TYPE_REAL ? fmi2SetReal(tube, &i, 1, &value) :
-                    v->type == TYPE_INTEGER ? fmi2SetInteger(tube, &i, 1, &integer) : fmi2SetBoolean(tube, &i, 1, &integer),
+        if (refused(v->type == TYPE_REAL ? fmi2SetReal(tube, (const unsigned[]){i + 1}, 1, &value) :
+                    v->type == TYPE_INTEGER ? fmi2SetInteger(tube, (const unsigned[]){i + 1}, 1, &integer) : fmi2SetBoolean(tube, (const unsigned[]){i + 1}, 1, &integer),
                     place, c)) return 1;
     }
     for (unsigned i = 0; i < MODEL_VARIABLES; i++)
-        if (model_variables[i].kind == INPUT && refused(fmi2SetReal(tube, &i, 1, &c->u[0][model_variables[i].index]), place, c))
+        if (model_variables[i].kind == INPUT && refused(fmi2SetReal(tube, (const unsigned[]){i + 1}, 1, &c->u[0][model_variables[i].index]), place, c))
             return 1;
     return refused(fmi2EnterInitializationMode(tube), place, c) || refused(fmi2ExitInitializationMode(tube), place, c);
 }
@@ -152,7 +152,7 @@ static int look(fmi2Component tube, long place, const Case *c)
         double value = 0;
         if (model_variables[i].type != TYPE_REAL) continue;
         *message = '\0';
-        const int no = refused(fmi2GetReal(tube, &i, 1, &value), place, c);
+        const int no = refused(fmi2GetReal(tube, (const unsigned[]){i + 1}, 1, &value), place, c);
         if (!no && !isfinite(value)) stop_here(model_variables[i].name, place, c);
         some |= no;
     }
@@ -184,8 +184,8 @@ static int step(fmi2Component tube, const Case *c, int k, double *time, long pla
         const Variable *v = &model_variables[i];
         const fmi2Integer one = 1;
         if (v->kind != INPUT) continue;
-        if (refused(fmi2SetReal(tube, &i, 1, &c->u[k][v->index]), place, c)) return 1;
-        if (c->ramped[k] && refused(fmi2SetRealInputDerivatives(tube, &i, 1, &one, &c->du[k][v->index]), place, c)) return 1;
+        if (refused(fmi2SetReal(tube, (const unsigned[]){i + 1}, 1, &c->u[k][v->index]), place, c)) return 1;
+        if (c->ramped[k] && refused(fmi2SetRealInputDerivatives(tube, (const unsigned[]){i + 1}, 1, &one, &c->du[k][v->index]), place, c)) return 1;
     }
     const clock_t begin = clock();
     *message = '\0';

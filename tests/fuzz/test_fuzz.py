@@ -17,9 +17,9 @@ import pytest
 from hosts.beside_sources import compile_driver
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import Model
-from tubular_dea.model.effects import with_effects
 from tubular_dea.model.scheduler import heartbeat_scheduler
 from tubular_dea.model.windkessel import aortic_windkessel
+from tubular_dea.plants.effects import with_effects
 
 MODELS: dict[str, Callable[[], Model]] = {
     "tube": tubular_dea,
@@ -28,8 +28,17 @@ MODELS: dict[str, Callable[[], Model]] = {
     "scheduler": heartbeat_scheduler,
 }
 HERE = Path(__file__).parent
-FLAGS = ["-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
-         "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]  # fmt: skip
+FLAGS = [
+    "-std=c99",
+    "-O1",
+    "-g",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-ffp-contract=off",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+]
 FILES = [HERE / "fmi_fuzz.c", *HERE.glob("*.h")]
 MAX_STEPS = 3000  # internal steps of one doStep, so that absurd inputs cost milliseconds
 

@@ -1,7 +1,7 @@
 """Hostile files for every reader: one clear line, exit code 2, nothing written and nothing carried out.
 
 Each text is a way in which files go wrong or are made to go wrong; each reader is a command with one file of its own
-replaced by it. Archives are read in two places: FMUs by sweeps (sweep/foreign.py) and by the master (cosim/slaves.py).
+replaced by it. Archives are read in two places: FMUs by sweeps (sweep/external.py) and by the master (cosim/slaves.py).
 SSPs are written (`build`) and read by nothing here. An FMU that is well-formed brings native code, which is carried out
 with all rights of the user: nothing here can or does protect from that.
 """
@@ -57,7 +57,7 @@ TEXTS: dict[str, bytes] = {
     "huge TOML number": b"[geometry]\nr_o = " + b"9" * 5000 + b"\n",
     "TOML of other types": b"geometry = 1\nnoise = [1]\nvary = 3\nmodel = {a = 1}\n",
     "TOML twice": b"a = 1\na = 2\n",
-}  # fmt: skip
+}
 
 # What each reader is: its file's name, and the command that reads it.
 READERS: dict[str, tuple[str, Callable[[Path, Path], list[str]]]] = {
@@ -67,15 +67,18 @@ READERS: dict[str, tuple[str, Callable[[Path, Path], list[str]]]] = {
     "model.json": ("model.json", lambda file, out: ["build", "--model", file, "--out", out]),
     "plan": ("plan.toml", lambda file, out: ["sweep", file, "--out", out, "--no-report"]),
     "plan's table": ("table.csv", lambda file, out: _plan(file, out, f'x = {{ file = "{file.name}" }}')),
-    "plan's record": ("record.csv", lambda file, out: _plan(
-        file, out, "C_1 = [3e5, 4e5]", pressure=f'{{ file = "{file.name}" }}')),
+    "plan's record": (
+        "record.csv",
+        lambda file, out: _plan(file, out, "C_1 = [3e5, 4e5]", pressure=f'{{ file = "{file.name}" }}'),
+    ),
     "plan's model.json": ("m.json", lambda file, out: _plan(file, out, "C_1 = [3e5, 4e5]", model=file.name)),
     "plan's FMU": ("m.fmu", lambda file, out: _plan(file, out, "C_1 = [3e5, 4e5]", model=file.name)),
     "patient": ("patient.toml", lambda file, out: ["assist", "--patient", file, "--out", out]),
     "ECG": ("ecg.csv", lambda file, out: ["assist", "--ecg", file, "--out", out]),
     "WFDB": ("ecg.hea", lambda file, out: ["assist", "--ecg", file, "--out", out]),
     "R times": ("r.csv", lambda file, out: ["assist", "--r-times", file, "--out", out]),
-}  # fmt: skip
+}
+
 
 def _plan(file: Path, out: Path, vary: str, model: str = "TubularDEA", pressure: str = '"1 kPa"') -> list[str | Path]:
     """A sweep whose plan names `file`."""
@@ -137,8 +140,16 @@ def zipped(entries: dict[str, bytes], link: str = "") -> bytes:
     return buffer.getvalue()
 
 
-ELSEWHERE = ["../hacked", "../../hacked", "a/../../hacked", "/tmp/hacked-by-fmu", "C:\\hacked", "..\\hacked",
-             "a\\..\\..\\hacked", "link"]  # fmt: skip
+ELSEWHERE = [
+    "../hacked",
+    "../../hacked",
+    "a/../../hacked",
+    "/tmp/hacked-by-fmu",
+    "C:\\hacked",
+    "..\\hacked",
+    "a\\..\\..\\hacked",
+    "link",
+]
 
 
 @pytest.mark.parametrize("where", ELSEWHERE)
@@ -162,12 +173,16 @@ XML = {
     "NUL": b"\0\0",
     "bare": b"<fmiModelDescription/>",
     "deep": b"<a>" * 100_000,
-    "external entity":
-    b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]><fmiModelDescription fmiVersion="2.0" modelName="&x;"/>',
-    "billion laughs":
-    b'<!DOCTYPE a [<!ENTITY a "' + b"x" * 1000 + b'"><!ENTITY b "' + b"&a;" * 1000 + b'"><!ENTITY c "' + b"&b;" * 1000
+    "external entity": b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+    b'<fmiModelDescription fmiVersion="2.0" modelName="&x;"/>',
+    "billion laughs": b'<!DOCTYPE a [<!ENTITY a "'
+    + b"x" * 1000
+    + b'"><!ENTITY b "'
+    + b"&a;" * 1000
+    + b'"><!ENTITY c "'
+    + b"&b;" * 1000
     + b'">]><fmiModelDescription fmiVersion="2.0" modelName="&c;"/>',
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("xml", XML.values(), ids=XML)
@@ -207,4 +222,4 @@ def test_archives_are_read_in_two_places() -> None:
     package = Path(tubular_dea.__file__).parent
     opening = ("fmpy.extract(", "extractall(", "read_model_description(", "unpack_archive(", "tarfile")
     found = [p for p in package.rglob("*.py") if any(word in p.read_text() for word in opening)]
-    assert {p.relative_to(package).as_posix() for p in found} == {"sweep/foreign.py", "cosim/slaves.py"}
+    assert {p.relative_to(package).as_posix() for p in found} == {"sweep/unpacked.py", "cosim/slaves.py"}

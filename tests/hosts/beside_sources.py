@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from tubular_dea.export.compile import cache_folder
+from tubular_dea.export.cache import cache_folder
 from tubular_dea.export.package import sources
 from tubular_dea.model.declare import Model
 

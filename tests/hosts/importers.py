@@ -43,9 +43,7 @@ def run_ecos(fmu: Path, inputs: np.ndarray) -> np.ndarray:
 
     with EcosSimulationStructure() as structure:
         structure.add_model("tube", str(fmu))
-        start = {
-            f"tube::{name}": float(value) for name, value in zip(INPUTS, inputs[0, 1:], strict=True)
-        }
+        start = {f"tube::{name}": float(value) for name, value in zip(INPUTS, inputs[0, 1:], strict=True)}
         structure.add_parameter_set("start", start)
         with EcosSimulation(structure=structure, step_size=inputs[1, 0]) as simulation:
             simulation.init(parameter_set="start")
@@ -110,9 +108,7 @@ def run_pathsim(fmu: Path, inputs: np.ndarray) -> np.ndarray:
     from pathsim_fmi import CoSimulationFMU
 
     step = inputs[1, 0]
-    tube = CoSimulationFMU(
-        str(fmu), start_values=dict(zip(INPUTS, inputs[0, 1:], strict=True)), dt=step
-    )
+    tube = CoSimulationFMU(str(fmu), start_values=dict(zip(INPUTS, inputs[0, 1:], strict=True)), dt=step)
 
     def held(column: int) -> Callable[[float], float]:
         # pathsim adds up its time, so the nearest row is meant, not the last one passed.
@@ -120,9 +116,7 @@ def run_pathsim(fmu: Path, inputs: np.ndarray) -> np.ndarray:
 
     sources = [Source(held(column)) for column in (1, 2)]
     scope = Scope()
-    connections = [
-        Connection(source, tube[name]) for source, name in zip(sources, INPUTS, strict=True)
-    ]
+    connections = [Connection(source, tube[name]) for source, name in zip(sources, INPUTS, strict=True)]
     connections.append(Connection(tube[OUTPUT], scope))
     simulation = Simulation([*sources, tube, scope], connections, dt=step, log=False)
     simulation.run(inputs[-1, 0], adaptive=False)
@@ -130,12 +124,7 @@ def run_pathsim(fmu: Path, inputs: np.ndarray) -> np.ndarray:
     return np.column_stack([time + step, values])[:-1]
 
 
-IMPORTERS = {
-    "fmpy": run_fmpy,
-    "ecos": run_ecos,
-    "libcosim": run_libcosim,
-    "pathsim": run_pathsim,
-}
+IMPORTERS = {"fmpy": run_fmpy, "ecos": run_ecos, "libcosim": run_libcosim, "pathsim": run_pathsim}
 
 
 def main(importer: str, fmu: str, inputs: str, result: str) -> None:

@@ -1,37 +1,32 @@
 """Run the assisted heart: ventricle and windkessel, tube and scheduler, strongly coupled; with and without assist.
 
-Writes report.html (figures to zoom), PNGs, the values over time (CSV) and the figures of the last beat (JSON).
+Writes report.html (figures to zoom), lab.html (the same, live in any browser), PNGs, the values over time (CSV) and the
+figures over all assisted beats (JSON).
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-from tqdm import tqdm
+import tubular_dea as td
 
-from ..cosim.beats import compare, measure
-from ..cosim.heart_assist import fmus, heart_assist, models
-from ..cosim.heartbeats import detect, pace, read_ecg, read_r_times
-from ..cosim.master import SCHEMES, Options, Run, simulate
-from ..cosim.system import System
+from ..api.given import amount
+from ..control.optimum import OBJECTIVES
+from ..cosim.master import SCHEMES
 from ..errors import UserError
-from ..files import write_atomically
 from ..model.patients import PATIENTS
-from ..model.units import UnitError, quantity
-from ..model.windkessel import PARAMETERS, checked_patient, patient
-from ..protocol import Protocol
-from .settings import part_values
+from .settings import settings
 
 EXAMPLE = """example:
   tubular-dea assist --patient failing --voltage 5.5kV --out assisted
   tubular-dea assist --patient stiff --voltage 6kV --set scheduler.off_fraction=0.35 --out stiff
-  tubular-dea assist --patient failing --ecg record.hea --beats 30 --out recorded"""
-LONGEST_STEP = 0.02  # s; beyond it a beat is no longer resolved
+  tubular-dea assist --patient failing --ecg record.hea --beats 30 --out recorded
+  tubular-dea assist --patient failing --model closed/model.json --out found
+  tubular-dea assist --patient failing --compare "voltage=5kV" "scheduler.on_time=-30ms" --out compared
+  tubular-dea assist --patient failing --controller 18.5mm --out held
+  tubular-dea assist --patient healthy --optimise --set scheduler.field_limit=75V/um --out best"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--patient",
         default="failing",
-        help=f"one of {', '.join(PATIENTS)}, or a TOML file with a whole parameter set (default: failing)",
+        help=f"one of {', '.join(PATIENTS)}, or a TOML file with a parameter set (default: failing)",
     )
+    parser.add_argument("--model", type=Path, help="a tube of close-loop (model.json), instead of the paper's")
     parser.add_argument("--voltage", default="5.5 kV", help="voltage of a pulse (default: 5.5 kV)")
     parser.add_argument("--beats", type=int, default=15, help="beats to run (default: 15)")
     parser.add_argument(
@@ -58,124 +54,71 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--variable", action="store_true", help="let the error estimate choose the step, up to 10 times --step"
     )
+    parser.add_argument(
+        "--compare",
+        nargs="+",
+        metavar="SETTINGS",
+        help="more runs, each with settings of its own (commas between them), in one table and one figure",
+    )
+    parser.add_argument(
+        "--optimise",
+        action="store_true",
+        help="find the best begin, end and voltage of a pulse within the limits of field, margin and amplifier",
+    )
+    parser.add_argument(
+        "--objective",
+        default="stroke_work_per_stroke_volume",
+        choices=OBJECTIVES,
+        help="what --optimise lowers (work) or raises (volume, pressure)",
+    )
+    parser.add_argument("--largest-voltage", default="10 kV", help="of the amplifier, for --optimise (default: 10 kV)")
+    parser.add_argument(
+        "--controller", metavar="RADIUS", help="hold this radius during pulses (TubeController), as in 19mm"
+    )
     parser.add_argument("--out", type=Path, default=Path("assisted"), help="folder to write to (default: assisted)")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run twice, compare, write."""
-    if not 0 < options.step <= LONGEST_STEP:
-        raise UserError(
-            f"--step: expected a positive number of seconds, at most {LONGEST_STEP:g}, but was given {options.step:g}"
-        )
-    values = read_patient(options.patient)
-    beats = _beats(options)
-    settings = part_values(models(paced=beats is not None), options.set)
-    settings.setdefault("scheduler.voltage_on", _number(options.voltage, "V", "--voltage"))
-    stop, paced = _stop(options, values, settings, beats)
-    slaves = fmus(paced=paced is not None)
-    runs = {}
-    for name, voltage in (("without assist", 0.0), ("with assist", settings["scheduler.voltage_on"])):
-        system = heart_assist(slaves, values, {**settings, "scheduler.voltage_on": voltage}, paced)
-        runs[name] = _simulate(system, stop, options, name).completed()
-    for name, made in runs.items():
-        made.write(options.out / f"{name.replace(' ', '_')}.csv")
-    _report(options, runs, settings)
+    """Run what was asked for, write it, print what it came to."""
+    result = _result(options)
+    written = result.report(options.out)
+    for line in result.lines():
+        print(line)
+    if isinstance(result, td.PulseResult):
+        print(f"to run the optimum:\n  {result.command(options.out)}")
+    print(f"wrote {', '.join(map(str, written))}")
 
 
-def read_patient(text: str) -> dict[str, float]:
-    """A patient by name, or from a TOML file of `name = "value unit"` (or numbers in SI units)."""
-    if text in PATIENTS:
-        return patient(text)
-    path = Path(text)
-    if path.suffix != ".toml":
-        return patient(text)  # tells which patients there are
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as problem:
-        raise UserError(f"{path}: cannot be read as a patient set: {problem}") from None
-    declared = {p.quantity.name: p.quantity for p in PARAMETERS}
-    for name, value in given.items():
-        if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise UserError(f'{path}: {name}: expected a number, or text like "1.2 mL/mmHg", and nothing else')
-    values = {n: _number(str(v), declared[n].unit if n in declared else "1", f"{path}: {n}") for n, v in given.items()}
-    return checked_patient(values, path.name)
-
-
-def _number(text: str, unit: str, what: str) -> float:
-    """ "5.5 kV" or "5500" in SI units; `what` is at the head of the error."""
-    try:
-        return quantity(text, unit)
-    except UnitError as problem:
-        raise UserError(f"{what}: {problem}") from None
-
-
-def _beats(options: argparse.Namespace) -> np.ndarray | None:
-    """Recorded R times [s], if any are given."""
-    if options.ecg is not None and options.r_times is not None:
-        raise UserError("--ecg and --r-times exclude each other; give one of them")
-    if options.ecg is not None:
-        return detect(read_ecg(options.ecg, options.lead))
-    if options.r_times is None:
-        return None
-    return read_r_times(options.r_times)
-
-
-def _stop(options: argparse.Namespace, values: Mapping[str, float], settings: Mapping[str, float],
-          beats: np.ndarray | None) -> tuple[float, Protocol | None]:  # fmt: skip
-    """End of the run [s], so that it holds the beats wanted; and the pace, if they are recorded ones."""
-    if options.beats < 5:
-        raise UserError(f"--beats: expected at least 5 (the scheduler learns for three) but was given {options.beats}")
-    if beats is None:
-        rate = settings.get("heart.heart_rate", values["heart_rate"])
-        return (options.beats + 0.05) / rate, None
-    if beats.size < options.beats + 2:
-        raise UserError(
-            f"--beats: expected at most {beats.size - 2}, which the recording has, but was given {options.beats}"
-        )
-    stop = float(beats[options.beats] - beats[0] + 0.05)
-    return stop, pace(beats, stop)
-
-
-def _simulate(system: System, stop: float, options: argparse.Namespace, name: str) -> Run:
-    step = 10 * options.step if options.variable else options.step
-    how = Options(
-        scheme=options.scheme,
-        step=step,
-        variable=options.variable,
-        tolerance=1e-4 if options.variable else 1e-6,
-        order=1,
-    )
-    with tqdm(total=round(stop, 3), unit="s", desc=name, disable=None) as bar:
-
-        def progress(time: float) -> None:
-            bar.update(round(time - bar.n, 3))
-
-        return simulate(system, stop, how, progress=progress)
-
-
-def _report(options: argparse.Namespace, runs: Mapping[str, Run], settings: Mapping[str, float]) -> None:
-    from ..report import assist as report
-
-    figures = {name: measure(r) for name, r in runs.items()}
-    table = compare(figures["without assist"], figures["with assist"])
-    counted = {n: int(runs["with assist"][f"scheduler.{n}"][-1])
-               for n in ("beats", "pulses", "premature_beats", "skipped_pulses", "vetoes", "dropouts")}  # fmt: skip
-    notes = [
-        f"Patient {options.patient}, pulses of {settings['scheduler.voltage_on'] / 1e3:g} kV in systole; "
-        f"{options.scheme} coupling, communication step {options.step:g} s.",
-        "The scheduler saw " + ", ".join(f"{n} {what.replace('_', ' ')}" for what, n in counted.items()) + ".",
-    ]
-    scheduler = models()["scheduler"].parameter_values()
-    limits = {
-        "electric_field": settings.get("scheduler.field_limit", scheduler["field_limit"]),
-        "snap_through_margin": settings.get("scheduler.margin_limit", scheduler["margin_limit"]),
+def _result(options: argparse.Namespace) -> td.AssistResult | td.ComparisonResult | td.PulseResult:
+    """The heart with and without assist, several settings of it, or its best pulse."""
+    given = settings(options.set)
+    common: dict[str, Any] = {
+        "patient": options.patient,
+        "voltage": options.voltage,
+        "beats": options.beats,
+        "tube": options.model or "tube",
+        "settings": given,
+        "scheme": options.scheme,
+        "step": options.step,
+        "variable": options.variable,
+        "progress": True,
     }
-    written = report.write(options.out, runs, table, "The assisted heart", notes, limits)
-    summary = {"figures": figures, "scheduler": counted, "patient": options.patient, "settings": dict(settings)}
-    write_atomically(options.out / "summary.json", (json.dumps(summary, indent=1) + "\n").encode())
-    width = max(len(row[0]) for row in table)
-    print(f"{'the last whole beat':{width}}  {'without':>10}  {'with':>10}  change")
-    for label, without, with_, change in table:
-        print(f"{label:{width}}  {without:>10}  {with_:>10}  {change}")
-    print(notes[1])
-    print(f"wrote {', '.join(str(p) for p in written)}")
+    if options.optimise:
+        for name in ("ecg", "r_times", "compare", "controller"):
+            if getattr(options, name) is not None:
+                option = name.replace("_", "-")
+                raise UserError(f"--optimise and --{option} exclude each other: it needs a steady beat")
+        return td.best_pulse(objective=options.objective, largest_voltage=options.largest_voltage, **common)
+    common |= {"ecg": options.ecg, "lead": options.lead, "r_times": options.r_times}
+    if not options.compare:
+        return td.assist(controller=options.controller, **common)
+    if options.controller is not None:
+        raise UserError("--compare and --controller exclude each other; give one of them")
+    asked = amount(given.get("scheduler.voltage_on", options.voltage), "V", "voltage")
+    cases: dict[str, dict[str, str]] = {f"{asked / 1e3:g} kV, as asked": {}}
+    return td.compare(cases | {text: _case(text) for text in options.compare}, **common)
+
+
+def _case(text: str) -> dict[str, str]:
+    """The settings in "voltage=5kV,scheduler.on_time=-30ms"."""
+    return settings(text.split(","), "cases")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..errors import UserError
+import tubular_dea as td
 
 EXAMPLE = """example:
   tubular-dea sweep cosim_examples/sweep_snap_through.toml --out map
@@ -32,27 +32,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Carry out the plan, and report."""
-    from ..sweep.backends import backend
-    from ..sweep.plan import read_plan
-    from ..sweep.run import carry_out
-    from ..sweep.store import Store, check_cube, write_cube
-
-    for name, number in (("--workers", options.workers), ("--local-cluster", options.local_cluster)):
-        if number is not None and number < 1:
-            raise UserError(f"{name}: expected at least 1 but was given {number}")
-    plan = read_plan(options.plan)
-    if options.cube:
-        check_cube(plan)
-    Store.open(options.out, plan)  # refuses a folder of another plan before a cluster is started
-    with backend(options.workers, options.local_cluster, options.scheduler) as workers:
-        store = carry_out(plan, options.out, workers)
-    written = [write_cube(store, plan)] if options.cube else []
-    if not options.no_report:
-        from ..report.sweep import write_report
-
-        written += write_report(store, plan)
-    failed = int((store.column("status") != 0).sum())
-    note = f", {failed} of them without a result (see column message)" if failed else ""
-    print(f"{store.manifest.rows} rows in {options.out / 'parts'}{note}")
-    for path in written:
-        print(f"wrote {path}")
+    swept = td.sweep(
+        options.plan,
+        options.out,
+        workers=options.workers,
+        local_cluster=options.local_cluster,
+        scheduler=options.scheduler,
+        cube=options.cube,
+        progress=True,
+    )
+    written = [swept.write_cube()] if options.cube else []
+    written += [] if options.no_report else swept.report()
+    for line in [*swept.lines(), *(f"wrote {path}" for path in written)]:
+        print(line)

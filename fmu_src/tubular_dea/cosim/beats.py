@@ -1,9 +1,15 @@
-"""What a run means for heart and tube: one beat's volumes, pressures, work and energies."""
+"""What one beat means for heart and tube: volumes, pressures, work, energies and the indices physicians use.
+
+A beat goes from R wave to R wave. `INDICES` lists the functions `Beat -> number`, each with its formula and its source;
+`measure` applies them all. An index that a beat does not have (no blood was ejected, nothing was scheduled) is None
+there, and left out of the result: no number is made up, and none is NaN.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +18,7 @@ from ..model.units import factor
 from .master import Run
 
 EARLY = 1 / 3  # of diastole is early
+EJECTING = 5e-6  # m3/s: a larger aortic flow is ejection; closed valves leak 0.01 mL/s, ejection peaks near 500 mL/s
 
 
 class BeatError(UserError, ValueError):
@@ -19,29 +26,215 @@ class BeatError(UserError, ValueError):
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One number of the comparison: what it is, the unit it is shown in, and its place in `measure`'s result (SI)."""
+class Beat:
+    """One beat of a run: `values` by "part.variable" at `time` [s], both R waves included."""
 
-    name: str
+    time: np.ndarray
+    values: Mapping[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[name]
+
+    def has(self, name: str) -> bool:
+        """Whether the run recorded it."""
+        return name in self.values
+
+    @property
+    def period(self) -> float:
+        """Length [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def ejection(self) -> tuple[float, float] | None:
+        """When the aortic valve opened and closed [s]: the flow passes `EJECTING`; None where it never does."""
+        flow = self["heart.aortic_flow"] - EJECTING
+        out = np.flatnonzero(flow > 0)
+        if not out.size or out[-1] == flow.size - 1:
+            return None
+        return self._crossing(flow, int(out[0]) - 1) if out[0] else float(self.time[0]), self._crossing(flow, out[-1])
+
+    def _crossing(self, values: np.ndarray, row: int) -> float:
+        """Where the straight line between a row and the next is zero [s]."""
+        a, b = values[row], values[row + 1]
+        return float(self.time[row] + (self.time[row + 1] - self.time[row]) * a / (a - b))
+
+    def integral(self, values: np.ndarray, start: float, stop: float) -> float:
+        """Of `values` over time between two times [s]; straight between rows."""
+        inside = (self.time > start) & (self.time < stop)
+        time = np.concatenate([[start], self.time[inside], [stop]])
+        return float(np.trapezoid(np.interp(time, self.time, values), time))
+
+    def at(self, name: str, time: float) -> float:
+        """A value at a time [s]."""
+        return float(np.interp(time, self.time, self[name]))
+
+
+Index = Callable[[Beat], float | None]
+
+
+def stroke_volume(beat: Beat) -> float:
+    """Largest volume of the ventricle before its least one, minus that."""
+    volume = beat["heart.ventricular_volume"]
+    return end_diastolic_volume(beat) - float(volume.min())
+
+
+def cardiac_output(beat: Beat) -> float:
+    """Stroke volume over the length of the beat."""
+    return stroke_volume(beat) / beat.period
+
+
+def ejection_fraction(beat: Beat) -> float:
+    """Stroke volume over end-diastolic volume."""
+    return stroke_volume(beat) / end_diastolic_volume(beat)
+
+
+def stroke_work(beat: Beat) -> float:
+    """Integral of p_v dV out of the ventricle: the area of the pressure-volume loop."""
+    return _change(beat, "heart.ventricular_work")
+
+
+def stroke_work_per_stroke_volume(beat: Beat) -> float | None:
+    """Stroke work over stroke volume: the mean pressure against which blood is moved."""
+    return stroke_work(beat) / stroke_volume(beat) if beat.ejection else None
+
+
+def pressure_volume_area(beat: Beat) -> float | None:
+    """Stroke work + p_es (V_es - V_0) / 2, the energy still in the elastance when the aortic valve closes.
+
+    It goes in proportion with the oxygen consumed: H. Suga, Am. J. Physiol. 236 (1979) H498-H505.
+    """
+    return stroke_work(beat) + beat.at("heart.ventricular_energy", beat.ejection[1]) if beat.ejection else None
+
+
+def cardiac_power_output(beat: Beat) -> float:
+    """Mean aortic pressure times cardiac output: R. Fincke et al., J. Am. Coll. Cardiol. 44 (2004) 340-348."""
+    return mean_aortic_pressure(beat) * cardiac_output(beat)
+
+
+def end_diastolic_volume(beat: Beat) -> float:
+    """Largest volume of the ventricle before it is least."""
+    volume = beat["heart.ventricular_volume"]
+    return float(volume[: int(volume.argmin()) + 1].max())
+
+
+def end_diastolic_pressure(beat: Beat) -> float:
+    """Aortic pressure when the aortic valve opens: what the ventricle has to overcome."""
+    return beat.at("heart.aortic_pressure", beat.ejection[0] if beat.ejection else beat.time[0])
+
+
+def peak_aortic_pressure(beat: Beat) -> float:
+    """Largest aortic pressure until the valve closes."""
+    last = beat.ejection[1] if beat.ejection else beat.time[-1]
+    return float(beat["heart.aortic_pressure"][beat.time <= last].max())
+
+
+def peak_diastolic_pressure(beat: Beat) -> float | None:
+    """Largest aortic pressure after the valve has closed."""
+    if beat.ejection is None:
+        return None
+    return float(beat["heart.aortic_pressure"][beat.time >= beat.ejection[1]].max())
+
+
+def mean_aortic_pressure(beat: Beat) -> float:
+    """Over the beat."""
+    return beat.integral(beat["heart.aortic_pressure"], beat.time[0], beat.time[-1]) / beat.period
+
+
+def early_diastolic_pressure(beat: Beat) -> float | None:
+    """Mean aortic pressure over the first third of diastole, from the closure of the valve on."""
+    if beat.ejection is None:
+        return None
+    length = EARLY * (beat.time[-1] - beat.ejection[1])
+    return beat.integral(beat["heart.aortic_pressure"], beat.ejection[1], beat.ejection[1] + length) / length
+
+
+def tension_time_index(beat: Beat) -> float | None:
+    """Integral of the ventricle's pressure from R to the closure of the aortic valve: what systole demands.
+
+    S. J. Sarnoff et al., Am. J. Physiol. 192 (1958) 148-156.
+    """
+    return beat.integral(beat["heart.ventricular_pressure"], beat.time[0], beat.ejection[1]) if beat.ejection else None
+
+
+def diastolic_pressure_time_index(beat: Beat) -> float | None:
+    """Integral of aortic minus ventricular pressure from the closure to the next R: what the coronaries are offered.
+
+    G. D. Buckberg et al., Circ. Res. 30 (1972) 67-81.
+    """
+    difference = beat["heart.aortic_pressure"] - beat["heart.ventricular_pressure"]
+    return beat.integral(difference, beat.ejection[1], beat.time[-1]) if beat.ejection else None
+
+
+def subendocardial_viability_ratio(beat: Beat) -> float | None:
+    """SEVR: diastolic pressure-time index over tension-time index (Buckberg et al. 1972)."""
+    offered, demanded = diastolic_pressure_time_index(beat), tension_time_index(beat)
+    return None if offered is None or demanded is None else offered / demanded
+
+
+def electrical_energy(beat: Beat) -> float | None:
+    """Energy that goes into the electrodes and does not come back: the loop of voltage over charge."""
+    source = next((name for name in VOLTAGES if beat.has(name)), None)
+    if source is None or not beat.has("tube.charge"):
+        return None
+    voltage, charge = beat[source], beat["tube.charge"]
+    return float(np.sum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge)))
+
+
+def mechanical_energy(beat: Beat) -> float:
+    """Work the tube does on the blood."""
+    return -_change(beat, "heart.tube_work")
+
+
+def largest_field(beat: Beat) -> float | None:
+    """Of the active layers."""
+    return float(beat["tube.electric_field"].max()) if beat.has("tube.electric_field") else None
+
+
+def smallest_margin(beat: Beat) -> float | None:
+    """Pressure left before the tube snaps through, at the least."""
+    return float(beat["tube.snap_through_margin"].min()) if beat.has("tube.snap_through_margin") else None
+
+
+VOLTAGES = ("controller.voltage", "scheduler.voltage")  # the tube's is the first one there is
+
+
+@dataclass(frozen=True)
+class Figure:
+    """An index as it is shown: label, unit, its SI unit, and which way it gets `worse` (+1 larger, -1 smaller, 0)."""
+
+    index: Index
     label: str
     unit: str
     si: str
+    worse: int = 0
+
+    @property
+    def name(self) -> str:
+        """Its place in `measure`'s result."""
+        return self.index.__name__
 
 
 FIGURES = (
-    Figure("stroke_volume", "stroke volume", "mL", "m3"),
-    Figure("cardiac_output", "cardiac output", "L/min", "m3/s"),
-    Figure("stroke_work", "stroke work", "mJ", "J"),
-    Figure("stroke_work_per_stroke_volume", "stroke work per stroke volume", "mmHg", "Pa"),
-    Figure("end_diastolic_volume", "end-diastolic volume", "mL", "m3"),
-    Figure("end_diastolic_pressure", "end-diastolic aortic pressure", "mmHg", "Pa"),
-    Figure("peak_aortic_pressure", "peak aortic pressure", "mmHg", "Pa"),
-    Figure("mean_aortic_pressure", "mean aortic pressure", "mmHg", "Pa"),
-    Figure("early_diastolic_pressure", "mean aortic pressure in early diastole", "mmHg", "Pa"),
-    Figure("electrical_energy", "electrical energy converted per beat", "mJ", "J"),
-    Figure("mechanical_energy", "work of the tube on the blood per beat", "mJ", "J"),
-    Figure("largest_field", "largest field", "V/um", "V/m"),
-    Figure("smallest_margin", "smallest margin to snap-through", "mmHg", "Pa"),
+    Figure(stroke_volume, "stroke volume", "mL", "m3", -1),
+    Figure(cardiac_output, "cardiac output", "L/min", "m3/s", -1),
+    Figure(ejection_fraction, "ejection fraction", "%", "1", -1),
+    Figure(stroke_work, "stroke work", "mJ", "J", 1),
+    Figure(stroke_work_per_stroke_volume, "stroke work per stroke volume", "mmHg", "Pa", 1),
+    Figure(pressure_volume_area, "pressure-volume area", "mJ", "J", 1),
+    Figure(cardiac_power_output, "cardiac power output", "W", "W", -1),
+    Figure(end_diastolic_volume, "end-diastolic volume", "mL", "m3", 1),
+    Figure(end_diastolic_pressure, "end-diastolic aortic pressure", "mmHg", "Pa", 1),
+    Figure(peak_aortic_pressure, "peak systolic aortic pressure", "mmHg", "Pa", 1),
+    Figure(peak_diastolic_pressure, "peak diastolic aortic pressure", "mmHg", "Pa", -1),
+    Figure(mean_aortic_pressure, "mean aortic pressure", "mmHg", "Pa", -1),
+    Figure(early_diastolic_pressure, "mean aortic pressure in early diastole", "mmHg", "Pa", -1),
+    Figure(tension_time_index, "tension-time index", "mmHg.s", "Pa.s", 1),
+    Figure(diastolic_pressure_time_index, "diastolic pressure-time index", "mmHg.s", "Pa.s", -1),
+    Figure(subendocardial_viability_ratio, "their ratio (SEVR)", "1", "1", -1),
+    Figure(electrical_energy, "electrical energy converted per beat", "mJ", "J", 1),
+    Figure(mechanical_energy, "work of the tube on the blood per beat", "mJ", "J", -1),
+    Figure(largest_field, "largest field", "V/um", "V/m", 1),
+    Figure(smallest_margin, "smallest margin to snap-through", "mmHg", "Pa", -1),
 )
 
 
@@ -59,48 +252,19 @@ def last_beats(run: Run, n: int = 1) -> slice:
     return slice(int(rows[-1 - n]), int(rows[-1]) + 1)
 
 
-def measure(run: Run, rows: slice | None = None) -> dict[str, float]:
-    """The figures of one beat, in SI units; of the last whole one by default."""
-    rows = rows or last_beats(run)
-    time, v = run.time[rows], {name: values[rows] for name, values in run.values.items()}
-    period = float(time[-1] - time[0])
-    volume, pressure = v["heart.ventricular_volume"], v["heart.aortic_pressure"]
-    stroke_volume = float(np.ptp(volume))
-    stroke_work = float(v["heart.ventricular_work"][-1] - v["heart.ventricular_work"][0])
-    figures = {
-        "stroke_volume": stroke_volume,
-        "cardiac_output": stroke_volume / period,
-        "stroke_work": stroke_work,
-        "stroke_work_per_stroke_volume": stroke_work / stroke_volume,
-        "end_diastolic_volume": float(volume.max()),
-        "end_diastolic_pressure": float(pressure[0]),
-        "peak_aortic_pressure": float(pressure.max()),
-        "mean_aortic_pressure": _mean(time, pressure),
-        "early_diastolic_pressure": _early_diastolic(time, v),
-        "mechanical_energy": float(v["heart.tube_work"][0] - v["heart.tube_work"][-1]),
-        "electrical_energy": _electrical(v) if "scheduler.voltage" in v else 0.0,
-    }
-    if "tube.electric_field" in v:
-        figures["largest_field"] = float(v["tube.electric_field"].max())
-        figures["smallest_margin"] = float(v["tube.snap_through_margin"].min())
-    return figures
+def beats(run: Run) -> list[Beat]:
+    """The whole beats of a run."""
+    rows = r_wave_rows(run)
+    return [
+        Beat(run.time[a : b + 1], {n: v[a : b + 1] for n, v in run.values.items()})
+        for a, b in zip(rows[:-1], rows[1:], strict=True)
+    ]
 
 
-def compare(passive: Mapping[str, float], assisted: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
-    """Rows (figure with unit, without assist, with assist, change) in customary units."""
-    rows = []
-    for figure in FIGURES:
-        if figure.name not in passive or figure.name not in assisted:
-            continue
-        scale = factor(figure.si, figure.unit)
-        a, b = passive[figure.name] * scale, assisted[figure.name] * scale
-        # A percentage says something where both have the same sign and size.
-        alike = a * b > 0 and 0.1 < abs(b / a) < 10
-        change = f"{b - a + 0.0:+.2f}" + (f" ({100 * (b / a - 1):+.1f} %)" if alike else "")
-        rows.append((f"{figure.label} [{figure.unit}]", f"{a:.2f}", f"{b:.2f}", change))
-    augmentation = (assisted["early_diastolic_pressure"] - passive["early_diastolic_pressure"]) * factor("Pa", "mmHg")
-    rows.append(("early-diastolic augmentation [mmHg]", "", f"{augmentation:+.2f}", ""))
-    return rows
+def measure(beat: Beat) -> dict[str, float]:
+    """The indices that this beat has, in SI units."""
+    found = {figure.name: figure.index(beat) for figure in FIGURES}
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def tube_work(run: Run, rows: slice | None = None) -> tuple[float, float]:
@@ -119,19 +283,11 @@ def tube_work(run: Run, rows: slice | None = None) -> tuple[float, float]:
     return given, received
 
 
-def _mean(time: np.ndarray, values: np.ndarray) -> float:
-    return float(np.trapezoid(values, time) / (time[-1] - time[0]))
+def shown(figure: Figure) -> float:
+    """Factor from SI to the unit in which the figure is shown."""
+    return 100.0 if figure.unit == "%" else factor(figure.si, figure.unit)
 
 
-def _early_diastolic(time: np.ndarray, v: Mapping[str, np.ndarray]) -> float:
-    """Mean aortic pressure over the first third of diastole: from the end of the ejection on."""
-    ejecting = np.flatnonzero(v["heart.aortic_flow"] > 0.05 * v["heart.aortic_flow"].max())
-    closed = time[ejecting[-1]]
-    window = (time >= closed) & (time <= closed + EARLY * (time[-1] - closed))
-    return _mean(time[window], v["heart.aortic_pressure"][window])
-
-
-def _electrical(v: Mapping[str, np.ndarray]) -> float:
-    """Energy that goes into the electrodes and does not come back: the loop of voltage over charge."""
-    voltage, charge = v["scheduler.voltage"], v["tube.charge"]
-    return float(np.sum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge)))
+def _change(beat: Beat, name: str) -> float:
+    """Over the beat."""
+    return float(beat[name][-1] - beat[name][0])

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..control.tube_controller import tube_controller
 from ..emit.variables import guid
-from ..export.compile import cache_folder
+from ..export.cache import cache_folder
 from ..export.package import native_fmu
 from ..export.ssp import ssp
 from ..model.dea import tubular_dea
@@ -26,10 +27,7 @@ from ..model.windkessel import aortic_windkessel, paced_windkessel
 from ..protocol import Protocol
 from .system import Connection, System
 
-COUPLING = (
-    Connection("heart.aortic_pressure", "tube.pressure"),
-    Connection("tube.tube_flow", "heart.tube_flow"),
-)
+COUPLING = (Connection("heart.aortic_pressure", "tube.pressure"), Connection("tube.tube_flow", "heart.tube_flow"))
 SCHEDULED = (
     Connection("scheduler.voltage", "tube.voltage"),
     Connection("heart.r_wave", "scheduler.r_wave", sampled=True),
@@ -38,18 +36,32 @@ SCHEDULED = (
     Connection("tube.snap_through_margin", "scheduler.snap_through_margin", sampled=True),
 )
 EVENTS = ("scheduler.next_event", "heart.next_r_wave")
+# With a controller, the scheduler says when and the controller how much: it holds a radius during each pulse.
+CONTROLLER_FIELD = 0.98  # of the scheduler's field limit: its overshoot while a pulse ends is below 1 %
+CONTROLLED = (
+    Connection("controller.voltage", "tube.voltage"),
+    Connection("scheduler.on", "controller.enable", sampled=True),
+    Connection("heart.aortic_pressure", "controller.pressure", sampled=True),
+    Connection("tube.measured_displacement", "controller.displacement", sampled=True),
+)
 
 
-def models(paced: bool = False) -> dict[str, Model]:
-    """The three models by their part's name; `paced`: with a ventricle that is told when to beat."""
+def models(paced: bool = False, tube: Model | None = None, controlled: bool = False) -> dict[str, Model]:
+    """The three models by their part's name; `paced`: with a ventricle that is told when to beat.
+
+    `tube` takes the place of the paper's, with the effects that were found in it, say; `controlled`: with a controller.
+    """
     heart = paced_windkessel() if paced else aortic_windkessel()
-    return {"scheduler": heartbeat_scheduler(), "tube": tubular_dea(), "heart": heart}
+    parts = {"scheduler": heartbeat_scheduler(), "tube": tube or tubular_dea(), "heart": heart}
+    return parts | ({"controller": tube_controller()} if controlled else {})
 
 
-def fmus(folder: Path | None = None, paced: bool = False) -> dict[str, Path]:
+def fmus(
+    folder: Path | None = None, paced: bool = False, tube: Model | None = None, controlled: bool = False
+) -> dict[str, Path]:
     """Their native FMI 2 FMUs for this machine, below `folder` (default: the cache, keyed by their content)."""
     paths = {}
-    for part, model in models(paced).items():
+    for part, model in models(paced, tube, controlled).items():
         place = folder or cache_folder() / "fmus" / guid(model).strip("{}")
         path = place / f"{model.name}.fmu"
         paths[part] = path if folder is None and path.exists() else native_fmu(model, 2, path)
@@ -64,14 +76,19 @@ def heart_assist(
 ) -> System:
     """The whole loop for a patient set (SI units); `settings` by "part.variable" come on top.
 
+    With a controller among the slaves, "controller.reference_radius" is the radius that is held during pulses.
+
     `pace` (cosim.heartbeats) makes a paced ventricle beat in place of its own cycle.
     """
     left_out = {"heart_rate"} if pace else set()
     parameters = {f"heart.{name}": value for name, value in patient.items() if name not in left_out}
     parameters |= {"tube.start_at_equilibrium": 1.0, **(settings or {})}
-    connections = [*COUPLING, *SCHEDULED]
+    if "controller" in slaves:
+        parameters.setdefault("controller.field_limit", controller_field(parameters))
+    connections = [*COUPLING, *(SCHEDULED if "controller" not in slaves else (*CONTROLLED, *SCHEDULED[1:]))]
     if pace is not None:
         connections.append(Connection("ecg.pace", "heart.pace"))
+    # The controller's samples are no events: they fall on communication points of 1 ms, and an event shortens steps.
     return System(slaves, connections, {"ecg": pace} if pace else {}, parameters, EVENTS)
 
 
@@ -89,16 +106,31 @@ def driven_tube(
     return System(pair, wires, {"drive": voltage}, parameters, ("heart.next_r_wave",))
 
 
-def archive(slaves: Mapping[str, Path], path: Path, patient: Mapping[str, float], stop: float = 10.0) -> Path:
-    """The whole loop as an SSP archive.
+def archive(
+    slaves: Mapping[str, Path],
+    path: Path,
+    patient: Mapping[str, float],
+    stop: float = 10.0,
+    radius: float | None = None,
+) -> Path:
+    """The whole loop as an SSP archive; with a controller among the slaves that holds `radius` [m] during pulses.
 
     The tube starts at rest under the pressure at the start, given as a stretch: not every tool hands connected values
     over before the start.
     """
     values = {f"heart.{name}": value for name, value in patient.items()}
     values["tube.lambda_2_start"] = rest_stretch(patient["aortic_pressure_start"])
-    wires = [(c.source, c.target) for c in (*COUPLING, *SCHEDULED)]
-    return ssp("HeartAssist", models(), slaves, wires, values, stop, path)
+    controlled = "controller" in slaves
+    if controlled and radius is not None:
+        values |= {"controller.reference_radius": radius, "controller.field_limit": controller_field({})}
+    wires = [(c.source, c.target) for c in (*COUPLING, *(CONTROLLED if controlled else SCHEDULED[:1]), *SCHEDULED[1:])]
+    return ssp("HeartAssist", models(controlled=controlled), slaves, wires, values, stop, path)
+
+
+def controller_field(settings: Mapping[str, float]) -> float:
+    """The field limit [V/m] of a controller in the loop: a little below the one at which the scheduler refuses."""
+    refused = settings.get("scheduler.field_limit", heartbeat_scheduler().parameter_values()["field_limit"])
+    return CONTROLLER_FIELD * refused
 
 
 def rest_stretch(pressure: float, voltage: float = 0.0) -> float:

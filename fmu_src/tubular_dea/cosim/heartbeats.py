@@ -13,7 +13,7 @@ from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
 from ..tabular import rows
 
-SLOWEST, FASTEST = 15.0, 300.0  # beats per minute that can be a heart's
+SLOWEST, FASTEST = 15.0, 250.0  # beats per minute that can be a heart's: 40 to 220, and half a tachycardia beyond
 
 
 class HeartbeatError(UserError, ValueError):
@@ -83,12 +83,7 @@ def detect(ecg: Ecg) -> np.ndarray:
     filled = np.interp(np.arange(signal.size), np.flatnonzero(good), signal[good])
     found = np.array(detect_heartbeats(filled, ecg.rate), dtype=np.intp)
     found = found[good[found]]
-    beats_per_minute = 60 * found.size / ecg.duration
-    if found.size < 2 or not SLOWEST / 2 <= beats_per_minute <= FASTEST:
-        raise HeartbeatError(
-            f"ECG: {found.size} beats found in {ecg.duration:.1f} s; expected {SLOWEST:g} to {FASTEST:g} a minute; "
-            "check the lead"
-        )
+    _plausible(found.size, ecg.duration, "ECG", "check the lead")
     return np.asarray(found / ecg.rate, dtype=float)
 
 
@@ -120,7 +115,16 @@ def read_r_times(path: Path) -> np.ndarray:
         raise HeartbeatError(f"{path}: expected one R time [s] a line: {problem}") from None
     if times.size < 2 or not np.all(np.diff(times) > 0):
         raise HeartbeatError(f"{path}: expected at least two ascending times but found {times.size}")
+    _plausible(times.size, float(np.ptp(times)) * times.size / (times.size - 1), str(path), "check their unit, s")
     return times
+
+
+def _plausible(beats: int, duration: float, what: str, advice: str) -> None:
+    """`HeartbeatError` unless so many beats in `duration` [s] can be a heart's."""
+    if beats < 2 or not SLOWEST / 2 <= 60 * beats / duration <= FASTEST:
+        raise HeartbeatError(
+            f"{what}: {beats} beats found in {duration:.1f} s; expected {SLOWEST:g} to {FASTEST:g} a minute; {advice}"
+        )
 
 
 def _read_wfdb(path: Path, lead: str | None) -> Ecg:

@@ -1,4 +1,4 @@
-"""Running a coupled system: the C master (native/master.c) over slaves that FMPy has loaded.
+"""Running a coupled system: the C master (native/master*.c) over slaves that FMPy has loaded.
 
 Schemes: "jacobi" (every slave uses what the others had at the start of the step), "gauss-seidel" (slaves use what those
 before them have at its end), "implicit" (the step is repeated, with all slaves rolled back, until the interface is the
@@ -20,6 +20,7 @@ import numpy as np
 from .. import tabular
 from ..errors import UserError
 from ..export.compile import cached_library, host, native_source
+from ..export.package import MASTER_SOURCES
 from ..files import write_atomically
 from ..model.declare import nearest
 from ..protocol import Protocol
@@ -143,8 +144,13 @@ class Simulation:
         status = _GOING
         while status == _GOING:
             rows = np.empty((ROWS, width))
-            status = self._library.master_run(self._master, rows.ctypes.data_as(ctypes.c_void_p), ctypes.c_long(ROWS),
-                                              ctypes.byref(n), ctypes.byref(where))  # fmt: skip
+            status = self._library.master_run(
+                self._master,
+                rows.ctypes.data_as(ctypes.c_void_p),
+                ctypes.c_long(ROWS),
+                ctypes.byref(n),
+                ctypes.byref(where),
+            )
             blocks.append(rows[: n.value])
             if n.value:
                 progress(float(rows[n.value - 1, 0]))
@@ -153,8 +159,16 @@ class Simulation:
         self._library.master_counts(self._master, counts)
         reached = float(table[-1, 0]) if len(table) else self._start
         values = {name: table[:, 4 + i].copy() for i, name in enumerate(self._signals.names)}
-        return Run(table[:, 0].copy(), values, self._signals.units, table[:, 1].copy(), table[:, 2].copy(),
-                   table[:, 3].copy(), counts[2], self._reason(status, where.value, reached))  # fmt: skip
+        return Run(
+            table[:, 0].copy(),
+            values,
+            self._signals.units,
+            table[:, 1].copy(),
+            table[:, 2].copy(),
+            table[:, 3].copy(),
+            counts[2],
+            self._reason(status, where.value, reached),
+        )
 
     def _reason(self, status: int, where: int, time: float) -> str:
         if status == _DONE:
@@ -189,16 +203,30 @@ class Simulation:
         tables = (_Table * max(1, signals.n_tables))(
             *(self._table(name, system.sources) for name in signals.names[: signals.n_tables])
         )
-        plan = _Plan(
-            SCHEMES.index(o.scheme), o.order, o.cubic, o.restart, o.variable, self._start, self._stop, o.step,
-            o.refine, o.tolerance,
-            o.smallest or o.step / 1000, o.iterations, *wiring.loop,
-            *self._ints(signals.unknown), *self._ints(signals.events), *self._ints(signals.watched),
-        )  # fmt: skip
+        settings = _MasterSettings(
+            SCHEMES.index(o.scheme),
+            o.order,
+            o.cubic,
+            o.restart,
+            o.variable,
+            self._start,
+            self._stop,
+            o.step,
+            o.refine,
+            o.tolerance,
+            o.smallest or o.step / 1000,
+            o.iterations,
+            *wiring.loop,
+            *self._ints(signals.unknown),
+            *self._ints(signals.events),
+            *self._ints(signals.watched),
+        )
         scale = self._array(ctypes.c_double, signals.scale)
         new = self._library.master_new
         new.restype = ctypes.c_void_p
-        master = new(ctypes.byref(plan), len(wiring.order), slaves, signals.n_tables, tables, len(signals.names), scale)
+        master = new(
+            ctypes.byref(settings), len(wiring.order), slaves, signals.n_tables, tables, len(signals.names), scale
+        )
         if not master:
             raise MasterError("out of memory")
         return int(master)
@@ -213,20 +241,28 @@ class Simulation:
             return slave.address(name) if able else 0
 
         rolls = bool(abilities.canGetAndSetFMUstate)
+        sloped = bool(abilities.maxOutputDerivativeOrder) and all(ports.outputs[n].continuous for n in shared)
         return _Slave(
-            slave.fmu.component, function("fmi2SetReal"),
-            function("fmi2SetRealInputDerivatives", bool(abilities.canInterpolateInputs)), function("fmi2GetReal"),
-            function("fmi2GetRealOutputDerivatives", bool(abilities.maxOutputDerivativeOrder)), function("fmi2DoStep"),
-            function("fmi2GetFMUstate", rolls), function("fmi2SetFMUstate", rolls),
-            function("fmi2FreeFMUstate", rolls), len(inputs),
+            slave.fmu.component,
+            function("fmi2SetReal"),
+            function("fmi2SetRealInputDerivatives", bool(abilities.canInterpolateInputs)),
+            function("fmi2GetReal"),
+            function("fmi2GetRealOutputDerivatives", sloped),
+            function("fmi2DoStep"),
+            function("fmi2GetFMUstate", rolls),
+            function("fmi2SetFMUstate", rolls),
+            function("fmi2FreeFMUstate", rolls),
+            len(inputs),
             self._array(ctypes.c_uint, [ports.inputs[n].reference for n in inputs]),
             self._array(ctypes.c_int, [signals.index(wiring.source[f"{part}.{n}"]) for n in inputs]),
             self._array(ctypes.c_int, [wiring.sampled[f"{part}.{n}"] for n in inputs]),
-            len(ports.outputs), self._array(ctypes.c_uint, [p.reference for p in ports.outputs.values()]),
+            len(ports.outputs),
+            self._array(ctypes.c_uint, [p.reference for p in ports.outputs.values()]),
             signals.index(f"{part}.{next(iter(ports.outputs))}") if ports.outputs else 0,
-            len(shared), self._array(ctypes.c_uint, [ports.outputs[n].reference for n in shared]),
+            len(shared),
+            self._array(ctypes.c_uint, [ports.outputs[n].reference for n in shared]),
             self._array(ctypes.c_int, [signals.index(f"{part}.{n}") for n in shared]),
-        )  # fmt: skip
+        )
 
     def _table(self, signal: str, sources: Mapping[str, Protocol]) -> _Table:
         """A known signal from the start of the run on."""
@@ -261,8 +297,13 @@ class _Signals:
         self.units = {name: port.unit or "1" for name, port in outputs.items()}
         followed = {s: t for t, s in wiring.source.items() if not wiring.sampled[t] and s in outputs}
         self.watched = [self._places[s] for s in followed]
-        self.unknown = sorted({self._places[s] for t, s in wiring.source.items() if s in followed
-                               and not wiring.sampled[t] and self._goes_back(s, t)})  # fmt: skip
+        self.unknown = sorted(
+            {
+                self._places[s]
+                for t, s in wiring.source.items()
+                if s in followed and not wiring.sampled[t] and self._goes_back(s, t)
+            }
+        )
         self.events = [self._places[name] for name in system.events]
 
     def index(self, name: str) -> int:
@@ -293,38 +334,59 @@ _GOING, _DONE, _SLAVE, _DIVERGED, _STUCK, _MEMORY, _NOT_FINITE = range(7)
 
 class _Slave(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_void_p) for name in (
-            "component", "set_real", "set_derivatives", "get_real", "get_derivatives", "do_step", "get_state",
-            "set_state", "free_state")),
-        ("n_inputs", ctypes.c_int), ("inputs", ctypes.POINTER(ctypes.c_uint)),
-        ("signals", ctypes.POINTER(ctypes.c_int)), ("held", ctypes.POINTER(ctypes.c_int)),
-        ("n_outputs", ctypes.c_int), ("outputs", ctypes.POINTER(ctypes.c_uint)), ("first", ctypes.c_int),
-        ("n_shared", ctypes.c_int), ("shared", ctypes.POINTER(ctypes.c_uint)),
+        *(
+            (name, ctypes.c_void_p)
+            for name in (
+                "component",
+                "set_real",
+                "set_derivatives",
+                "get_real",
+                "get_derivatives",
+                "do_step",
+                "get_state",
+                "set_state",
+                "free_state",
+            )
+        ),
+        ("n_inputs", ctypes.c_int),
+        ("inputs", ctypes.POINTER(ctypes.c_uint)),
+        ("signals", ctypes.POINTER(ctypes.c_int)),
+        ("held", ctypes.POINTER(ctypes.c_int)),
+        ("n_outputs", ctypes.c_int),
+        ("outputs", ctypes.POINTER(ctypes.c_uint)),
+        ("first", ctypes.c_int),
+        ("n_shared", ctypes.c_int),
+        ("shared", ctypes.POINTER(ctypes.c_uint)),
         ("shared_signals", ctypes.POINTER(ctypes.c_int)),
-    )  # fmt: skip
+    )
 
 
 class _Table(ctypes.Structure):
-    _fields_ = (("n", ctypes.c_long), ("time", ctypes.POINTER(ctypes.c_double)),
-                ("value", ctypes.POINTER(ctypes.c_double)), ("at", ctypes.c_long))  # fmt: skip
-
-
-class _Plan(ctypes.Structure):
     _fields_ = (
-        ("scheme", ctypes.c_int), ("order", ctypes.c_int), ("cubic", ctypes.c_int), ("restart", ctypes.c_double),
+        ("n", ctypes.c_long),
+        ("time", ctypes.POINTER(ctypes.c_double)),
+        ("value", ctypes.POINTER(ctypes.c_double)),
+        ("at", ctypes.c_long),
+    )
+
+
+class _MasterSettings(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("scheme", "order", "cubic")),
+        ("restart", ctypes.c_double),
         ("variable", ctypes.c_int),
-        ("start", ctypes.c_double), ("stop", ctypes.c_double), ("step", ctypes.c_double),
-        ("refine", ctypes.c_double), ("tolerance", ctypes.c_double), ("smallest", ctypes.c_double),
-        ("iterations", ctypes.c_int),
-        ("loop_first", ctypes.c_int), ("loop_last", ctypes.c_int),
-        ("n_unknown", ctypes.c_int), ("unknown", ctypes.POINTER(ctypes.c_int)),
-        ("n_events", ctypes.c_int), ("events", ctypes.POINTER(ctypes.c_int)),
-        ("n_watched", ctypes.c_int), ("watched", ctypes.POINTER(ctypes.c_int)),
-    )  # fmt: skip
+        *((name, ctypes.c_double) for name in ("start", "stop", "step", "refine", "tolerance", "smallest")),
+        *((name, ctypes.c_int) for name in ("iterations", "loop_first", "loop_last", "n_unknown")),
+        ("unknown", ctypes.POINTER(ctypes.c_int)),
+        ("n_events", ctypes.c_int),
+        ("events", ctypes.POINTER(ctypes.c_int)),
+        ("n_watched", ctypes.c_int),
+        ("watched", ctypes.POINTER(ctypes.c_int)),
+    )
 
 
 def _library() -> ctypes.CDLL:
-    library = ctypes.CDLL(str(cached_library({n: native_source(n) for n in ("master.c", "master.h")}, host())))
+    library = ctypes.CDLL(str(cached_library({n: native_source(n) for n in MASTER_SOURCES}, host())))
     library.master_run.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
     library.master_free.argtypes = [ctypes.c_void_p]
     library.master_counts.argtypes = [ctypes.c_void_p, ctypes.c_void_p]

@@ -22,6 +22,7 @@ from fmpy.fmi2 import (
 )
 
 from ..errors import UserError
+from ..files import unpack
 from .system import Port, Ports
 
 SWEEPS = 50  # at most, to find the initial values of connected slaves
@@ -48,8 +49,8 @@ class Slave:
 
     def _load(self, path: Path) -> None:
         try:
-            self.description = fmpy.read_model_description(str(path), validate=False)
-            fmpy.extract(str(path), unzipdir=self._folder)
+            unpack(path, Path(self._folder))
+            self.description = fmpy.read_model_description(self._folder, validate=False)
         except Exception as problem:  # FMPy and the parsers below it raise what they like
             why = str(problem) or type(problem).__name__
             raise SlaveError(
@@ -62,9 +63,11 @@ class Slave:
             )
         try:
             self.fmu = FMU2Slave(
-                guid=self.description.guid, unzipDirectory=self._folder,
-                modelIdentifier=self.description.coSimulation.modelIdentifier, instanceName=self._instance,
-            )  # fmt: skip
+                guid=self.description.guid,
+                unzipDirectory=self._folder,
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+                instanceName=self._instance,
+            )
             self.fmu.instantiate(callbacks=_CALLBACKS)
         except Exception as problem:
             raise SlaveError(f"{self.name}: {path.name} cannot be instantiated: {self.said() or problem}") from None
@@ -92,8 +95,11 @@ class Slave:
         reals = [v for v in self.description.modelVariables if v.type == "Real"]
 
         def of(causality: str) -> dict[str, Port]:
-            return {v.name: Port(v.valueReference, _unit(v), abs(float(v.nominal or 1)) or 1.0)
-                    for v in reals if v.causality == causality}  # fmt: skip
+            return {
+                v.name: Port(v.valueReference, _unit(v), abs(float(v.nominal or 1)) or 1.0, v.variability != "discrete")
+                for v in reals
+                if v.causality == causality
+            }
 
         names = tuple(v.name for v in self.description.modelVariables if v.causality == "parameter")
         return Ports(of("input"), of("output"), names)

@@ -24,7 +24,6 @@ import numpy as np
 from ..model.compose import CouplingError, check_units, end
 from ..model.declare import nearest
 from ..protocol import Protocol
-from ..tabular import TableError, rows
 
 
 @dataclass(frozen=True)
@@ -51,11 +50,12 @@ class System:
 
 @dataclass(frozen=True)
 class Port:
-    """A variable of a slave as the couplings see it."""
+    """A variable of a slave as the couplings see it; one that is not `continuous` has no slope."""
 
     reference: int
     unit: str | None
     nominal: float
+    continuous: bool = True
 
 
 @dataclass(frozen=True)
@@ -76,25 +76,6 @@ class Wiring:
     sampled: dict[str, bool]
     order: tuple[str, ...]
     loop: tuple[int, int]
-
-
-def read_connections(path: Path) -> list[Connection]:
-    """A table of connections from a CSV file with the columns source, target and (may be left out) sampled."""
-    try:
-        table = rows(path)
-    except TableError as problem:
-        raise CouplingError(str(problem)) from None
-    header = table[0][1] if table else []
-    if header[:2] != ["source", "target"]:
-        raise CouplingError(
-            f"{path}, line 1: expected the columns source,target[,sampled] but found {','.join(header)!r}"
-        )
-    connections = []
-    for line, cells in table[1:]:
-        if len(cells) < 2 or not cells[0] or not cells[1]:
-            raise CouplingError(f"{path}, line {line}: expected a source and a target but found {','.join(cells)!r}")
-        connections.append(Connection(cells[0], cells[1], len(cells) > 2 and cells[2].lower() in ("1", "true", "yes")))
-    return connections
 
 
 def wire(system: System, ports: Mapping[str, Ports]) -> Wiring:
@@ -151,8 +132,12 @@ def _check_parameters(system: System, ports: Mapping[str, Ports]) -> None:
 
 
 def _check_open(system: System, ports: Mapping[str, Ports], source: Mapping[str, str]) -> None:
-    missing = [f"{part}.{name}" for part, p in ports.items() for name in p.inputs
-               if f"{part}.{name}" not in source and f"{part}.{name}" not in system.parameters]  # fmt: skip
+    missing = [
+        f"{part}.{name}"
+        for part, p in ports.items()
+        for name in p.inputs
+        if f"{part}.{name}" not in source and f"{part}.{name}" not in system.parameters
+    ]
     if missing:
         raise CouplingError(
             f"nothing is connected to {', '.join(missing)}; connect it, or give it a constant among the parameters"

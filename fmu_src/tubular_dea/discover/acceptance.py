@@ -11,10 +11,12 @@ one of two effects alone may predict them worse than none.
 
 from __future__ import annotations
 
-from ..model.effects import catalogue
-from .compiled import Ids
+import numpy as np
+
+from ..identify.fit import Fit, interval
+from ..model.effect import Effect
 from .options import Option
-from .residuals import Adequacy
+from .residuals import LackOfFit
 
 FALSE_ALARMS = 0.001  # per record, of the largest score
 SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
@@ -24,19 +26,28 @@ NOISE_PART, NOISE_GAIN = 0.1, 70.0  # the same, and the least it gains, where wh
 CLEARED = 0.8  # of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.95  # residual over noise, and share explained, that are so little
 ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
+FURTHER = 0.25  # of what is left that a further effect has to explain where models are that far
 STRONG = 3.0  # times the threshold
 DENIAL = 6.0  # rise of the held-out sum of squares: odds of 20 to 1 against an effect
+EARNS = 10.8  # twice the log likelihood that an effect gains, in units of what the misfit makes of noise: odds of 1000
+VISIBLE = 10.0  # squared distance of two models on the held-out experiments from which these can tell them apart
 DENIED_PART = 0.05  # the same as a part of the gain: no law is exact, and they may feel the effect but little
+PARTLY = 0.5  # of what is not noise: effects that explain less are not named where a remainder stays
 CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
 FAINT_SLOW = 1.5  # and from which the slow parts may still hide an effect
 
 
-def clean(state: Adequacy) -> bool:
+def far(option: Option) -> bool:
+    """Whether what an option leaves is the model's own error, beside which noise hardly counts."""
+    return option.lack_of_fit.ratio > option.lack_of_fit.far
+
+
+def clean(state: LackOfFit) -> bool:
     """Nothing is left that stands out of the noise."""
     return state.z_slow < CLEAN_SLOW and state.z_total < CLEAN_TOTAL
 
 
-def nearly(state: Adequacy, before: Adequacy, held_ratio: float = 1.0) -> bool:
+def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
     """What stands out of the noise is little, and little of what stood out `before`."""
     explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
     allowed = ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO
@@ -48,9 +59,9 @@ def finished(base: Option, chosen: Option) -> bool:
 
     Or noise in its slow parts by all means: what is left of the undamped ringing at rest is fast, and no effect.
     """
-    if not clean(chosen.adequacy) or all_exact(chosen.ids):
+    if not clean(chosen.lack_of_fit) or chosen.exact:
         return False
-    return chosen.adequacy.z_slow < FAINT_SLOW or chosen.adequacy.excess < _least_gain(base, chosen, 0.0)
+    return chosen.lack_of_fit.z_slow < FAINT_SLOW or chosen.lack_of_fit.excess < _least_gain(base, chosen, 0.0)
 
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
@@ -58,21 +69,68 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
     if gain < threshold:
         return False, f"refitted, {name} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
-    if best.cross_validated >= before.cross_validated:
+    if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
         return False, f"{name} does not predict the blocks left out"
-    if gain < STRONG * threshold and denied(before, best):
+    if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):
         return False, f"{name} does not predict the held-out experiments"
     refusal = no_further_effect(base, before, gain, name, best) if before.ids else ""
     if refusal:
         return False, refusal
-    return True, f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, " \
-                 f"held out {before.held_out - best.held_out:.1f}"  # fmt: skip
+    return (
+        True,
+        f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, "
+        f"held out {before.held_out - best.held_out:.1f}",
+    )
+
+
+def confirmed(before: Option, after: Option) -> bool:
+    """Whether data that no fit has seen speak for `after`: the held-out experiments, or where they can hardly tell the
+    two apart, experiments left out in turn."""
+    if not np.all(np.isfinite(after.unseen)):
+        return False
+    apart = after.unseen - before.unseen
+    if float(apart @ apart) >= VISIBLE:
+        return after.held_out < before.held_out
+    return after.across < before.across
+
+
+def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of a parameter of an effect (SI).
+
+    A size that cannot be negative has one in proportion: that it is there at all is told by what it gains.
+    """
+    low, high = interval(fitted, name)
+    quantity = next(q for q in effect.parameters if q.name == name)
+    off = effect.off.get(name)
+    above = fitted.values[name] - off if off is not None and quantity.minimum == off else 0.0
+    if off is None or above <= 0:
+        return low, high
+    factor = float(np.exp(1.96 * fitted.stderr[name] / above))
+    return off + above / factor, off + above * factor
+
+
+def bounded_away(effect: Effect, fitted: Fit) -> bool:
+    """Whether the 95 % interval of a size of the effect leaves out the value at which it is off."""
+    sizes = [n for n in effect.off if n in fitted.names]
+    for name in sizes:
+        low, high = size_interval(effect, fitted, name)
+        if not low <= effect.off[name] <= high:
+            return True
+    lengths = [n for n in effect.fit if n in fitted.names and not sizes]  # a lag is off where it is short
+    return any(1.96 * fitted.stderr[n] < abs(fitted.values[n]) for n in lengths)
 
 
 def denied(before: Option, after: Option) -> bool:
     """Whether the held-out experiments speak against `after`, by odds that chance does not explain."""
     gain = before.fitted.cost - after.fitted.cost
     return after.held_out > before.held_out + max(DENIAL, DENIED_PART * gain)
+
+
+def earned(base: Option, chosen: Option) -> bool:
+    """Whether effects that leave a significant remainder have earned their names: on data that no fit has seen."""
+    before = max(base.lack_of_fit.excess, 1.0)
+    held = base.held_out - chosen.held_out
+    return held > DENIAL and 1 - chosen.lack_of_fit.excess / before >= PARTLY
 
 
 def settled(base: Option, accepted: list[Option]) -> Option:
@@ -84,20 +142,19 @@ def settled(base: Option, accepted: list[Option]) -> Option:
     return best
 
 
-def all_exact(ids: Ids) -> bool:
-    """Whether these effects have but one form, so that whatever they leave over is something else."""
-    return all(catalogue()[one].exact for one in ids)
-
-
 def no_further_effect(base: Option, before: Option, gain: float, name: str, after: Option | None = None) -> str:
     """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one.
 
     Where `after` it the slow parts are noise, what is left besides is that the noise's level is not known better.
     """
+    if far(before):
+        held = 0.0 if after is None else after.held_out - (1 - FURTHER) * before.held_out
+        little = gain < FURTHER * before.lack_of_fit.excess or held > 0
+        return f"{name} explains less than {FURTHER:.0%} of what is left" if little else ""
     if gain < _least_gain(base, before, gain):
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
-    settles = after is not None and after.adequacy.z_slow < CLEAN_SLOW
-    if gain < SECOND_SHARE * max(before.adequacy.excess, 0.0) and not settles:
+    settles = after is not None and after.lack_of_fit.z_slow < CLEAN_SLOW
+    if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
         return f"{name} removes less than half of what is left"
     return ""
 
@@ -105,9 +162,9 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
 def _least_gain(base: Option, before: Option, gain: float) -> float:
     """What one that gains `gain` besides `before` has to gain: more where another form of `before` might do it."""
     first = base.fitted.cost - before.fitted.cost
-    if all_exact(before.ids):
+    if before.exact:
         return SECOND_PART * first
-    if clean(before.adequacy):
+    if clean(before.lack_of_fit):
         return max(NOISE_PART * first, NOISE_GAIN)
-    clears = gain > CLEARED * before.adequacy.excess
-    return first * (FORM_PART if nearly(before.adequacy, base.adequacy) and not clears else SECOND_PART)
+    clears = gain > CLEARED * before.lack_of_fit.excess
+    return first * (FORM_PART if nearly(before.lack_of_fit, base.lack_of_fit) and not clears else SECOND_PART)

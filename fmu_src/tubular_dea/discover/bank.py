@@ -1,8 +1,9 @@
-"""The score bank: what each candidate would gain, from its sensitivity where it is off.
+"""The score bank: Rao's score statistic of each candidate, from its sensitivity where it is off.
 
 Every candidate is nested in the present model. Its columns (the response to its `off` parameters, at each point of its
-shape grid) are made orthogonal to those of the present parameters; the gain is the part of the residual's sum of
-squares that they explain. One simulation a column, so a hundred candidates cost a second.
+shape grid) are made orthogonal to those of the present parameters; the statistic is the part of the residual's sum of
+squares that they explain (Rao, Proc. Camb. Phil. Soc. 44 (1948) 50). One simulation a column, so a hundred candidates
+cost a second.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.problem import Problem
 from ..identify.response import FINE, Response
+from ..identify.study import Study
 from ..identify.threads import side_by_side
-from ..kernel import KernelError
-from ..model.effects import Effect, catalogue
-from .compiled import Ids
+from ..kernel import Kernel, KernelError
+from ..model.effect import Effect
 from .parameters import size, switched_off
-from .study import Study
 
 STEP = 0.02  # of the typical size: small against any curvature, large against the integrator's tolerance
 
@@ -38,10 +39,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Score:
-    """The gain of a candidate over the present model, and the amplitudes (SI, by name) at which it is reached."""
+    """The score statistic of a candidate beside the present model: what it would gain if the model were linear, and the
+    amplitudes (SI, by name) at which it would."""
 
     candidate: Candidate
-    gain: float
+    statistic: float
     amplitudes: dict[str, float]
 
     @property
@@ -54,62 +56,84 @@ def candidates(
     study: Study, fitted: Fit, present: Ids = (), effects: Iterable[Effect] | None = None
 ) -> list[Candidate]:
     """All candidates with their columns at the present optimum; those the model has no answer for are left out."""
-    listed = [e for e in (catalogue().values() if effects is None else effects) if e.id not in present]
-    everything = study.compiled.everything() if effects is None else None
-    if everything is None:
-        study.compiled.prepare(present, listed)
-    problem = study.problem(present, [], fitted.values)
-    rows = fitted.residual.size - sum(r.size for r in problem.records)  # of the prior
-    at = _all_off() | dict(fitted.values) if everything else dict(fitted.values)
-    cases = problem.response.cases
+    return candidates_at(study, fitted.values, fitted.residual.size, present, effects)
 
-    def respond(effect: Effect) -> Response:
-        kernel = everything or study.compiled.kernel(present, effect)
-        return Response(kernel, cases, study.measured, study.geometry)
 
-    base = respond(listed[0]).outputs(at | switched_off(listed[0]), FINE)
-    points = [(e, dict(zip(e.shapes, p, strict=True))) for e in listed for p in itertools.product(*e.shapes.values())]
-    found = side_by_side(lambda q: _candidate(respond(q[0]), problem, base, rows, at, *q), points)
+def candidates_at(
+    study: Study, values: Mapping[str, float], rows: int, present: Ids = (), effects: Iterable[Effect] | None = None
+) -> list[Candidate]:
+    """The same at any parameters; `rows` are those of the residual, the prior's among them."""
+    listed = [e for e in (study.catalogue.values() if effects is None else effects) if e.id not in present]
+    problem = study.problem(present, [], values)
+    rows -= sum(r.size for r in problem.records)  # of the prior
+    known = {e.id: e for e in (*study.catalogue.values(), *listed)}
+    kernels = study.compiled.scorers(present, None if effects is None else listed)
+    distinct = {id(kernel): kernel for kernel in kernels.values()}
+    plain = dict(
+        zip(distinct, side_by_side(lambda k: _plain(k, problem, values, known), distinct.values()), strict=True)
+    )
+    points = [
+        (plain[id(kernels[e.id])], e, dict(zip(e.shapes, p, strict=True)), strength)
+        for e in listed
+        for p in itertools.product(*e.shapes.values())
+        for strength in _strengths(e)
+    ]
+    found = side_by_side(lambda point: _candidate(problem, rows, *point), points)
     return [c for c in found if c is not None]
 
 
-def _all_off() -> dict[str, float]:
-    """Values at which every effect of the catalogue is off."""
-    return {name: value for effect in catalogue().values() for name, value in switched_off(effect).items()}
+@dataclass(frozen=True)
+class _Plain:
+    """What a model that may have many effects answers at `values` (SI), where all but those present are off."""
+
+    response: Response
+    values: dict[str, float]
+    outputs: list[np.ndarray]
+
+
+def _plain(kernel: Kernel, problem: Problem, values: Mapping[str, float], effects: Mapping[str, Effect]) -> _Plain:
+    response = Response(kernel, problem.response.cases, problem.response.fixed)
+    off = {n: v for name in kernel.model.effects for n, v in switched_off(effects[name]).items()} | dict(values)
+    return _Plain(response, off, response.outputs_alone(off, FINE))
 
 
 def scores(listed: Iterable[Candidate], residual: np.ndarray, jacobian: np.ndarray) -> list[Score]:
-    """The gain of every candidate, the largest first; `residual` (N,), `jacobian` (N, k) of the present model."""
+    """The score of every candidate, the largest first; `residual` (N,), `jacobian` (N, k) of the present model."""
     basis, _ = np.linalg.qr(jacobian)
     left = residual - basis @ (basis.T @ residual)
     found = [_score(c, c.columns - basis @ (basis.T @ c.columns), left) for c in listed]
-    return sorted(found, key=lambda s: -s.gain)
+    return sorted(found, key=lambda s: -s.statistic)
 
 
 def best_of_each(listed: Iterable[Score]) -> list[Score]:
-    """The best shape of each effect, the largest gain first."""
+    """The best shape of each effect, the largest score first."""
     seen: dict[str, Score] = {}
     for score in listed:
-        if score.id not in seen or score.gain > seen[score.id].gain:
+        if score.id not in seen or score.statistic > seen[score.id].statistic:
             seen[score.id] = score
-    return sorted(seen.values(), key=lambda s: -s.gain)
+    return sorted(seen.values(), key=lambda s: -s.statistic)
 
 
 def _candidate(
-    response: Response, problem: Problem, base: list[np.ndarray], rows: int, values: Mapping[str, float],
-    effect: Effect, shape: dict[str, float],
-) -> Candidate | None:  # fmt: skip
-    off = dict(values) | switched_off(effect) | shape
+    problem: Problem, rows: int, plain: _Plain, effect: Effect, shape: dict[str, float], strength: Mapping[str, float]
+) -> Candidate | None:
+    """The columns of an effect: chords over `strength` where it names an amplitude, else tangents."""
+    off = plain.values | switched_off(effect) | shape
     names = tuple(n for n in effect.off if n not in effect.refine)
     columns = []
     for name in names:
-        step = STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
+        step = strength.get(name) or STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
         try:
-            moved = response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
+            moved = plain.response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
         except KernelError:
             return None
-        columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, base, strict=True)]))
+        columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, plain.outputs, strict=True)]))
     return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
+
+
+def _strengths(effect: Effect) -> list[dict[str, float]]:
+    """The tangent ({}), and every strength at which a chord is taken."""
+    return [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
 
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:
@@ -117,17 +141,18 @@ def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score
     if np.all(norms < 1e-3 * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
         return Score(candidate, 0.0, dict.fromkeys(candidate.names, 0.0))  # the present parameters do the same
     amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=1e-6)
-    if _beyond_bounds(candidate, amplitude):
-        return Score(candidate, 0.0, dict(zip(candidate.names, amplitude / norms, strict=True)))
-    explained = columns / norms @ amplitude
-    return Score(candidate, float(explained @ explained), dict(zip(candidate.names, amplitude / norms, strict=True)))
+    amplitude = _inside_bounds(candidate, amplitude / norms)
+    explained = columns @ amplitude
+    statistic = float(-2 * (left @ explained) - explained @ explained)
+    return Score(candidate, max(statistic, 0.0), dict(zip(candidate.names, map(float, amplitude), strict=True)))
 
 
-def _beyond_bounds(candidate: Candidate, amplitude: np.ndarray) -> bool:
-    """A single amplitude that would have to leave the bounds at which the effect is off (a negative lag, say)."""
+def _inside_bounds(candidate: Candidate, amplitude: np.ndarray) -> np.ndarray:
+    """A single amplitude kept where its parameter may be: no negative lag, no zero as far off as the whole range."""
     if amplitude.size > 1:
-        return False
+        return amplitude
     name = candidate.names[0]
     quantity = next(q for q in candidate.effect.parameters if q.name == name)
-    off = candidate.effect.off[name]
-    return (quantity.minimum == off and amplitude[0] < 0) or (quantity.maximum == off and amplitude[0] > 0)
+    low = -np.inf if quantity.minimum is None else quantity.minimum - candidate.effect.off[name]
+    high = np.inf if quantity.maximum is None else quantity.maximum - candidate.effect.off[name]
+    return np.clip(amplitude, low, high)

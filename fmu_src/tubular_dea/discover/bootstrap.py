@@ -24,11 +24,6 @@ class NullScores:
         """The score that this share of nulls exceeds."""
         return float(np.quantile(self.largest, 1 - false_alarms))
 
-    def probability(self, score: float) -> float:
-        """The share of nulls with a larger score; never below one in the number of draws."""
-        above = int(np.sum(self.largest >= score))
-        return max(above, 1) / self.largest.size
-
 
 def null_scores(listed: Sequence[Candidate], jacobian: np.ndarray, draws: int = 4000, seed: int = 0) -> NullScores:
     """Largest scores of nulls, given the candidates and the jacobian (N, k) of the present model."""

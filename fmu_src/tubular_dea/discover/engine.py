@@ -5,23 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ..errors import UserError
+from ..identify.adjust import adjusted
 from ..identify.data import Recordings
 from ..identify.doubt import with_monitors
 from ..identify.fit import Fit
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
-from ..identify.threads import one_blas_thread
-from ..model.dea import tubular_dea
-from ..model.declare import Model
+from ..identify.study import Study, study
+from ..identify.threads import one_blas_thread, side_by_side
 from . import acceptance, base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
-from .channels import Localisation
+from .channels import Isolation
+from .held_out import with_held_out
 from .law_doubt import with_law, with_rivals
 from .next_experiment import Proposal
-from .options import Option
+from .noise_limit import with_noise_of
+from .options import Option, fitted_option
+from .parameters import base_parameters
 from .revision import Search
-from .study import Study, study
 
 SEED = 20240
+PRIOR = 2.0  # width of the weak prior: a factor of e^2 for what is positive, twice the size for the rest
+LEAST_SAMPLES = 300  # in training: fewer tell no effect from noise
+MOST_ALIKE = 4  # rivals that are looked at again with a choice that lost an effect
+SETTLES = 2  # times that the base is fitted and the records' own numbers are taken there
 
 Progress = Callable[[str], None]
 
@@ -34,12 +43,12 @@ class Discovery:
     study: Study
     verdict: str
     search: Search
-    located: Localisation | None
+    isolated: Isolation | None
     equivalent: dict[str, list[str]]
     tests_before: dict[str, float]
     tests_after: dict[str, float]
     numeric: float
-    coloured: float
+    coloured: dict[str, float]
     held_ratio: float
     proposal: Proposal | None
 
@@ -53,50 +62,130 @@ class Discovery:
         """The model with the effects that were accepted."""
         return self.search.chosen
 
+    @property
+    def named(self) -> Option:
+        """The model with the effects that are named: none where the residual stays unexplained."""
+        return self.base if self.verdict == "unexplained" else self.search.chosen
+
+    @property
+    def chosen_gains(self) -> dict[str, float]:
+        """By how much the misfit falls by each effect of the choice."""
+        return self.search.gains
+
 
 @one_blas_thread
-def discover(recordings: Recordings, tell: Progress = lambda what: None, model: Model | None = None,
-             seed: int = SEED) -> Discovery:  # fmt: skip
-    """The discovery over some recordings of a tube; the same recordings and seed give the same result."""
+def discover(
+    recordings: Recordings, tell: Progress = lambda what: None, seed: int = SEED, held_out: Sequence[str] | None = None
+) -> Discovery:
+    """The discovery over some recordings of a plant; the same recordings and seed give the same result."""
     tell("monitors and noise")
-    work = study(recordings, model or tubular_dea())
+    work = study(recordings, held_out, PRIOR)
+    if held_out is None:
+        work = with_held_out(work)
+    training = sum(p.record.size for p in work.training)
+    if training < LEAST_SAMPLES:
+        raise UserError(
+            f"{recordings.source}: {training} samples beside those held out are too few to tell an effect from noise; "
+            f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
+        )
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed)
     numeric = numerics.numeric_gain(work, fitted.values)
     found = selection.search(work, fitted, numeric, seed, tell)
-    fitted = found.base.fitted
-    located = None
-    if found.chosen.ids or not acceptance.clean(found.base.adequacy):
-        tell("locate the residual")
-        located = channels.localise(work, (), fitted, found.base.adequacy.excess)
+    work, fitted = found.study, found.base.fitted
+    isolated = None
+    if found.chosen.ids or not acceptance.clean(found.base.lack_of_fit):
+        tell("isolate where the residual arises")
+        known = found.rounds[0].listed if found.rounds else []
+        isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
-    held = _held_ratio(work, found.chosen)
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
+    described = _described(work, found.chosen, _equals(found, equivalent))
+    while not supported(work, found, described):
+        found.chosen = _withdrawn(work, found, described)
+        work = found.study
+        equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
+        described = _described(work, found.chosen, _equals(found, equivalent))
+    held = _held_ratio(work, found.chosen)
     verdict = decide(found, held, equivalent)
-    found.chosen = _described(work, found.chosen, _equals(found, equivalent))
+    before = residuals.tests(found.base_study, (), fitted)
+    after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
+    found.chosen = described
+    coloured = inputs_noise.coloured_rms(work, inputs_noise.input_gains(work, fitted.values))
     return Discovery(
-        recordings, work, verdict, found, located, equivalent,
-        residuals.tests(work, (), found.base.fitted), residuals.tests(work, found.chosen.ids, found.chosen.fitted),
-        numeric, inputs_noise.coloured_rms(work, fitted.values), held,
+        recordings,
+        work,
+        verdict,
+        found,
+        isolated,
+        equivalent,
+        before,
+        after,
+        numeric,
+        coloured,
+        held,
         next_experiment.propose(work, _competitors(found, equivalent)),
-    )  # fmt: skip
+    )
 
 
 def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -> str:
-    """no_effect, effect_found, ambiguous or unexplained."""
-    state, before = found.chosen.adequacy, found.base.adequacy
+    """no_effect, effect_found, ambiguous, partly_explained or unexplained."""
+    state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     if not found.chosen.ids:
         return "no_effect" if acceptance.clean(state) else "unexplained"
     if not acceptance.clean(state) and not acceptance.nearly(state, before, held_ratio):
-        return "unexplained"
+        return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 
 
+def supported(work: Study, found: Search, described: Option) -> bool:
+    """Whether every effect of the choice has an interval without its off value, and the choice holds on unseen data."""
+    if not described.ids:
+        return True
+    return not _vague(work, found, described) and acceptance.confirmed(found.base, found.chosen)
+
+
+def _vague(work: Study, found: Search, described: Option) -> list[str]:
+    """The effects that gain too little, or whose interval includes the value at which they are off."""
+    slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else 1.0
+    return [
+        n
+        for n in described.ids
+        if found.gains.get(n, np.inf) < acceptance.EARNS * slow
+        or not acceptance.bounded_away(work.catalogue[n], described.fitted)
+    ]
+
+
+def _withdrawn(work: Study, found: Search, described: Option) -> Option:
+    """The choice without the effect that is least supported, its rivals too; the base, where that was the only one."""
+    vague = _vague(work, found, described)
+    least = min(vague or described.ids, key=lambda n: found.gains.get(n, 0.0))
+
+    def without(one: Option) -> Option | None:
+        rest = tuple(i for i in one.ids if i != least)
+        return fitted_option(work, rest, one.fitted.values, one.refined) if rest else None
+
+    alike = [r for r in found.rivals if least in r.ids and len({*r.ids} - {*found.chosen.ids}) == 1]
+    fewer, *others = side_by_side(without, [found.chosen, *alike[:MOST_ALIKE]])
+    before = [o for step in found.rounds for o in step.options if fewer and len(o.ids) == len(fewer.ids)]
+    found.rivals = [*(o for o in others if o is not None), found.chosen, *found.rivals, *before]
+    if fewer is not None:
+        return fewer
+    found.study = found.base_study
+    return found.base
+
+
 def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
-    """The base fitted, then again with the weights that the monitors' noise asks for there."""
-    first = base.recalibrate(work, seed=seed)
-    weighted = work.weighted(inputs_noise.weights(work, first.values))
-    return weighted, base.recalibrate(weighted, 1, seed, first.values)
+    """The base fitted, then again with the records' own numbers taken and with the weights that monitors ask for."""
+    if any(p.unknown for p in work.pieces):  # no fit can begin before it is known about where the plant starts
+        work = adjusted(work, (), work.plant.model.parameter_values())
+    fitted = base.recalibrate(work, seed=seed)
+    work = with_noise_of(work, fitted)
+    for _ in range(SETTLES):
+        work = adjusted(work, (), fitted.values, base_parameters(work.plant))
+        work = inputs_noise.weighted(work, fitted.values)
+        fitted = base.recalibrate(work, 1, seed, fitted.values)
+    return work, fitted
 
 
 def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
@@ -105,12 +194,15 @@ def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
     def in_order(one: Option) -> tuple[Problem, Fit]:
         fixed = {n: v for n, v in one.fitted.values.items() if n not in one.fitted.names}
         problem = work.problem(one.ids, one.fitted.free, fixed)
-        return problem, ordered_fit(problem, one.fitted)
+        return problem, ordered_fit(work.plant, problem, one.fitted)
 
     problem, fitted = in_order(option)
-    doubtful = with_monitors(problem, fitted, [p.driven for p in work.training])
-    doubtful = with_rivals(doubtful, [in_order(r)[1] for r in rivals])
-    return replace(option, fitted=with_law(problem, option.ids, doubtful))
+    if acceptance.far(option):  # neither noise nor another law says how sure a parameter is, but the misfit does
+        slow = residuals.slow_variance(fitted, work.training)
+        return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
+    wider = with_monitors(problem, fitted, [p.driven for p in work.training])
+    wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
+    return replace(option, fitted=with_law(work, problem, option.ids, wider))
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from .acceptance import far
 from .options import Option
 
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
 FORM_SHARE = 0.02  # of the gain that another functional form of the same effect may lose
+ERROR_SHARE = 0.2  # of the misfit of a model whose own error is far above the noise
 WEAK_SHARE, WEAK = 0.6, 120.0  # the same where the gain is small, and the most it then may lose
 
 
@@ -26,8 +28,13 @@ def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tupl
     if not len(missing) == len(extra) == 1:
         return None
     gain = gains[missing[0]]
-    reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK))
+    reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK), error_reach(chosen))
     return (missing[0], extra[0]) if 2 * (chosen.evidence - rival.evidence) < reach else None
+
+
+def error_reach(chosen: Option) -> float:
+    """The difference in misfit that says nothing where a model is far from the plant: a share of what it leaves."""
+    return ERROR_SHARE * chosen.misfit if far(chosen) else 0.0
 
 
 def equivalents(chosen: Option, rivals: Sequence[Option], gains: Mapping[str, float]) -> dict[str, list[str]]:

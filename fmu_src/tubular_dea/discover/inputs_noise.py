@@ -2,68 +2,93 @@
 
 A monitor's noise that cannot be told from its signal moves the model's answer slowly (a few um on a bench), so
 samples at which the answer is sensitive to the inputs weigh less: their variance is the sensor's plus the monitors'
-through the static gain, both taken at low frequencies, where effects are sought.
+through the gain for a constant, both taken at low frequencies, where effects are sought. An output that feels rates
+(a current) hardly feels a constant: what noise does to it is tried out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from ..identify.problem import Problem
-from .parameters import switched_off
-from .study import Study
+from ..identify.doubt import constant_gains
+from ..identify.drive import joined
+from ..identify.monitors import halved, polyline
+from ..identify.problem import whitened
+from ..identify.response import Case
+from ..identify.study import Piece, Study
 
-LEAST_VOLTAGE = 200.0  # V: below, the tube hardly feels voltage
-PROBES = {"pressure": "pressure_offset"}  # effects whose parameter adds to an input
+TRIED, WIDE = 2, 25  # times that noise is tried out; samples over which what it does is averaged
 
 
-def weights(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
-    """The weight of every sample (n,), one array a piece: the sensor's share of its standard deviation."""
-    gains = input_gains(study, values)
-    noise = study.noise
-    slow = (noise.innovation / (1 - noise.correlation)) ** 2
+def weighted(study: Study, values: Mapping[str, float]) -> Study:
+    """The study with every sample weighted by the sensor's share of its standard deviation."""
+    shaken = _shaken(study, values)
+    study = replace(study, pieces=[replace(p, shaken=s) for p, s in zip(study.pieces, shaken, strict=True)])
+    return study.weighted(weights(study, input_gains(study, values)))
+
+
+def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:
+    """The weight of every sample (N,), one array a piece: the sensor's share of its standard deviation."""
     result = []
-    for i in range(len(study.pieces)):
+    for i, piece in enumerate(study.pieces):
+        slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
         added = sum((study.monitor_noise[name] * gain[i]) ** 2 for name, gain in gains.items())
-        result.append(1 / np.sqrt(1 + added / slow))
+        result.append(1 / np.sqrt(1 + np.maximum(added / slow**2, piece.shaken)))
     return result
 
 
-def coloured_rms(study: Study, values: Mapping[str, float], bandwidth: float = 25.0) -> float:
-    """What the monitors' noise leaves in the answer [SI], up to the tube's own bandwidth [Hz]."""
-    gains = input_gains(study, values)
-    total, count = 0.0, 0
+def _shaken(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
+    """The variance that the monitors' noise adds to every whitened sample (N,) of outputs that feel rates."""
+    feeling = {o.name for o in study.plant.outputs if o.jumps}
+    found = [np.zeros(p.record.size) for p in study.pieces]
+    chosen = [i for i, p in enumerate(study.pieces) if feeling & {r.output for r in p.case.readings}]
+    pieces = [study.pieces[i] for i in chosen]
+    still = study.response((), pieces).outputs(values)
+    for number in range(TRIED):
+        cases = [_noisy(p, np.random.default_rng([i, number])) for i, p in zip(chosen, pieces, strict=True)]
+        for i, piece, a, b in zip(chosen, pieces, study.asked((), cases).outputs(values), still, strict=True):
+            squares = whitened(piece.case, a - b, study.noise) ** 2 / TRIED
+            for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+                if reading.output in feeling:
+                    found[i][part] += np.convolve(squares[part], np.ones(WIDE) / WIDE, mode="same")
+    return found
+
+
+def _noisy(piece: Piece, random: np.random.Generator) -> Case:
+    """The case with continuous inputs as they would have been drawn had their monitors' noise been another."""
+    times, protocol = piece.case.readings[0].times, piece.case.protocol
+    lines = {name: (protocol.time, values) for name, values in protocol.inputs.items()}
+    for name in piece.driven.corners:
+        level = piece.driven.noise[name]
+        values = protocol.at(times)[name] + level * random.standard_normal(times.size)
+        line = halved(times, values, polyline(times, values, level))
+        early, late = protocol.time < times[0], protocol.time > times[-1]
+        known = protocol.inputs[name]
+        lines[name] = (
+            np.concatenate([protocol.time[early], times[line.corners], protocol.time[late]]),
+            np.concatenate([known[early], line.values, known[late]]),
+        )
+    return replace(piece.case, protocol=joined(list(lines.values()), list(lines)))
+
+
+def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
+    """What the monitors' noise leaves in every output [SI], up to the plant's own bandwidth."""
+    total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
-        rate = 1 / float(np.median(np.diff(piece.case.times)))
-        share = min(1.0, 2 * bandwidth / rate)
-        total += share * sum(float(np.sum((study.monitor_noise[n] * g[i]) ** 2)) for n, g in gains.items())
-        count += piece.record.size
-    return float(np.sqrt(total / max(count, 1)))
+        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            step = float(np.median(np.diff(reading.times)))
+            share = min(1.0, 2 * study.plant.bandwidth * step)
+            squares = sum(float(np.sum((study.monitor_noise[n] * g[i][rows]) ** 2)) for n, g in gains.items())
+            total[reading.output][0] += share * squares
+            total[reading.output][1] += reading.times.size
+    return {name: float(np.sqrt(squares / max(count, 1))) for name, (squares, count) in total.items()}
 
 
 def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.ndarray]]:
-    """How the answer of every piece moves with each monitor, for slow errors: output over input, each (n,)."""
-    from ..model.effects import catalogue
-
-    gains: dict[str, list[np.ndarray]] = {}
-    problem: Problem = study.problem((), [], values, study.pieces)
-    base = problem.response.outputs(values)
-    for name, probe in PROBES.items():
-        if name not in study.monitor_noise:
-            continue
-        effect = catalogue()[probe]
-        step = 0.5 * effect.typical[effect.parameters[0].name]
-        moved = study.response((probe,), study.pieces).outputs(
-            dict(values) | switched_off(effect) | {effect.parameters[0].name: step}
-        )
-        gains[name] = [(a - b) / step for a, b in zip(moved, base, strict=True)]
-    if "voltage" in study.monitor_noise:
-        permittivity = values["eps_r"]
-        moved = problem.response.outputs(dict(values) | {"eps_r": permittivity * 1.01})
-        gains["voltage"] = [
-            (a - b) / 0.01 * 2 / np.maximum(np.abs(p.case.protocol.at(p.case.times)["voltage"]), LEAST_VOLTAGE)
-            for a, b, p in zip(moved, base, study.pieces, strict=True)
-        ]
-    return gains
+    """How the answer of every piece moves with a constant added to each monitor: output over input, each (N,)."""
+    response = study.response((), study.pieces)
+    noisy = [name for name, level in study.monitor_noise.items() if level > 0]
+    return {name: constant_gains(response, values, name) for name in noisy}

@@ -4,8 +4,9 @@ The contribution of an effect to the readings, c, may differ from its law's by s
 the inputs and the experiments, and by a shift in time: c times smooth functions, each with a share that has zero mean
 and standard deviation LAW. These shares are fitted along with the parameters and integrated out (Kennedy and O'Hagan,
 "Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001) 425, with few functions instead of a
-Gaussian process). The parameters stay those of the law; how far the shares would move them counts as doubt. Effects
-with but one form (`Effect.exact`) have none. Where effects cannot be told apart, so does the spread between them.
+Gaussian process). The parameters stay those of the law; how far the shares would move them counts as
+uncertainty. Effects with but one form (`Effect.exact`) have none. Where effects cannot be told apart, so does the
+spread between them.
 """
 
 from __future__ import annotations
@@ -14,19 +15,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit, inverse
 from ..identify.problem import Problem
-from ..model.effects import catalogue
-from .compiled import Ids
+from ..identify.study import Study
+from ..model.effect import Effect
 from .parameters import switched_off
 
 LAW = 0.1  # standard deviation of each share
 PART = 0.1  # of the effect that is switched off to see its contribution
 
 
-def with_law(problem: Problem, ids: Ids, best: Fit) -> Fit:
+def with_law(study: Study, problem: Problem, ids: Ids, best: Fit) -> Fit:
     """The fit with the covariance and standard errors that it has beside other laws of its effects."""
-    other = [_columns(problem, best, name) for name in ids if not catalogue()[name].exact]
+    other = [_columns(study.catalogue[name], problem, best) for name in ids if not study.catalogue[name].exact]
     if not other:
         return best
     k, columns = len(best.names), np.concatenate(other, axis=1)
@@ -42,17 +44,21 @@ def with_law(problem: Problem, ids: Ids, best: Fit) -> Fit:
 
 def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
     """The fit with the spread of the parameters that it shares with rivals which would do as well."""
-    apart = [np.array([r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0
-                       for i, n in enumerate(best.names)]) for r in rivals]  # fmt: skip
+    apart = [
+        np.array(
+            [r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0 for i, n in enumerate(best.names)]
+        )
+        for r in rivals
+    ]
     if not apart:
         return best
     return best.with_covariance(best.covariance + np.mean([np.outer(d, d) for d in apart], axis=0))
 
 
-def _columns(problem: Problem, best: Fit, name: str) -> np.ndarray:
+def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:
     """What a share of 1 of each function adds to the whitened readings, shape (N, functions)."""
-    off = switched_off(catalogue()[name])
-    less = {n: v + PART * (off[n] - v) for n, v in best.values.items() if n in catalogue()[name].off}
+    off = switched_off(effect)
+    less = {n: v + PART * (off[n] - v) for n, v in best.values.items() if n in effect.off}
     outputs = problem.response.outputs(best.values)
     without = problem.response.outputs(best.values | less)
     added = [(a - b) / PART for a, b in zip(outputs, without, strict=True)]

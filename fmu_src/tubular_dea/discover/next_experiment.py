@@ -1,7 +1,7 @@
 """Which experiment to make next: of feasible protocols, the one on which the competing models differ most.
 
 Expected discrimination is half the squared distance of the models' answers in units of the sensor's noise. Feasible
-are protocols within the pressures and voltages that were recorded, at most 30 s long.
+are the plant's own protocols (`Plant.experiments`), or steps and sweeps of every input within what was recorded.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..identify.problem import whitened
+from ..identify.response import Case, Reading
+from ..identify.study import Study
 from ..kernel import KernelError
+from ..plants.plant import Plant
 from ..protocol import Protocol
-from .compiled import Ids
 from .options import Option
-from .study import Study
 
-WITHIN = 0.85  # of the largest pressure and voltage recorded
+WITHIN = 0.85  # of the largest inputs recorded
 
 
 @dataclass(frozen=True)
@@ -31,14 +33,20 @@ class Proposal:
 def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
     """The protocol that separates the two closest of `options` best; None where fewer than two are given."""
     best: Proposal | None = None
+    reading = study.pieces[0].case.readings[0]
+    step = float(np.median(np.diff(reading.times)))
     for words, protocol in feasible(study).items():
-        times = np.arange(protocol.time[0], protocol.time[-1], 0.004)
+        times = np.arange(protocol.time[0], protocol.time[-1], step)
+        case = Case(protocol, (Reading(reading.output, times),))
         try:
-            answers = [_answer(study, o.ids, o.fitted.values, protocol, times) for o in options]
+            answers = [study.asked(o.ids, [case]).outputs_alone(o.fitted.values)[0] for o in options]
         except KernelError:
             continue
-        apart = [float(np.sum(study.noise.whiten(times, a - b) ** 2)) / 2
-                 for i, a in enumerate(answers) for b in answers[:i]]  # fmt: skip
+        apart = [
+            float(np.sum(whitened(case, a - b, study.noise) ** 2)) / 2
+            for i, a in enumerate(answers)
+            for b in answers[:i]
+        ]
         if apart and (best is None or min(apart) > best.discrimination):
             best = Proposal(words, min(apart))
     return best
@@ -46,62 +54,40 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
 
 def feasible(study: Study) -> dict[str, Protocol]:
     """Protocols in words, within what was recorded."""
-    inputs = study.pieces[0].case.protocol.inputs
-    if not {"pressure", "voltage"} <= set(inputs):
-        return {}
-    recorded = {n: np.concatenate([p.case.protocol.inputs[n] for p in study.pieces]) for n in ("pressure", "voltage")}
-    p, v = (WITHIN * float(r[np.argmax(np.abs(r))]) for r in recorded.values())  # with the polarity that was recorded
-    mmhg, kv = p / 133.322, v / 1e3
-    return {
-        f"voltage steps of 10 ms to 1 s up to {kv:.1f} kV at {0.6 * mmhg:.0f} mmHg": _pulses(0.6 * p, v),
-        f"a sweep of the pressure from 0.1 to 10 Hz between {0.4 * mmhg:.0f} and {mmhg:.0f} mmHg without voltage":
-            _sweep(p, 0.0),
-        f"a sweep of the pressure from 0.1 to 10 Hz between {0.4 * mmhg:.0f} and {mmhg:.0f} mmHg at {0.6 * kv:.1f} kV":
-            _sweep(p, 0.6 * v),
-        f"slow pressure triangles of growing height up to {mmhg:.0f} mmHg without voltage": _triangles(p, 0.0),
-        f"slow pressure triangles of growing height up to {mmhg:.0f} mmHg at {0.6 * kv:.1f} kV": _triangles(p, 0.6 * v),
-        f"{kv:.1f} kV held for 15 s at {0.6 * mmhg:.0f} mmHg and then taken off for 10 s": _hold(0.6 * p, v),
-        f"voltage triangles up to {kv:.1f} kV of 1 s and of 6 s at {0.6 * mmhg:.0f} mmHg":
-            _voltage_triangles(0.6 * p, v),
-    }  # fmt: skip
+    largest = study.plant.nominal_inputs([p.case.protocol for p in study.pieces])
+    if study.plant.experiments is not None:
+        return study.plant.experiments(largest)
+    times = study.pieces[0].case.times
+    step, span = float(np.median(np.diff(np.unique(times)))), float(times.max() - times.min())
+    return sweeps(study.plant, largest, span, step)
 
 
-def _answer(study: Study, ids: Ids, values: Mapping[str, float], protocol: Protocol, times: np.ndarray) -> np.ndarray:
-    run = study.compiled.kernel(ids).simulate(protocol, times, study.geometry | dict(values))
-    return run[study.measured]
+def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float) -> dict[str, Protocol]:
+    """Of every input in turn steps of growing height and a sweep, the others at half of their largest values."""
+    found = {}
+    for name, top in largest.items():
+        unit = plant.quantity(name).unit
+        others = {n: 0.5 * v for n, v in largest.items() if n != name}
+        for words, wave in {
+            f"steps of {name} up to {WITHIN * top:.3g} {unit}": _staircase(span),
+            f"a sweep of {name} up to {WITHIN * top:.3g} {unit}": _chirp(span, step),
+        }.items():
+            grid, shape = wave
+            inputs = {n: np.full(grid.size, v) for n, v in others.items()} | {name: WITHIN * top * shape}
+            found[words] = Protocol(grid, inputs)
+    return found
 
 
-def _pulses(pressure: float, voltage: float) -> Protocol:
-    time, volts = [0.0, 2.0], [0.0, 0.0]
-    for length in (0.01, 0.03, 0.1, 0.3, 1.0) * 3:
-        start = time[-1]
-        time += [start, start + length, start + length, start + 2 * length + 0.1]
-        volts += [voltage, voltage, 0.0, 0.0]
-    grid = np.array(time)
-    return Protocol(grid, {"pressure": pressure * np.minimum(grid / 1.0, 1.0), "voltage": np.array(volts)})
+def _staircase(span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Steps to growing heights and back, each held for a tenth of the time."""
+    levels = np.array([0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5])
+    marks = np.linspace(0.0, span, levels.size + 1)
+    return np.repeat(marks, 2)[1:-1], np.repeat(levels, 2)
 
 
-def _sweep(pressure: float, voltage: float) -> Protocol:
-    duration, lowest, span = 20.0, 0.1, np.log(100)  # s, Hz, log of the largest over the lowest
-    time = np.arange(0, duration, 0.01)
-    phase = 2 * np.pi * lowest * duration / span * (np.exp(span * time / duration) - 1)
-    wave = pressure * np.minimum(time, 1.0) * (0.7 + 0.3 * np.sin(phase))
-    return Protocol(time, {"pressure": wave, "voltage": np.full(time.size, voltage) * (time > 1.5)})
-
-
-def _triangles(pressure: float, voltage: float) -> Protocol:
-    time = np.arange(0, 27, 3.0)
-    heights = pressure * np.array([0.0, 0.4, 0.05, 0.7, 0.05, 1.0, 0.05, 1.0, 0.3])
-    return Protocol(time, {"pressure": heights, "voltage": np.full(time.size, voltage)})
-
-
-def _hold(pressure: float, voltage: float) -> Protocol:
-    time = np.array([0.0, 1.0, 2.0, 2.0, 17.0, 17.0, 27.0])
-    return Protocol(time, {"pressure": pressure * np.minimum(time, 1.0),
-                           "voltage": voltage * np.array([0, 0, 0, 1.0, 1.0, 0, 0])})  # fmt: skip
-
-
-def _voltage_triangles(pressure: float, voltage: float) -> Protocol:
-    time = np.array([0.0, 1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 7.0, 10.0, 13.0, 16.0])
-    return Protocol(time, {"pressure": pressure * np.minimum(time, 1.0),
-                           "voltage": voltage * np.array([0, 0, 0, 1.0, 0, 1.0, 0, 1.0, 0, 1.0, 0])})  # fmt: skip
+def _chirp(span: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """A wave between 0 and 1 whose period falls from a third of the time to ten samples."""
+    time = np.arange(0.0, span, 2 * step)
+    low, high = 3 / span, 1 / (10 * step)
+    phase = 2 * np.pi * low * span / np.log(high / low) * ((high / low) ** (time / span) - 1)
+    return time, 0.5 - 0.5 * np.cos(phase)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..identify.response import TOLERANCE
-from .study import Study
+from ..identify.study import Study
 
 MARGIN = 4.0
 

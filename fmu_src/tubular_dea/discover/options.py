@@ -7,24 +7,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
-from .compiled import Ids
+from ..identify.study import Study
 from .refit import fit_effects
-from .residuals import Adequacy, adequacy
-from .study import Study
-from .validation import cross_validated, held_out_cost
+from .residuals import LackOfFit, lack_of_fit
+from .validation import folds, held_out_residual, left_out
 
 
 @dataclass(frozen=True)
 class Option:
-    """Effects `ids` fitted: the fit, and its sums of squares on blocks and experiments that had no part in it."""
+    """Effects `ids` fitted: the fit, and what it leaves of data that had no part in it.
+
+    `cross_validated` is the sum of squares of blocks left out in turn, `across` that of experiments left out in turn,
+    `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have but one
+    form, so that whatever they leave over is something else.
+    """
 
     ids: Ids
     fitted: Fit
     cross_validated: float
-    held_out: float
-    adequacy: Adequacy
+    across: float
+    unseen: np.ndarray
+    lack_of_fit: LackOfFit
     refined: Ids = ()
+    exact: bool = False
+
+    @property
+    def held_out(self) -> float:
+        """The sum of squares of the held-out experiments, in units of the noise; 0 where there are none."""
+        return float(self.unseen @ self.unseen)
 
     @property
     def misfit(self) -> float:
@@ -48,5 +60,14 @@ def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: S
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
     """A fit with its validation."""
-    return Option(ids, fitted, cross_validated(fitted, study.training), held_out_cost(study, ids, fitted),
-                  adequacy(study, fitted), refined)  # fmt: skip
+    blocks, experiments = (left_out(fitted, fold) for fold in folds(study.training, fitted.residual.size))
+    return Option(
+        ids,
+        fitted,
+        blocks,
+        experiments,
+        held_out_residual(study, ids, fitted),
+        lack_of_fit(study, fitted),
+        refined,
+        all(study.catalogue[i].exact for i in ids),
+    )

@@ -3,56 +3,95 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..identify.adjust import with_own
+from ..identify.compiled import Ids
 from ..identify.fit import Fit, goodness, interval, rmse
+from ..identify.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Model
-from ..model.effects import catalogue
-from .compiled import Ids
+from . import remarks, residuals
+from .acceptance import size_interval
 from .engine import Discovery
+from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
 
 WHY = {
     "no_effect": "Nothing is missing at this noise",
     "effect_found": "The effects are told apart from every rival",
     "ambiguous": "The record cannot tell these effects apart",
+    "partly_explained": "The named effects predict data that no fit has seen, and something else remains",
     "unexplained": "A residual remains that no effect of the catalogue explains",
 }
 MOSTLY = 0.9  # of what is not noise
-REPEAT = {
-    "electrical": "with and without voltage at the same pressures",
-    "mechanical": "at several rates without voltage",
-    "pressure": "with a second pressure sensor at the tube",
-    "sensor": "with a second displacement sensor",
-}
 
 
 def result(found: Discovery) -> dict[str, Any]:
     """The content of result.json (design.md section 3), numbers in SI units."""
-    chosen, base = found.chosen, found.base
-    published = {q: v for q, v in found.study.compiled.base.parameter_values().items() if q not in found.study.geometry}
+    study, chosen, waves = found.study, found.named, oscillations(found)
+    first = study.plant.outputs[0].name
+    published = {q: v for q, v in study.plant.model.parameter_values().items() if q not in study.geometry}
     return {
         "verdict": found.verdict,
+        "plant": study.plant.name,
         "effects": [_effect(found, name) for name in chosen.ids],
         "error": {
-            "published": errors(found, (), published),
-            "recalibrated": errors(found, (), base.fitted.values),
-            "after": errors(found, chosen.ids, chosen.fitted.values),
+            "published": errors(found.search.base_study, (), published),
+            "recalibrated": errors(found.search.base_study, (), found.base.fitted.values),
+            "after": errors(study, chosen.ids, chosen.fitted.values),
         },
-        "noise_floor_m": found.study.noise.rms,
-        "residual": {"channel": channel(found), "tests": _tests(found)},
+        "noise_floor": study.noise[first].rms,
+        "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
+        "invisible": found.search.rounds[0].visible if found.search.rounds else {},
+        "remarks": remarks.remarks(found, waves),
         "next_experiment": advice(found),
-        "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in base.fitted.names},
+        "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
         "undetermined": chosen.fitted.undetermined(),
-        "noise": {"sensor_rms_m": found.study.noise.rms, "sensor_correlation": found.study.noise.correlation,
-                  "monitors": found.study.monitor_noise, "from_monitors_rms_m": found.coloured},
-        "held_out": [p.name for p in found.study.held_out],
+        "noise": _noise(found, waves),
+        "held_out": [p.name for p in study.held_out],
         "ranking": ranking(found),
-    }  # fmt: skip
+    }
+
+
+def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
+    """What every sensor and monitor adds, what swings beside, and by how much zeros differ between files."""
+    study = found.study
+    sensors = {
+        name: {
+            "rms": noise.rms,
+            "correlation": noise.correlation,
+            "hum_hz": list(noise.hum),
+            "oscillations": [
+                {"hz": w.frequency, "amplitude": w.largest[1], "largest_in": w.largest[0]}
+                for w in waves
+                if w.output == name
+            ],
+            "from_monitors": found.coloured[name],
+            "unit": _unit(found, name),
+        }
+        for name, noise in study.noise.items()
+    }
+    monitors = {name: {"rms": level, "unit": _unit(found, name)} for name, level in study.monitor_noise.items()}
+    spreads = {name: spread for name, spread in study.spread.items() if study.zero(name) > 0}
+    zeros = {name: {"spread": spread, "unit": _unit(found, name)} for name, spread in spreads.items()}
+    return {"sensors": sensors, "monitors": monitors, "zeros": zeros}
+
+
+def remainder(found: Discovery) -> dict[str, Any] | None:
+    """What stays where not everything is explained: its size, share and channel."""
+    if found.verdict not in ("partly_explained", "unexplained"):
+        return None
+    state, before = found.named.lack_of_fit, found.base.lack_of_fit
+    return {
+        "rms": state.structure,
+        "unit": _unit(found, found.study.plant.outputs[0].name),
+        "share": min(1.0, max(state.excess, 0.0) / max(before.excess, 1.0)),
+        "channel": channel(found),
+    }
 
 
 def channel(found: Discovery) -> str | None:
@@ -63,52 +102,74 @@ def channel(found: Discovery) -> str | None:
     if found.verdict == "no_effect":
         return None
     if _by_effect(found):
-        return catalogue()[found.chosen.ids[0]].channel
-    return found.located.channel if found.located else None
+        return found.study.catalogue[found.chosen.ids[0]].channel
+    known = found.study.plant.own_channels
+    moved = [known[n] for n in remarks.implausible(found, found.base.fitted) if n in known]
+    if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks
+        return max(set(moved), key=moved.count)
+    return found.isolated.channel if found.isolated else None
 
 
 def _by_effect(found: Discovery) -> bool:
     """The first effect explains the residual, or nearly all of it."""
-    explained = 1 - found.chosen.adequacy.excess / max(found.base.adequacy.excess, 1.0)
+    explained = 1 - found.chosen.lack_of_fit.excess / max(found.base.lack_of_fit.excess, 1.0)
     return bool(found.chosen.ids) and (found.verdict != "unexplained" or explained > MOSTLY)
 
 
 def final_model(found: Discovery) -> Model:
-    """The model with the accepted effects and the identified values as its defaults."""
-    values = found.study.geometry | found.chosen.fitted.values
-    for name in found.chosen.ids:
-        values = switched_on(catalogue()[name]) | values
-    model = found.study.compiled.model(found.chosen.ids)
+    """The model with the effects that are named and the identified values as its defaults."""
+    chosen, catalogue = found.named, found.study.catalogue
+    values = found.study.geometry | chosen.fitted.values
+    for name in chosen.ids:
+        values = switched_on(catalogue[name]) | values
+    model = found.study.compiled.model(chosen.ids)
     names = set(model.parameter_values())
     return model.with_values({n: float(v) for n, v in values.items() if n in names})
 
 
-def errors(found: Discovery, ids: Ids, values: Mapping[str, float]) -> dict[str, Any]:
-    """Errors on training and held-out experiments, and for each experiment; None where the model has no answer."""
+def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any]:
+    """Errors of every output on training and held-out experiments, and for each experiment; None without an answer.
+
+    A record's own zeros and switching instants are taken at their most likely values.
+    """
     try:
-        outputs = found.study.response(ids, found.study.pieces).outputs(values)
+        answers = study.response(ids, study.pieces).outputs(values)
     except KernelError:
-        return {
-            "rmse_m": None,
-            "fit_percent": None,
-            "held_out_rmse_m": None,
-            "held_out_fit_percent": None,
-            "per_experiment": {},
-        }
-    pairs = list(zip(found.study.pieces, outputs, strict=True))
-    record = {
-        p.name: {"rmse_m": rmse([p.record], [y]), "fit_percent": _finite(goodness([p.record], [y])),
-                 "held_out": p.held_out}
-        for p, y in pairs
-    }  # fmt: skip
-    train = [(p.record, y) for p, y in pairs if not p.held_out]
-    held = [(p.record, y) for p, y in pairs if p.held_out]
-    of = {"": train, "held_out_": held}
-    summary: dict[str, Any] = {}
-    for prefix, part in of.items():
-        summary[f"{prefix}rmse_m"] = rmse(*zip(*part, strict=True)) if part else None
-        summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True))) if part else None
-    return summary | {"per_experiment": record}
+        answers = None
+    outputs = {name: _output_errors(study, name, answers) for name in study.noise}
+    first = study.plant.outputs[0].name
+    return outputs[first] | ({"outputs": outputs} if len(outputs) > 1 else {})
+
+
+def _output_errors(study: Study, name: str, answers: Sequence[np.ndarray] | None) -> dict[str, Any]:
+    unit = study.plant.quantity(name).unit
+    summary: dict[str, Any] = {"rmse": None, "fit_percent": None, "held_out_rmse": None, "held_out_fit_percent": None}
+    if answers is None:
+        return summary | {"unit": unit, "per_experiment": {}}
+    pairs = [
+        (p, *pair)
+        for p, y in zip(study.pieces, answers, strict=True)
+        for pair in _of_output(p, name, with_own(study, p, y))
+    ]
+    each = {
+        p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}
+        for p, r, y in pairs
+    }
+    for prefix, held in (("", False), ("held_out_", True)):
+        part = [(r, y) for p, r, y in pairs if p.held_out == held]
+        if part:
+            summary[f"{prefix}rmse"] = rmse(*zip(*part, strict=True))
+            summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True)))
+    return summary | {"unit": unit, "per_experiment": each}
+
+
+def _of_output(piece: Piece, name: str, answer: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The record and the answer of one output of a piece, where it has it."""
+    return [
+        (piece.record[part], answer[part])
+        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+        if reading.output == name
+    ]
 
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:
@@ -120,7 +181,7 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
     }
     ordered = sorted(options.values(), key=lambda o: -o.evidence)
     return [
-        {"effects": list(o.ids), "evidence": o.evidence - found.base.evidence, "ratio": o.adequacy.ratio}
+        {"effects": list(o.ids), "evidence": o.evidence - found.base.evidence, "ratio": o.lack_of_fit.ratio}
         for o in ordered
     ]
 
@@ -128,28 +189,31 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
     why, proposal, where = WHY[found.verdict], found.proposal, channel(found)
+    if found.verdict == "no_effect" and remarks.thin(found):
+        words = proposal.words if proposal else "an experiment of another kind"
+        return f"{why}, but {remarks.thin(found)}: record {words}, to see what this cannot show."
     if found.verdict == "no_effect":
-        return f"{why}: no further experiment is needed unless the tube will go beyond what was recorded."
-    if found.verdict == "unexplained":
-        because = "it is largest where this channel acts" if _nowhere(found) else f"the {where} channel explains most"
-        return f"{why}: repeat an experiment {REPEAT[str(where)]}, because {because}."
+        return f"{why}: no further experiment is needed unless the {_plant(found)} will go beyond what was recorded."
+    if found.verdict in ("unexplained", "partly_explained"):
+        because = "it is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
+        return f"{why}: repeat an experiment with a second sensor in the {where} channel, because {because}."
     if proposal is None:
-        return f"{why}: repeat the experiments on another tube to see whether the effect is the same."
+        return f"{why}: repeat the experiments on another specimen to see whether the effect is the same."
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
     names = " or ".join(dict.fromkeys(listed))
-    apart = f"{proposal.discrimination:.0f} in log likelihood"
+    apart = f"by {np.sqrt(2 * proposal.discrimination):.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"{why}: record {proposal.words}, on which {names} differ by {apart} where they are closest."
-    return f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ by {apart}."
+        return f"{why}: record {proposal.words}, on which {names} differ {apart} where they are closest."
+    return f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ {apart}."
 
 
 def _nowhere(found: Discovery) -> bool:
     """No effect explains nearly all of the residual, and no channel half of it."""
-    return not _by_effect(found) and bool(found.located and found.located.disturbance)
+    return not _by_effect(found) and bool(found.isolated and found.isolated.disturbance)
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:
-    effect, fitted = catalogue()[name], found.chosen.fitted
+    effect, fitted = found.study.catalogue[name], found.chosen.fitted
     names = [q.name for q in effect.parameters if q.name in fitted.names]
     units = {q.name: q.unit for q in effect.parameters}
     return {
@@ -157,8 +221,17 @@ def _effect(found: Discovery, name: str) -> dict[str, Any]:
         "channel": effect.channel,
         "equivalent": found.equivalent.get(name, []),
         "evidence": evidence(found, name),
-        "parameters": {n: _parameter(fitted, n, units[n]) for n in names},
+        "explained": _explained(found, name),
+        "parameters": {n: _parameter(fitted, n, units[n], size_interval(effect, fitted, n)) for n in names},
     }
+
+
+def _explained(found: Discovery, name: str) -> float:
+    """The share of what is not noise that an effect explains, beside the others that are named."""
+    study = found.search.base_study
+    before = max(found.base.misfit - residuals.expected_squares(study, study.pieces), 1.0)
+    gained = found.chosen_gains.get(name, 0.0)
+    return float(np.clip(gained / before, 0.0, 1.0))
 
 
 def evidence(found: Discovery, name: str) -> float:
@@ -169,27 +242,38 @@ def evidence(found: Discovery, name: str) -> float:
     return float(found.chosen.evidence - max(o.evidence for o in allowed))
 
 
-def _parameter(fitted: Fit, name: str, unit: str) -> dict[str, Any]:
-    low, high = interval(fitted, name)
-    return {"value": float(fitted.values[name]), "stderr": _finite(fitted.stderr[name]),
-            "ci95": [_finite(low), _finite(high)], "unit": unit}  # fmt: skip
+def _parameter(fitted: Fit, name: str, unit: str, ends: tuple[float, float] | None = None) -> dict[str, Any]:
+    low, high = ends or interval(fitted, name)
+    return {
+        "value": float(fitted.values[name]),
+        "stderr": _finite(fitted.stderr[name]),
+        "ci95": [_finite(low), _finite(high)],
+        "unit": unit,
+    }
+
+
+def _plant(found: Discovery) -> str:
+    return found.study.plant.name
 
 
 def _unit(found: Discovery, name: str) -> str:
-    return found.study.compiled.base.quantity(name).unit
+    return found.study.plant.quantity(name).unit
 
 
 def _tests(found: Discovery) -> dict[str, Any]:
-    sides = {"before": (found.tests_before, found.base.adequacy), "after": (found.tests_after, found.chosen.adequacy)}
+    sides = {
+        "before": (found.tests_before, found.base.lack_of_fit),
+        "after": (found.tests_after, found.chosen.lack_of_fit),
+    }
     first = found.search.rounds[0]
     return {
         name: {k: _finite(v) for k, v in tests.items()}
-        | {"z_slow": state.z_slow, "z_total": state.z_total, "structure_m": state.structure}
+        | {"z_slow": state.z_slow, "z_total": state.z_total, "structure": state.structure}
         for name, (tests, state) in sides.items()
     } | {
-        "latent_evidence": {k: _finite(v) for k, v in found.located.evidence.items()} if found.located else {},
-        "disturbance": bool(found.located and found.located.disturbance),
-        "largest_score": float(first.scores[0].gain) if first.scores else 0.0,
+        "latent_evidence": {k: _finite(v) for k, v in found.isolated.evidence.items()} if found.isolated else {},
+        "disturbance": bool(found.isolated and found.isolated.disturbance),
+        "largest_score": float(first.scores[0].statistic) if first.scores else 0.0,
         "threshold": float(first.threshold),
         "numeric_gain": found.numeric,
     }

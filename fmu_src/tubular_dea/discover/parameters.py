@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from ..identify.fit import Fit
 from ..identify.problem import Free
-from ..model.declare import Model, Quantity
-from ..model.effects import Effect
+from ..model.declare import Quantity
+from ..model.effect import Effect
+from ..plants.plant import Plant
 
 
-def base_parameters(model: Model) -> list[Free]:
-    """The parameters that may be identified: all tunable ones of the base model."""
-    return [_free(p.quantity, abs(p.quantity.value or 1.0)) for p in model.parameters if p.tunable]
+def base_parameters(plant: Plant) -> list[Free]:
+    """The parameters that may be identified: all tunable ones of the base model, and starts shared by all."""
+    return [
+        _free(p.quantity, abs(p.quantity.value or 0.0) or abs(p.quantity.nominal) or 1.0)
+        for p in plant.model.parameters
+        if p.tunable or p.start == "shared"
+    ]
 
 
 def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
@@ -23,6 +31,17 @@ def size(effect: Effect, name: str) -> float:
     typical, off = effect.typical[name], effect.off.get(name, 0.0)
     quantity = next(q for q in effect.parameters if q.name == name)
     return abs(typical - off) or abs(quantity.nominal) or 1.0
+
+
+def unusual(effect: Effect, fitted: Fit) -> float:
+    """How many times its usual size an effect has, or by how many powers of ten beyond one its lengths are off."""
+    sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in effect.off.items() if n in fitted.names]
+    lengths = [
+        fitted.values[n] / effect.typical[n]
+        for n in effect.fit
+        if n in fitted.names and n not in effect.off and effect.typical[n] != 0
+    ]
+    return max([0.0, *sizes, *(10 ** (abs(np.log10(x)) - 1) if x > 0 else 1.0 for x in lengths)])
 
 
 def switched_on(effect: Effect) -> dict[str, float]:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import PRECISION, Fit, FitError, fit
 from ..identify.problem import Free
-from ..model.effects import Effect, catalogue
+from ..identify.study import Study
+from ..model.effect import Effect
 from .bank import Score
-from .compiled import Ids
 from .parameters import base_parameters, clipped, effect_parameters, switched_on
-from .study import Study
 
 FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
 ROUGH = 1e-4  # relative change of the cost at which the first steps end
@@ -33,7 +33,7 @@ def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]
     ids = (*present, scored[0].candidate.effect.id)
     starts = [start_values(fitted, score) for score in scored]
     best = _best(study, ids, starts, refined)
-    if best is not None and fitted.cost - best.cost > PROMISED * scored[0].gain:
+    if best is not None and fitted.cost - best.cost > PROMISED * scored[0].statistic:
         return best
     near = start_values(fitted, scored[0], NEARBY)  # the model without the effect costs as much as the present one
     again = _best(study, ids, [starts[0] | moved(fitted, scored[0]), near], refined)
@@ -58,20 +58,31 @@ def moved(fitted: Fit, score: Score) -> dict[str, float]:
     return {f.name: f.to_si(float(s)) for f, s in zip(fitted.free, fitted.scaled + step, strict=True)}
 
 
-def fit_effects(study: Study, ids: Ids, start: dict[str, float], evaluations: int = FULL,
-                refined: Sequence[str] = (), precision: float = PRECISION) -> Fit:  # fmt: skip
+def fit_effects(
+    study: Study,
+    ids: Ids,
+    start: dict[str, float],
+    evaluations: int = FULL,
+    refined: Sequence[str] = (),
+    precision: float = PRECISION,
+) -> Fit:
     """The model with effects `ids` fitted from `start` (SI); effects in `refined` with their finer form too."""
-    free = [*base_parameters(study.compiled.base)]
+    free = [*base_parameters(study.plant)]
     fixed: dict[str, float] = {}
     for name in ids:
-        effect = catalogue()[name]
+        effect = study.catalogue[name]
         free += effect_parameters(effect, name in refined)
         fixed |= switched_on(effect)
     names = [f.name for f in free]
     fixed = {n: v for n, v in fixed.items() if n not in names}
     problem = study.problem(ids, free, fixed)
-    return fit(problem, {f.name: clipped(f, start.get(f.name, fixed.get(f.name, 0.0))) for f in free}, 1,
-               evaluations=evaluations, precision=precision)  # fmt: skip
+    return fit(
+        problem,
+        {f.name: clipped(f, start.get(f.name, fixed.get(f.name, 0.0))) for f in free},
+        1,
+        evaluations=evaluations,
+        precision=precision,
+    )
 
 
 def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) -> Fit:
@@ -107,5 +118,4 @@ def _inside(effect: Effect, free: Free, amplitude: float) -> float:
 def _lag(effect: Effect, shape: dict[str, float], share: float) -> dict[str, float]:
     """A share of a lag is about the whole of a shorter one; of a rate limit or a frequency, of a higher one."""
     share = float(np.clip(share, 0.1, 2.0))
-    return {name: value * share if name.startswith("tau") else value / share if name != "line_damping" else value
-            for name, value in shape.items()}  # fmt: skip
+    return {name: value * share ** effect.trades.get(name, 0.0) for name, value in shape.items()}

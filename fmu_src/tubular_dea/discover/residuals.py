@@ -7,20 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.misfit import BLOCK, block_sums, parts
-from .compiled import Ids
-from .study import Piece, Study
+from ..identify.noise import UNQUIET
+from ..identify.study import Piece, Study
 
-BANDWIDTH = 25.0  # Hz, of the tube: what comes in by the monitors does not reach further
+# Ratios above which a model is far from the plant; the latter where noise is bounded only.
+FAR, FAR_UNQUIET = 3.0, 1.5
+LAG = 25  # samples: the lag of an input that a residual is held against
 
 
 @dataclass(frozen=True)
-class Adequacy:
+class LackOfFit:
     """Whether a residual is noise. `excess` is what the sum of squares has beyond what noise leaves, `expected`.
 
     `z_slow` and `z_total` are the excess of block means and of all samples in standard deviations; `structure` is the
-    root mean square of what is not noise [SI], `ratio` the residual's over the noise's.
+    root mean square of what is not noise [SI], `ratio` the residual's over the noise's. Above a ratio of `far` how far
+    models are from the plant decides between effects, and not noise.
     """
 
     excess: float
@@ -29,52 +33,77 @@ class Adequacy:
     z_total: float
     structure: float
     ratio: float
+    far: float = FAR
 
 
-def adequacy(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -> Adequacy:
+def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -> LackOfFit:
     """How the residual of a fit to the training pieces compares with the noise."""
     pieces = study.training if pieces is None else pieces
     n = sum(p.record.size for p in pieces)
     residual = fitted.residual[:n]
     expected = max(expected_squares(study, pieces) - len(fitted.names), 1.0)
     excess = float(residual @ residual) - expected
-    means, variance = block_means(residual, pieces), _block_variance(pieces)
-    level = study.noise.doubt
-    z_slow = float(means @ means - variance.sum()) / np.hypot(np.sqrt(2.0) * np.linalg.norm(variance),
-                                                              level * variance.sum())  # fmt: skip
-    doubt = np.hypot(np.sqrt(2.0 * n), level * n)
+    means, variance = block_means(residual, pieces), _block_variance(study, pieces)
+    level = max(noise.uncertainty for noise in study.noise.values())
+    z_slow = float(means @ means - variance.sum()) / np.hypot(
+        np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum()
+    )
+    uncertainty = np.hypot(np.sqrt(2.0 * n), level * n)
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))
-    gained = excess / n / share * (study.noise.innovation / (1 - study.noise.correlation)) ** 2
-    return Adequacy(excess, expected, float(z_slow), float(excess / doubt), float(np.sqrt(max(gained, 0.0))),
-                    float(np.sqrt(max(1 + excess / expected, 0.0))))  # fmt: skip
+    gained = excess / n / share * study.noise[pieces[0].case.readings[0].output].slow ** 2
+    return LackOfFit(
+        excess,
+        expected,
+        float(z_slow),
+        float(excess / uncertainty),
+        float(np.sqrt(max(gained, 0.0))),
+        float(np.sqrt(max(1 + excess / expected, 0.0))),
+        FAR if level < UNQUIET else FAR_UNQUIET,
+    )
 
 
 def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
-    """The sum of squares that noise leaves: the sensor's in full, the monitors' as far as it came through."""
-    return float(sum(np.sum(p.weight**2 + _through(p, 1) * (1 - p.weight**2)) for p in pieces))
+    """The sum of squares that noise leaves: the sensor's in full, the monitors' as far as it came through.
+
+    Where a piece was followed (its switching instants), nothing of it is left.
+    """
+    return float(sum(np.sum(_variance(study, p, 1)) for p in pieces))
 
 
-def _through(piece: Piece, block: int) -> float:
+def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
+    """The variance of every whitened sample (N,), as averages over `block` samples feel it."""
+    sensor = piece.weight**2
+    through = _through(study, piece, block) * (1 - sensor)
+    if block == 1:
+        through = np.maximum(through, sensor * piece.shaken)
+    return (sensor + through) * (1 - piece.marginal.taken(sensor.size))
+
+
+def _through(study: Study, piece: Piece, block: int) -> float:
     """The share of the monitors' noise that is in averages over `block` samples.
 
-    A monitor drawn as straight lines keeps the noise slower than its corners; the tube keeps what is in its bandwidth.
+    A monitor drawn as straight lines keeps the noise slower than its corners; the plant keeps what is in its bandwidth.
     """
     corners = np.unique(piece.case.protocol.time).size
-    tube = 2 * BANDWIDTH * float(np.median(np.diff(piece.case.times)))
-    return min(1.0, block * corners / piece.record.size, block * tube)
+    kept = 2 * study.plant.bandwidth * float(np.median(np.diff(piece.case.readings[0].times)))
+    return min(1.0, block * corners / piece.record.size, block * kept)
 
 
-def _block_variance(pieces: Sequence[Piece]) -> np.ndarray:
+def _block_variance(study: Study, pieces: Sequence[Piece]) -> np.ndarray:
     """The variance of `block_means` under noise alone."""
-    weights = [p.weight[: p.weight.size // BLOCK * BLOCK].reshape(-1, BLOCK) ** 2 for p in pieces]
-    return np.concatenate([
-        (w + _through(p, BLOCK) * (1 - w)).mean(axis=1) for w, p in zip(weights, pieces, strict=True)
-    ])  # fmt: skip
+    each = [_variance(study, p, BLOCK) for p in pieces]
+    return np.concatenate([v[: v.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1) for v in each])
 
 
 def block_means(residual: np.ndarray, pieces: Sequence[Piece]) -> np.ndarray:
     """Sums over blocks of each piece, scaled to unit variance under white noise."""
     return block_sums(parts(residual, [p.record for p in pieces])) / np.sqrt(BLOCK)
+
+
+def slow_variance(fitted: Fit, pieces: Sequence[Piece]) -> float:
+    """By how much the white residual's averages vary more than noise would let them: 1 for noise, or less."""
+    n = sum(p.record.size for p in pieces)
+    return max(1.0, float(np.mean(block_means(fitted.residual[:n], pieces) ** 2)))
 
 
 def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
@@ -91,14 +120,15 @@ def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     found = {"blocks": float(means.size), "whiteness": whiteness(means), "limit": 2 / float(np.sqrt(means.size))}
     for name, values in blocks.items():
         found[f"correlation with {name}"] = _correlation(means, values)
-    speed, voltage = blocks["lambda_2_rate"], blocks["voltage"]
-    rising, falling = speed > np.quantile(speed, 0.7), speed < np.quantile(speed, 0.3)
-    found["hysteresis"] = float(means[rising].mean() - means[falling].mean())
-    if np.ptp(voltage) > 0:
-        on = voltage > 0.1 * voltage.max()
-        found["asymmetry on/off"] = (
-            float(np.mean(means[on] ** 2) - np.mean(means[~on] ** 2)) if 0 < on.sum() < on.size else 0.0
-        )
+    for name in [n for n in blocks if n.startswith("rate of")]:
+        speed = blocks[name]
+        rising, falling = speed > np.quantile(speed, 0.7), speed < np.quantile(speed, 0.3)
+        found[f"hysteresis over {name}"] = float(means[rising].mean() - means[falling].mean())
+    for name in [s.name for s in study.plant.inputs if s.held and np.ptp(blocks[s.name]) > 0]:
+        size = np.abs(blocks[name])
+        on = size > 0.1 * size.max()
+        if 0 < on.sum() < on.size:
+            found[f"asymmetry {name} on/off"] = float(np.mean(means[on] ** 2) - np.mean(means[~on] ** 2))
     return found
 
 
@@ -113,18 +143,18 @@ def whiteness(means: np.ndarray, lags: int = 20) -> float:
 
 
 def _signals(study: Study, ids: Ids, fitted: Fit) -> dict[str, list[np.ndarray]]:
-    """Inputs, stretch and their lags at the samples of each training piece."""
-    kernel = study.compiled.kernel(ids)
+    """Inputs, outputs, their rates and lags at the samples of each training piece."""
     found: dict[str, list[np.ndarray]] = {}
-    for piece in study.training:
-        run = kernel.simulate(piece.case.protocol, piece.case.times, study.geometry | fitted.values)
-        step = float(np.median(np.diff(piece.case.times)))
-        names = {name: run[name] for name in (*kernel.inputs, *kernel.states[:2]) if name in run.values}
-        if "voltage" in names:
-            names["voltage^2"] = names["voltage"] ** 2
-        for name, values in list(names.items()):
-            if name in kernel.inputs:
-                names[f"{name} lag"] = values - _lagged(values, step, 0.1)
+    outputs = study.response(ids, study.training).outputs(fitted.values)
+    for piece, read in zip(study.training, outputs, strict=True):
+        times = piece.case.times
+        step = float(np.median(np.diff(piece.case.readings[0].times)))
+        names = dict(piece.case.protocol.at(times))
+        for name in list(names):
+            names[f"{name}^2"] = names[name] ** 2
+            names[f"{name} lag"] = names[name] - _lagged(names[name], step, LAG * step)
+        first = piece.case.readings[0].output
+        names |= {first: read, f"rate of {first}": np.gradient(read, step)}
         for name, values in names.items():
             found.setdefault(name, []).append(values)
     return found

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from ..identify.study import Study
 from ..identify.threads import side_by_side
-from ..model.effects import catalogue
 from .acceptance import clean, denied
-from .equivalence import stands_in
+from .equivalence import error_reach, stands_in
 from .options import Option, fitted_option
 from .rounds import AT_BEST, Progress, Round
-from .study import Study
 
 LITTLE = 12.0  # gain below which an effect is dropped again
 FINER = 10.0  # log evidence that a finer form must bring
@@ -20,10 +19,15 @@ MOST_FINER = 4  # rivals that are refined with the choice
 
 @dataclass
 class Search:
-    """The rounds, the base, the final option, its rivals (best first), and what it gains by each of its effects."""
+    """The rounds, the base, the final option, its rivals (best first), and what it gains by each of its effects.
+
+    `study` has the records' own numbers as they are with the choice, `base_study` as they are with the base.
+    """
 
     base: Option
     chosen: Option
+    study: Study
+    base_study: Study
     rounds: list[Round] = field(default_factory=list)
     rivals: list[Option] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
@@ -45,11 +49,13 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
             if rival in found.chosen.ids:
                 continue
             tell(f"{rival} in place of {name}")
-            start = dict(found.chosen.fitted.values) | dict(catalogue()[rival].typical) | _fitted_alone(found, rival)
+            usual = dict(study.catalogue[rival].typical) | _fitted_alone(study, found, rival)
+            start = dict(found.chosen.fitted.values) | usual
             other = fitted_option(study, (rival, *rest), start, found.chosen.refined)
             if other is None:
                 continue
-            better, worse = (other, found.chosen) if other.evidence > found.chosen.evidence else (found.chosen, other)
+            ahead = 2 * (other.evidence - found.chosen.evidence) > error_reach(found.chosen)
+            better, worse = (other, found.chosen) if ahead else (found.chosen, other)
             found.chosen = better
             found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
 
@@ -63,14 +69,13 @@ def _earlier_rivals(found: Search, place: int) -> list[str]:
     return [o.ids[-1] for o in others if o.fitted.cost - best.fitted.cost < AT_BEST * brought]
 
 
-def _fitted_alone(found: Search, name: str) -> dict[str, float]:
+def _fitted_alone(study: Study, found: Search, name: str) -> dict[str, float]:
     """The parameters that an effect had in an earlier round."""
     for step in found.rounds:
         for o in step.options:
             if o.ids[-1] == name:
-                return {
-                    q.name: o.fitted.values[q.name] for q in catalogue()[name].parameters if q.name in o.fitted.values
-                }
+                names = [q.name for q in study.catalogue[name].parameters]
+                return {n: o.fitted.values[n] for n in names if n in o.fitted.values}
     return {}
 
 
@@ -89,11 +94,11 @@ def _drop(study: Study, found: Search) -> None:
 
 def _refine(study: Study, found: Search, tell: Progress) -> None:
     """Finer forms of the effects that are in, where the record asks for them; then of the near rivals' too."""
-    if clean(found.chosen.adequacy):
+    if clean(found.chosen.lack_of_fit):
         return
     coarse = found.chosen
     for name in coarse.ids:
-        if not catalogue()[name].refine or name in found.chosen.refined:
+        if not study.catalogue[name].refine or name in found.chosen.refined:
             continue
         finer = _finer(study, found.chosen, (name,), tell)
         if finer and finer.evidence > found.chosen.evidence + FINER and not denied(found.chosen, finer):
@@ -107,7 +112,8 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
     near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
 
     def refined(rival: Option) -> Option:
-        wanted = [i for i in rival.ids if catalogue()[i].refine and (i in found.chosen.refined or i not in coarse.ids)]
+        finest = [i for i in rival.ids if i in found.chosen.refined or i not in coarse.ids]
+        wanted = [i for i in finest if study.catalogue[i].refine]
         finer = _finer(study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
         return finer if finer and finer.evidence > rival.evidence else rival
 

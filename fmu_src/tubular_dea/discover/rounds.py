@@ -3,35 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit
+from ..identify.study import Study
 from ..identify.threads import side_by_side
-from ..model.effects import catalogue
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, clean, no_further_effect
+from .acceptance import FALSE_ALARMS, accept, clean, far, no_further_effect
 from .bank import Score
 from .bootstrap import NullScores, null_scores
-from .compiled import Ids
-from .equivalence import CHANCE
+from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
+from .parameters import unusual
+from .power import Sizes, smallest_visible
 from .refit import FULL, first_refit, further
-from .study import Study
 
 REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
 MARGIN = 1.2  # over the bootstrap's threshold, as the noise is not known exactly
 WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
+ALL_REFITS = 24  # the same where models are so far from the plant that scores at "off" say little
+FAINT = 0.03  # of the best score: no candidate with less is refitted, not even there (winners had 0.7 and more)
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
 LEAST_REACH, REACH = 500.0, 0.3  # above the best refit, and as a share of its gain: the others are refitted to the end
-RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise
+RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise (those near a clean one)
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Round:
-    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), choice."""
+    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), choice.
+
+    `visible` is the smallest size of every effect that would have been seen, `listed` are the candidates with their
+    columns, where they are asked for once more.
+    """
 
     present: Ids
     scores: list[Score]
@@ -40,6 +47,8 @@ class Round:
     options: list[Option]
     accepted: bool
     reason: str
+    visible: dict[str, Sizes]
+    listed: list[bank.Candidate] = field(default_factory=list, repr=False)
 
 
 def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed: int, tell: Progress) -> Round:
@@ -50,32 +59,41 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     ranked = bank.best_of_each(scored)
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
     threshold = max(MARGIN * null.threshold(FALSE_ALARMS), numeric)
-    if ranked[0].gain < threshold:
-        return Round(chosen.ids, ranked, null, threshold, [], False, "no score stands out of the nulls'")
-    hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].gain, ranked[0].id) if chosen.ids else ""
+    visible = smallest_visible(listed, chosen.fitted.jacobian, null)
+    kept = [] if chosen.ids or study.plant.latent else listed
+    blank = Round(chosen.ids, ranked, null, threshold, [], False, "", visible, kept)
+    if ranked[0].statistic < threshold:
+        return replace(blank, reason="no score stands out of the nulls'")
+    hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].statistic, ranked[0].id) if chosen.ids else ""
     if hopeless:
-        return Round(chosen.ids, ranked, null, threshold, [], False, hopeless)
-    options = _refits(study, chosen, scored, _worth(ranked, threshold), tell)
+        return replace(blank, reason=hopeless)
+    worth = _worth(ranked, threshold, ALL_REFITS if far(chosen) else MOST_REFITS)
+    options = _refits(study, chosen, scored, worth, tell)
     if not options:
-        return Round(chosen.ids, ranked, null, threshold, [], False, "no candidate could be refitted")
+        return replace(blank, reason="no candidate could be refitted")
     said = [accept(base, chosen, o, threshold) for o in options]
     good = [i for i, (accepted, _) in enumerate(said) if accepted]
-    best = _plainest(options, good) if good else 0
+    best = _plainest(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
-    return Round(chosen.ids, ranked, null, threshold, options, *said[best])
+    return replace(blank, options=options, accepted=said[best][0], reason=said[best][1])
 
 
-def _plainest(options: Sequence[Option], good: Sequence[int]) -> int:
-    """Of the options at the places `good`, the best; of equals a monitor's fault, before one of the tube."""
-    equal = [i for i in good if 2 * (options[good[0]].evidence - options[i].evidence) < CHANCE]
-    return next((i for i in equal if catalogue()[options[i].ids[-1]].channel in ("pressure", "sensor")), good[0])
+def _plainest(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:
+    """Of the options at the places `good`, the best; of equals a monitor's fault, before one of the plant."""
+    reach = max(CHANCE, error_reach(options[good[0]]))
+    equal = [i for i in good if 2 * (options[good[0]].evidence - options[i].evidence) < reach]
+    if reach > CHANCE:
+        return min(equal, key=lambda i: unusual(study.catalogue[options[i].ids[-1]], options[i].fitted))
+    return next((i for i in equal if study.catalogue[options[i].ids[-1]].recording), good[0])
 
 
-def _worth(ranked: Sequence[Score], threshold: float) -> list[str]:
+def _worth(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
     """The ids that are refitted: the best few, and all that score near the best."""
-    standing = [s for s in ranked if s.gain > 0.5 * threshold]
-    near = [s for s in standing if s.gain >= min(NEAR * standing[0].gain, standing[0].gain - WEAK)]
-    return [s.id for s in standing[: max(REFITS, min(len(near), MOST_REFITS))]]
+    standing = [s for s in ranked if s.statistic > 0.5 * threshold]
+    best = standing[0].statistic
+    least = FAINT * best if most > MOST_REFITS else min(NEAR * best, best - WEAK)
+    near = [s for s in standing if s.statistic >= least]
+    return [s.id for s in standing[: max(REFITS, min(len(near), most))]]
 
 
 def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
@@ -83,7 +101,7 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
 
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
-        shapes = [s for s in scored if s.id == name and s.gain > 0]
+        shapes = [s for s in scored if s.id == name and s.statistic > 0]
         return first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes), chosen.refined)
 
     begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
@@ -98,20 +116,26 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
         return option(study, together, fitted, chosen.refined)
 
     options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
-    again = side_by_side(lambda o: _from_declared(study, o), options[:RESTARTED])
-    return sorted([*again, *options[RESTARTED:]], key=lambda o: -o.evidence)
+    worth = [o for o in options[:RESTARTED] if not clean(options[0].lack_of_fit) or _near(o, options[0])]
+    again = side_by_side(lambda o: _from_declared(study, o), worth)
+    return sorted([*again, *(o for o in options if not any(o is w for w in worth))], key=lambda o: -o.evidence)
+
+
+def _near(one: Option, best: Option) -> bool:
+    """Whether an option is so near the best that it might yet take its place."""
+    return 2 * (best.evidence - one.evidence) < LEAST_REACH
 
 
 def _from_declared(study: Study, found: Option) -> Option:
     """The option, if it leaves more than noise searched again from the base's declared values: what is missing may have
     led the base far off."""
-    if clean(found.adequacy):
+    if clean(found.lack_of_fit):
         return found
-    start = found.fitted.values | study.compiled.base.parameter_values()
+    start = found.fitted.values | study.plant.model.parameter_values()
     again = fitted_option(study, found.ids, start, found.refined)
     return again if again and again.fitted.cost < found.fitted.cost else found
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
     """The best shape, and the next one where it scores nearly as much."""
-    return [s for s in shapes[:2] if s.gain > 0.5 * shapes[0].gain]
+    return [s for s in shapes[:2] if s.statistic > 0.5 * shapes[0].statistic]

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..identify.adjust import adjusted
 from ..identify.fit import Fit, FitError
-from .acceptance import finished, settled
+from ..identify.study import Study
+from .acceptance import far, finished, settled
 from .base import AGREE
-from .options import Option, option
+from .options import Option, fitted_option, option
 from .refit import fit_effects, further
 from .revision import Search, revise
 from .rounds import Progress, take_round
-from .study import Study
 
 ROUNDS = 3
+MOST_ROUNDS = 5  # where models are far from the plant
 DEEPER = 0.02  # of what an effect gains: so much less a base must cost for the search to begin anew
 LONG = 120  # evaluations until a search that converges slowly is given up
 
@@ -22,24 +24,37 @@ LONG = 120  # evaluations until a search that converges slowly is given up
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
     """The whole search from the recalibrated base; `numeric` is the gain that the numerics could feign."""
     base = option(study, (), base_fit)
-    found = Search(base, base)
+    found = Search(base, base, study, study)
     stages: list[Search] = []
-    for _ in range(ROUNDS):
-        step = take_round(study, base, found.chosen, numeric, seed, tell)
+    for number in range(MOST_ROUNDS):
+        if number >= ROUNDS and not far(found.chosen):
+            break
+        step = take_round(found.study, base, found.chosen, numeric, seed, tell)
         deeper = _deeper(study, found, step.options)
         if deeper is not None:
             return search(study, deeper, numeric, seed, tell)
         found.rounds.append(step)
         if not step.accepted:
             break
-        found.chosen = _converged(study, step.options[0], tell)
+        found.chosen = _converged(found.study, step.options[0], tell)
         found.rivals = step.options[1:]
         found.gains = {found.chosen.ids[-1]: base.misfit - found.chosen.misfit}
-        revise(study, found, tell)
+        revise(found.study, found, tell)
+        _settle(found, tell)
         stages.append(replace(found))
         if finished(base, found.chosen):
             break
     return _settled(found, stages)
+
+
+def _settle(found: Search, tell: Progress) -> None:
+    """The records' own numbers taken again, now that the model has what was missing, and the choice fitted there."""
+    chosen = found.chosen
+    tell("switching instants and zeros")
+    study = adjusted(found.study, chosen.ids, chosen.fitted.values, chosen.fitted.free)
+    again = fitted_option(study, chosen.ids, chosen.fitted.values, chosen.refined)
+    if again is not None:
+        found.study, found.chosen = study, again
 
 
 def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
@@ -59,7 +74,8 @@ def _settled(found: Search, stages: Sequence[Search]) -> Search:
     best = settled(found.base, [s.chosen for s in stages])
     if best is found.chosen:
         return found
-    stage = next((s for s in stages if s.chosen is best), Search(found.base, found.base))
+    nothing = Search(found.base, found.base, found.base_study, found.base_study)
+    stage = next((s for s in stages if s.chosen is best), nothing)
     return replace(stage, rounds=found.rounds, rivals=sorted([*stage.rivals, found.chosen], key=lambda o: -o.evidence))
 
 

@@ -6,24 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..identify.compiled import Ids
 from ..identify.fit import Fit
-from .compiled import Ids
-from .study import Piece, Study
+from ..identify.study import Piece, Study
 
 BLOCK, FOLDS = 125, 6  # samples of a block (half a second), and folds they are dealt to
 
 
-def cross_validated(fitted: Fit, pieces: Sequence[Piece]) -> float:
-    """The sum of squares of blocks of samples under parameters found without them (linearised at the optimum).
+def left_out(fitted: Fit, fold: np.ndarray) -> float:
+    """The sum of squares of folds under parameters found without them (linearised at the optimum).
 
-    Blocks of BLOCK samples are dealt to FOLDS folds in turn, so that no fold takes away all that the record says about
-    a parameter: whether a model extrapolates is asked of the held-out experiments.
+    `fold` (N,) deals the rows to folds; rows of -1 are in all fits.
     """
     J, r = fitted.jacobian, fitted.residual
-    fold = _folds(pieces, r.size)
     information, slope = J.T @ J, J.T @ r
     total = 0.0
-    for number in range(FOLDS):
+    for number in range(int(fold.max(initial=-1)) + 1):
         part, left = J[fold == number], r[fold == number]
         remaining = information - part.T @ part
         scale = np.sqrt(np.maximum(np.diag(remaining), 1e-12))
@@ -34,22 +32,24 @@ def cross_validated(fitted: Fit, pieces: Sequence[Piece]) -> float:
     return total
 
 
-def _folds(pieces: Sequence[Piece], rows: int) -> np.ndarray:
-    """The fold of every row; -1 for those of the prior, which are in all fits."""
-    fold = np.full(rows, -1)
+def folds(pieces: Sequence[Piece], rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """The fold of every row (N,), dealt by blocks in turn and by experiments; -1 for the rows of the prior.
+
+    By blocks, no fold takes away all that the record says about a parameter; by experiments, a model must extrapolate.
+    """
+    blocks, experiments = np.full(rows, -1), np.full(rows, -1)
     begin, dealt = 0, 0
-    for piece in pieces:
-        blocks = np.arange(piece.record.size) // BLOCK
-        fold[begin : begin + piece.record.size] = (blocks + dealt) % FOLDS
+    for number, piece in enumerate(pieces):
+        rows_of = slice(begin, begin + piece.record.size)
+        block = np.arange(piece.record.size) // BLOCK
+        blocks[rows_of], experiments[rows_of] = (block + dealt) % FOLDS, number
         begin += piece.record.size
-        dealt += int(blocks[-1]) + 1
-    return fold
+        dealt += int(block[-1]) + 1
+    return blocks, experiments
 
 
-def held_out_cost(study: Study, ids: Ids, fitted: Fit) -> float:
-    """The sum of squares of the held-out pieces, in units of the noise; 0 where there are none."""
+def held_out_residual(study: Study, ids: Ids, fitted: Fit) -> np.ndarray:
+    """The white residual (N,) of the held-out pieces; empty where there are none."""
     if not study.held_out:
-        return 0.0
-    problem = study.problem(ids, [], fitted.values, study.held_out)
-    residual = problem.residuals(np.empty(0))
-    return float(residual @ residual)
+        return np.empty(0)
+    return study.problem(ids, [], fitted.values, study.held_out).residuals(np.empty(0))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import sympy
 from sympy import default_sort_key
 from sympy.printing.c import C99CodePrinter
 
 from ..model.declare import Delay, Model
-from .functions import Function, functions, layout
+from .functions import SCALARS, Function, functions, layout
 from .solver import solver_functions
 from .variables import Variable, guid, moved_by, variables
-
-SCALARS = ("time", "unknown", "v_time", "v_unknown", "shift")
 
 POWERS = {
     "square": "static inline double square(double a) { return a * a; }",
@@ -20,7 +20,27 @@ POWERS = {
 }
 
 
-class _Printer(C99CodePrinter):
+REFERENCES = (
+    "/* The variable of a value reference: its place in the table from 1 on (to some hosts 0 is none), or NULL. */",
+    "static inline const Variable *model_variable(unsigned reference)",
+    "{",
+    "    return reference - 1 < MODEL_VARIABLES ? &model_variables[reference - 1] : 0;",
+    "}",
+)
+
+# C's own words, and what math.h and the printed powers are called: a local variable must not hide them.
+_WORDS = """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm
+    _Bool _Complex _Imaginary NAN INFINITY NULL EOF I errno
+    fabs fmax fmin fmod floor ceil round trunc copysign sqrt cbrt hypot pow exp exp2 expm1 log log2 log10 log1p
+    sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh erf erfc tgamma lgamma gamma
+    j0 j1 jn y0 y1 yn
+"""
+RESERVED = frozenset([*_WORDS.split(), *POWERS])
+
+
+class _CPrinter(C99CodePrinter):
     """Integer powers as products, rationals as quotients of doubles; no `pow` where a product will do."""
 
     def _print_Pow(self, expr: sympy.Pow) -> str:
@@ -54,11 +74,12 @@ class _Printer(C99CodePrinter):
         return f"(({self._print(expr.args[0])}) > 0.0 ? 1.0 : 0.0)"
 
 
-_PRINTER = _Printer({"precision": 17, "contract": False})
+_PRINTER = _CPrinter({"precision": 17, "contract": False})
 
 
+@lru_cache(maxsize=50_000, typed=True)
 def expression(expr: sympy.Expr) -> str:
-    """A sympy expression as a C expression of doubles."""
+    """A sympy expression as a C expression of doubles; models that share a part print it once."""
     return str(_PRINTER.doprint(sympy.sympify(expr)))
 
 
@@ -95,7 +116,7 @@ def header(model: Model) -> str:
             f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
             f"#define CURVE_MOVED_BY {{{', '.join(str(int(u in moved_by(model))) for u in arrays.u)}}} /* inputs */",
         ]
-    lines += ["", '#include "variable.h"', "", *(prototype(f) + ";" for f in functions(model))]
+    lines += ["", '#include "variable.h"', "", *REFERENCES, "", *(prototype(f) + ";" for f in functions(model))]
     lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */"]
     lines += ["#include <math.h>", "", *with_powers([definition(f, "static inline ") for f in solver.functions])]
     lines += _below(model)
@@ -148,16 +169,14 @@ def with_powers(definitions: list[str]) -> list[str]:
 
 def prototype(function: Function) -> str:
     """`void model_NAME(const double *..., double *...)`; scalars by value."""
-    arguments = [
-        f"double {array}" if array in SCALARS else f"const double *{array}"
-        for array in function.arguments
-    ]
+    arguments = [f"double {array}" if array in SCALARS else f"const double *{array}" for array in function.arguments]
     results = [f"double *{_out(array)}" for array in function.results]
     return f"void model_{function.name}({', '.join([*arguments, *results])})"
 
 
 def definition(function: Function, storage: str = "") -> str:
     """The whole C function; only what is used is unpacked, and unused arguments are said to be so."""
+    function = function.sparing(RESERVED | {_out(array) for array in function.results})
     used = function.used()
     lines = [f"/* {function.description} */", storage + prototype(function), "{"]
     for array, symbols in function.arguments.items():

@@ -7,6 +7,7 @@ themselves, so the emitted Jacobian reads like the chain rule done by hand.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 import sympy
 
@@ -38,14 +39,11 @@ def assignments(definitions: Iterable[Definition]) -> list[Assignment]:
 
 
 def forward(
-    body: Sequence[Assignment],
-    results: Sequence[sympy.Expr],
-    seeds: Mapping[sympy.Symbol, sympy.Expr],
-    name: str,
+    body: Sequence[Assignment], results: Sequence[sympy.Expr], seeds: Mapping[sympy.Symbol, sympy.Expr], name: str
 ) -> tuple[list[Assignment], list[sympy.Expr]]:
     """Tangents of `results` for the tangents `seeds` of the free symbols, through the assignments `body`.
 
-    `name` makes the names of the tangents of intermediates, for example "d_{}_d_lambda_2".
+    `name` makes the names of the tangents of intermediates, for example "d_{}_d_x".
     Returns the assignments to place after `body`, and the tangent of each result.
     """
     tangent = dict(seeds)
@@ -84,5 +82,11 @@ def at_rest(model: Model, results: Sequence[sympy.Expr]) -> list[Assignment]:
 def _total(expression: sympy.Expr, tangent: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """Sum of partial derivatives times tangents."""
     expression = sympy.sympify(expression)
-    used = sorted(expression.free_symbols & tangent.keys(), key=str)
+    used = [symbol for symbol in _symbols(expression) if symbol in tangent]
     return sympy.Add(*(sympy.diff(expression, symbol) * tangent[symbol] for symbol in used))
+
+
+@lru_cache(maxsize=50_000, typed=True)
+def _symbols(expression: sympy.Expr) -> tuple[sympy.Symbol, ...]:
+    """The free symbols of an expression in the order of their names; models that share a part ask for it once."""
+    return tuple(sorted(expression.free_symbols, key=str))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 from .. import __version__
@@ -28,28 +29,42 @@ def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ())
     identity = {"fmiVersion": "2.0"} | _identity(model) | {"guid": guid(model, kind), "numberOfEventIndicators": "0"}
     root = ET.Element("fmiModelDescription", identity)
     common = {
-        "modelIdentifier": model.name, "needsExecutionTool": "false", "canBeInstantiatedOnlyOncePerProcess": "false",
-        "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+        "modelIdentifier": model.name,
+        "needsExecutionTool": "false",
+        "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
         "providesDirectionalDerivative": _true(kind == "native"),
-    }  # fmt: skip
+    }
     interfaces = []
     if kind == "native" and not (model.discretes or model.delays):
         interfaces.append(ET.SubElement(root, "ModelExchange", common | {"completedIntegratorStepNotNeeded": "true"}))
-    interfaces.append(ET.SubElement(root, "CoSimulation", common | {
-        "canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": _true(kind == "native"),
-        "maxOutputDerivativeOrder": "1" if kind == "native" else "0", "canRunAsynchronuously": "false",
-    }))  # fmt: skip
+    interfaces.append(
+        ET.SubElement(
+            root,
+            "CoSimulation",
+            common
+            | {
+                "canHandleVariableCommunicationStepSize": "true",
+                "canInterpolateInputs": _true(kind == "native"),
+                "maxOutputDerivativeOrder": "1" if kind == "native" else "0",
+                "canRunAsynchronuously": "false",
+            },
+        )
+    )
     for interface in interfaces:
         if source_files:
             files = ET.SubElement(interface, "SourceFiles")
             for name in source_files:
                 ET.SubElement(files, "File", name=name)
-    table = variables(model)
-    _units(root, table)
-    _types(root, table, lambda parent, name, attributes: ET.SubElement(
-        ET.SubElement(parent, "SimpleType", name=name), "Real", attributes))  # fmt: skip
-    _log_categories(root)
-    ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
+    table = _common(
+        root,
+        model,
+        lambda parent, name, attributes: ET.SubElement(
+            ET.SubElement(parent, "SimpleType", name=name), "Real", attributes
+        ),
+    )
     _variables2(root, table)
     _structure2(root, table)
     return _text(root)
@@ -60,22 +75,30 @@ def fmi3(model: Model) -> str:
     identity = {"fmiVersion": "3.0"} | _identity(model) | {"instantiationToken": guid(model)}
     root = ET.Element("fmiModelDescription", identity)
     common = {
-        "modelIdentifier": model.name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true",
-    }  # fmt: skip
+        "modelIdentifier": model.name,
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
+    }
     if not (model.discretes or model.delays):  # they live at communication points, which model exchange does not have
         ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "false"})
-    ET.SubElement(root, "CoSimulation", common | {
-        "canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1",
-        "providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
-        "canReturnEarlyAfterIntermediateUpdate": "true", "hasEventMode": "false",
-    })  # fmt: skip
-    table = variables(model)
-    _units(root, table)
-    _types(root, table, lambda parent, name, attributes: ET.SubElement(
-        parent, "Float64Type", {"name": name} | attributes))  # fmt: skip
-    _log_categories(root)
-    ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
+    ET.SubElement(
+        root,
+        "CoSimulation",
+        common
+        | {
+            "canHandleVariableCommunicationStepSize": "true",
+            "maxOutputDerivativeOrder": "1",
+            "providesIntermediateUpdate": "true",
+            "mightReturnEarlyFromDoStep": "true",
+            "canReturnEarlyAfterIntermediateUpdate": "true",
+            "hasEventMode": "false",
+        },
+    )
+    table = _common(
+        root, model, lambda parent, name, attributes: ET.SubElement(parent, "Float64Type", {"name": name} | attributes)
+    )
     _variables3(root, table)
     _structure3(root, table)
     return _text(root)
@@ -92,32 +115,51 @@ def build_description(model: Model, source_files: tuple[str, ...]) -> str:
     return _text(root)
 
 
-def terminals(model: Model, members: dict[str, tuple[str, dict[str, str]]]) -> str:
-    """terminalsAndIcons.xml of FMI 3.0: `members` maps a terminal to its description and {member: variable}."""
+def terminals(model: Model) -> str:
+    """terminalsAndIcons.xml of FMI 3.0."""
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = ET.SubElement(root, "GraphicalRepresentation")
     square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     ET.SubElement(graphics, "CoordinateSystem", square | {"suggestedScalingFactorTo_mm": "0.1"})
     ET.SubElement(graphics, "Icon", square)  # the picture is icon.png beside it
-    group = ET.SubElement(root, "Terminals")
-    for name, (description, variables_by_member) in members.items():
-        terminal = ET.SubElement(group, "Terminal", name=name, matchingRule="plug", description=description)
-        for member, variable in variables_by_member.items():
-            model.quantity(variable)
-            ET.SubElement(terminal, "TerminalMemberVariable", variableName=variable, memberName=member,
-                          variableKind="signal")  # fmt: skip
+    there = {*(q.name for q in model.inputs), *model.outputs}
+    ports = [t for t in model.terminals if all(name in there for _, name in t.members)]
+    group = ET.SubElement(root, "Terminals") if ports else root  # an empty group is not valid
+    for t in ports:
+        terminal = ET.SubElement(group, "Terminal", name=t.name, matchingRule="plug", description=t.description)
+        for member, variable in t.members:
+            ET.SubElement(
+                terminal, "TerminalMemberVariable", variableName=variable, memberName=member, variableKind="signal"
+            )
     return _text(root)
 
 
 # What both versions share ----------------------------------------------------------------------------------
 
 
+def _common(
+    root: ET.Element, model: Model, typed: Callable[[ET.Element, str, dict[str, str]], ET.Element]
+) -> tuple[Variable, ...]:
+    """Units, types (each made by `typed`), log categories and the default experiment; the table of the variables."""
+    table = variables(model)
+    _units(root, table)
+    _types(root, table, typed)
+    _log_categories(root)
+    ET.SubElement(root, "DefaultExperiment", DEFAULT_EXPERIMENT)
+    return table
+
+
 def _identity(model: Model) -> dict[str, str]:
+    added = f"; effects added: {', '.join(model.effects)}" if model.effects else ""
     return {
-        "modelName": model.name, "description": model.description, "version": __version__,
-        "author": "tubular-dea contributors", "license": "MIT", "generationTool": f"tubular-dea {__version__}",
+        "modelName": model.title,
+        "description": model.description + added,
+        "version": __version__,
+        "author": "tubular-dea contributors",
+        "license": "MIT",
+        "generationTool": f"tubular-dea {__version__}",
         "variableNamingConvention": "structured",
-    }  # fmt: skip
+    }
 
 
 def _text(root: ET.Element) -> str:
@@ -133,7 +175,7 @@ def _number(value: float) -> str:
     return repr(float(value))
 
 
-def _units(root: ET.Element, table: list[Variable]) -> None:
+def _units(root: ET.Element, table: tuple[Variable, ...]) -> None:
     """Every unit in use with its SI exponents, and the display units of its variables."""
     display: dict[str, set[str]] = {}
     for variable in table:
@@ -160,7 +202,7 @@ def _type_name(q: Quantity) -> str | None:
 
 
 def _types(
-    root: ET.Element, table: list[Variable], add: Callable[[ET.Element, str, dict[str, str]], ET.Element]
+    root: ET.Element, table: tuple[Variable, ...], add: Callable[[ET.Element, str, dict[str, str]], ET.Element]
 ) -> None:
     named = {_type_name(v.quantity): v.quantity for v in table if v.quantity.type == "Real"}
     group = ET.SubElement(root, "TypeDefinitions")
@@ -212,33 +254,59 @@ def _initial(variable: Variable) -> dict[str, str]:
     return {"initial": "calculated"} if variable.kind in ("OUTPUT", "STATE", "DERIVATIVE", "FOLD", "SAMPLED") else {}
 
 
-def _unknowns(table: list[Variable]) -> dict[str, list[tuple[Variable, tuple[str, ...]]]]:
-    """Outputs, state derivatives and initial unknowns with their dependencies."""
+@dataclass(frozen=True)
+class _Unknown:
+    """An unknown of the model structure: its place in the table from 1, and its attributes of dependence."""
+
+    place: str
+    dependencies: dict[str, str]
+
+
+def _unknowns(table: tuple[Variable, ...]) -> dict[str, list[_Unknown]]:
+    """Outputs, state derivatives and initial unknowns with what they depend on: inputs, states and parameters.
+
+    The time goes without saying: OMSimulator refuses it among the dependencies.
+    """
+    place = {v.name: str(i) for i, v in enumerate(table, start=1)}
+
+    def unknown(variable: Variable, names: tuple[str, ...]) -> _Unknown:
+        said = [place[name] for name in names if name != "time"]
+        kinds = ["dependent"] * len(said)
+        return _Unknown(place[variable.name], {"dependencies": " ".join(said), "dependenciesKind": " ".join(kinds)})
+
     outputs = [v for v in table if v.causality == "output"]
     derivatives = [v for v in table if v.kind == "DERIVATIVE"]
     initial = [v for v in table if v.causality == "output" or v.kind in ("STATE", "DERIVATIVE")]
     return {
-        "Outputs": [(v, v.dependencies) for v in outputs],
-        "Derivatives": [(v, v.dependencies) for v in derivatives],
-        "InitialUnknowns": [(v, v.initial_dependencies) for v in initial],
+        "Outputs": [unknown(v, v.dependencies) for v in outputs],
+        "Derivatives": [unknown(v, v.dependencies) for v in derivatives],
+        "InitialUnknowns": [unknown(v, v.initial_dependencies) for v in initial],
     }
 
 
-def _state_of(variable: Variable, table: list[Variable]) -> int:
-    """The place in the table of the state that a derivative belongs to."""
-    return next(i for i, v in enumerate(table) if v.kind == "STATE" and v.index == variable.index)
+def _state_of(variable: Variable, table: tuple[Variable, ...]) -> int:
+    """The place in the table, from 1, of the state that a derivative belongs to."""
+    return next(i for i, v in enumerate(table, start=1) if v.kind == "STATE" and v.index == variable.index)
 
 
 # FMI 2 -----------------------------------------------------------------------------------------------------
 
 
-def _variables2(root: ET.Element, table: list[Variable]) -> None:
+def _variables2(root: ET.Element, table: tuple[Variable, ...]) -> None:
     group = ET.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(table):
-        scalar = ET.SubElement(group, "ScalarVariable", {
-            "name": variable.name, "valueReference": str(reference), "description": _description(variable),
-            "causality": variable.causality, "variability": variable.variability,
-        } | _initial(variable))  # fmt: skip
+    for reference, variable in enumerate(table, start=1):
+        scalar = ET.SubElement(
+            group,
+            "ScalarVariable",
+            {
+                "name": variable.name,
+                "valueReference": str(reference),
+                "description": _description(variable),
+                "causality": variable.causality,
+                "variability": variable.variability,
+            }
+            | _initial(variable),
+        )
         attributes = _real_attributes(variable) if variable.quantity.type == "Real" else {}
         if variable.quantity.type == "Integer":
             attributes = _bounds(variable.quantity, lambda value: str(int(value)))
@@ -246,44 +314,41 @@ def _variables2(root: ET.Element, table: list[Variable]) -> None:
         if start is not None:
             attributes["start"] = start
         if variable.kind == "DERIVATIVE":
-            attributes["derivative"] = str(_state_of(variable, table) + 1)
+            attributes["derivative"] = str(_state_of(variable, table))
         ET.SubElement(scalar, variable.quantity.type, attributes)
 
 
-def _structure2(root: ET.Element, table: list[Variable]) -> None:
-    place = {v.name: str(i + 1) for i, v in enumerate(table)}
+def _structure2(root: ET.Element, table: tuple[Variable, ...]) -> None:
     structure = ET.SubElement(root, "ModelStructure")
     for section, unknowns in _unknowns(table).items():
-        if not unknowns:
-            continue
-        group = ET.SubElement(structure, section)
-        for variable, dependencies in unknowns:
-            ET.SubElement(group, "Unknown", {"index": place[variable.name]} | _dependencies(dependencies, place))
-
-
-def _dependencies(names: tuple[str, ...], place: dict[str, str]) -> dict[str, str]:
-    return {
-        "dependencies": " ".join(place[name] for name in names),
-        "dependenciesKind": " ".join("dependent" for _ in names),
-    }
+        if unknowns:
+            group = ET.SubElement(structure, section)
+            for variable in unknowns:
+                ET.SubElement(group, "Unknown", {"index": variable.place} | variable.dependencies)
 
 
 def _description(variable: Variable) -> str:
     q = variable.quantity
-    return f"{q.description} ({q.source})" if q.source and variable.kind != "DERIVATIVE" else q.description
+    text = f"{q.description} ({q.source})" if q.source and variable.kind != "DERIVATIVE" else q.description
+    if not variable.rates:
+        return text
+    return f"{text}; in model exchange, where hosts give no rate of {' and '.join(variable.rates)}, as if it were held"
 
 
 # FMI 3 -----------------------------------------------------------------------------------------------------
 
 
-def _variables3(root: ET.Element, table: list[Variable]) -> None:
+def _variables3(root: ET.Element, table: tuple[Variable, ...]) -> None:
     group = ET.SubElement(root, "ModelVariables")
     element = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean"}
-    for reference, variable in enumerate(table):
+    for reference, variable in enumerate(table, start=1):
         attributes = {
-            "name": variable.name, "valueReference": str(reference), "description": _description(variable),
-            "causality": variable.causality, "variability": variable.variability,
-        } | _initial(variable)  # fmt: skip
+            "name": variable.name,
+            "valueReference": str(reference),
+            "description": _description(variable),
+            "causality": variable.causality,
+            "variability": variable.variability,
+        } | _initial(variable)
         if variable.kind not in ("TIME", "PARAMETER"):
             attributes["intermediateUpdate"] = "true"
         if variable.quantity.type == "Real":
@@ -298,11 +363,9 @@ def _variables3(root: ET.Element, table: list[Variable]) -> None:
         ET.SubElement(group, element[variable.quantity.type], attributes)
 
 
-def _structure3(root: ET.Element, table: list[Variable]) -> None:
-    place = {v.name: str(i) for i, v in enumerate(table)}
+def _structure3(root: ET.Element, table: tuple[Variable, ...]) -> None:
     element = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative", "InitialUnknowns": "InitialUnknown"}
     structure = ET.SubElement(root, "ModelStructure")
     for section, unknowns in _unknowns(table).items():
-        for variable, dependencies in unknowns:
-            attributes = {"valueReference": place[variable.name]} | _dependencies(dependencies, place)
-            ET.SubElement(structure, element[section], attributes)
+        for variable in unknowns:
+            ET.SubElement(structure, element[section], {"valueReference": variable.place} | variable.dependencies)

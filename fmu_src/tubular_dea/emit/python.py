@@ -5,15 +5,12 @@ order of `layout(model)` and read like the paper: one named intermediate a line,
 
 Usage::
 
-    from tubular_dea.emit.python import compile_python, source
-    from tubular_dea.model.dea import tubular_dea
-
-    print(source(tubular_dea()))                # a module, to read or to keep
-    tube = compile_python(tubular_dea())        # the same module, ready to use
-    p = tuple(tube.PARAMETERS.values())
-    tube.derivatives(0.0, x, u, du, p, fold)    # dx/dt, equation (18)
-    tube.jacobian(0.0, x, u, du, p, fold)       # rows of d(dx)/dx, and d(dx)/dt
-    tube.tangent(0.0, x, u, du, p, fold, 0.0, v_x, v_u, v_du, v_p, v_fold)    # change of (dx, y) along v
+    print(source(model))                # a module, to read or to keep
+    plain = compile_python(model)       # the same module, ready to use
+    p = tuple(plain.PARAMETERS.values())
+    plain.derivatives(0.0, x, u, du, p, fold)    # dx/dt
+    plain.jacobian(0.0, x, u, du, p, fold)       # rows of d(dx)/dx, and d(dx)/dt
+    plain.tangent(0.0, x, u, du, p, fold, 0.0, v_x, v_u, v_du, v_p, v_fold)    # change of (dx, y) along v
 """
 
 from __future__ import annotations
@@ -26,12 +23,11 @@ import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
 from ..model.declare import Model
-from .functions import Function, functions, layout
-from .solver import linear_algebra
+from .elimination import linear_algebra
+from .functions import SCALARS, Function, functions, layout
 
 WIDTH = 110
 POWERS = {2: "square", 3: "cube", 4: "fourth"}
-SCALARS = ("time", "unknown", "v_time", "v_unknown", "shift", "load", "slope", "v_load")
 HELPERS = """\
 def square(a):
     return a * a
@@ -46,7 +42,10 @@ def fourth(a):
 """
 
 
-class _Printer(PythonCodePrinter):
+RESERVED = frozenset([*keyword.kwlist, *POWERS.values(), "math", "max", "min", "abs", "float"])
+
+
+class _PythonPrinter(PythonCodePrinter):
     """Integer powers as products: written out for names and short sums, by a helper for all else."""
 
     def _print_Pow(self, expr: sympy.Pow, rational: bool = False) -> str:
@@ -73,11 +72,11 @@ class _Printer(PythonCodePrinter):
 
 
 def _is_short_sum(base: sympy.Expr) -> bool:
-    """Cheaper to calculate twice than to call a function: `lambda_2 - 1`."""
+    """Cheaper to calculate twice than to call a function: `x - 1`."""
     return bool(base.is_Add) and len(base.args) == 2 and all(a.is_Symbol or a.is_Number for a in base.args)
 
 
-_PRINTER = _Printer({"fully_qualified_modules": True})
+_PRINTER = _PythonPrinter({"fully_qualified_modules": True})
 
 
 def expression(expr: sympy.Expr) -> str:
@@ -87,10 +86,19 @@ def expression(expr: sympy.Expr) -> str:
 
 def source(model: Model) -> str:
     """The whole module: names and values of what is declared, then `equations(model)`."""
-    return "\n".join([
-        '"""', model.documentation.strip().replace("\\", "\\\\"), '"""', "",
-        "import math", "", names(model), "", equations(model),
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            '"""',
+            model.documentation.strip().replace("\\", "\\\\"),
+            '"""',
+            "",
+            "import math",
+            "",
+            names(model),
+            "",
+            equations(model),
+        ]
+    )
 
 
 def names(model: Model) -> str:
@@ -99,8 +107,10 @@ def names(model: Model) -> str:
     lines: list[str] = []
     for title, symbols in (("STATES", arrays.x), ("INPUTS", arrays.u), ("OUTPUTS", arrays.y)):
         lines += tuple_lines(f"{title} = ", [f'"{s}"' for s in symbols])
-    rows = [f'    "{q.name}": {float(q.value or 0.0)!r},  # {q.unit}: {q.description}'
-            for q in (p.quantity for p in model.parameters)]  # fmt: skip
+    rows = [
+        f'    "{q.name}": {float(q.value or 0.0)!r},  # {q.unit}: {q.description}'
+        for q in (p.quantity for p in model.parameters)
+    ]
     return "\n".join([*lines, "PARAMETERS = {", *rows, "}"]) + "\n"
 
 
@@ -116,7 +126,7 @@ def sources(model: Model) -> dict[str, str]:
 
 def definition(function: Function, remarks: Mapping[str, str] | None = None) -> str:
     """The whole Python function; only what is used is unpacked. `remarks` follow the names they are on."""
-    _check_names(function)
+    function = function.sparing(RESERVED)
     used = function.used()
     lines = [f"def {function.name}({', '.join(function.arguments)}):", f'    """{function.description}"""']
     for array, symbols in function.arguments.items():
@@ -155,19 +165,6 @@ def integrator_functions(model: Model) -> str:
     return "\n\n".join([listed, *written])
 
 
-def _check_names(function: Function) -> None:
-    """No name may be Python's own or that of an argument it does not mean."""
-    taken = {"math", *POWERS.values()}
-    taken |= {array for array, symbols in function.arguments.items() if [array] != [str(s) for s in symbols]}
-    given = {str(s) for symbols in function.arguments.values() for s in symbols}
-    for name in sorted(given | {name for name, _ in function.body}):
-        if keyword.iskeyword(name) or name in taken:
-            raise ValueError(
-                f"{function.name}: expected names that Python leaves free but was given {name!r}; "
-                "rename that quantity"
-            )
-
-
 def _unpack(array: str, symbols: list[sympy.Symbol], used: set[sympy.Symbol]) -> list[str]:
     wanted = [(i, s) for i, s in enumerate(symbols) if s in used]
     if array in SCALARS:
@@ -188,9 +185,7 @@ def _returned(function: Function) -> list[str]:
     return [*lines, "    )"]
 
 
-def _result(
-    before: str, array: str, expressions: list[sympy.Expr], function: Function, after: str = ""
-) -> list[str]:
+def _result(before: str, array: str, expressions: list[sympy.Expr], function: Function, after: str = "") -> list[str]:
     """A number, a tuple, or, for a matrix, the tuple of its rows."""
     texts = [expression(e) if e.free_symbols else repr(float(e)) for e in map(sympy.sympify, expressions)]
     if array in SCALARS:
@@ -204,7 +199,9 @@ def _result(
 
 
 def unpacked(targets: list[str], array: str) -> list[str]:
-    """`a, b = array`, over several lines where there are many."""
+    """`a, b = array`, over several lines where there are many; nothing where there is none."""
+    if not targets:
+        return []
     line = f"    {', '.join(targets)}{',' if len(targets) == 1 else ''} = {array}"
     return [line] if len(line) <= WIDTH else tuple_lines("    ", targets, f" = {array}")
 

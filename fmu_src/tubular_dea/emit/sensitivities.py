@@ -15,7 +15,7 @@ from ..model.declare import Model
 from . import c
 from .functions import Function, layout
 from .jacobian import ZERO, assignments, forward, needed, real
-from .solver import Hoisted, Tangent, arranged_rates, cheapened, rate_tangents
+from .solver import DirectionalDerivative, Hoisted, arranged_rates, cheapened, rate_tangents
 
 Entry = tuple[int, int]
 
@@ -27,7 +27,9 @@ def header(model: Model, observed: Sequence[str]) -> str:
     outputs, output_entries = _observed(model, seeds, observed)
     lines = [
         f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
-        "#ifndef GRADIENTS_H", "#define GRADIENTS_H", "",
+        "#ifndef GRADIENTS_H",
+        "#define GRADIENTS_H",
+        "",
         f"#define GRADIENTS_NQ {len(functions[0].results['prepared'])}",
         f"#define GRADIENTS_NP {len(entries)}",
         f"#define COLUMNS {len(seeds)} /* {' '.join(map(str, seeds))} */",
@@ -44,8 +46,12 @@ def header(model: Model, observed: Sequence[str]) -> str:
         _integers("COLUMN_INPUT", [_place(s, layout(model).u) for s in seeds]),
         _integers("OBSERVED_ROW", [row for row, _ in output_entries]),
         _integers("OBSERVED_COLUMN", [column for _, column in output_entries]),
-        "", *(c.prototype(f) + ";" for f in [*functions, outputs]), "", "#endif", "",
-    ]  # fmt: skip
+        "",
+        *(c.prototype(f) + ";" for f in [*functions, outputs]),
+        "",
+        "#endif",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -55,15 +61,21 @@ def source(model: Model, observed: Sequence[str]) -> str:
     functions = [*_gradients(model, seeds)[0], _observed(model, seeds, observed)[0]]
     lines = [
         f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
-        '#include "gradients.h"', "#include <math.h>", "", *c.with_powers([c.definition(f) for f in functions]),
-    ]  # fmt: skip
+        '#include "gradients.h"',
+        "#include <math.h>",
+        "",
+        *c.with_powers([c.definition(f) for f in functions]),
+    ]
     return "\n".join(lines)
 
 
 def columns(model: Model) -> tuple[sympy.Symbol, ...]:
-    """What sensitivities can be taken to: the tunable parameters, then the delayed signals (in the place of delays)."""
-    tunable = [p.quantity.symbol for p in model.parameters if p.tunable]
-    return (*tunable, *(d.quantity.symbol for d in model.delays))
+    """What sensitivities can be taken to: real parameters that are tunable or set a start value, then the delayed
+    signals (in the place of delays)."""
+    starts = [sympy.sympify(s.start) for s in model.states]
+    used = Function.free([*starts, *(d.expression for d in needed(model, starts))])
+    varied = [p.quantity for p in model.parameters if p.tunable or p.quantity.symbol in used]
+    return (*(q.symbol for q in varied if q.type == "Real"), *(d.quantity.symbol for d in model.delays))
 
 
 @lru_cache(maxsize=8)
@@ -94,19 +106,23 @@ def _gradients(model: Model, seeds: tuple[sympy.Symbol, ...]) -> tuple[list[Func
     cheap = cheapened(function, names, hoisted)
     q = hoisted.symbols()
     prepare = hoisted.prepare(layout(model).p)
-    return [
-        Function("prepare_gradients", prepare.description, prepare.arguments, prepare.body, prepare.results),
-        Function(cheap.name, cheap.description, cheap.arguments | {"prepared": q}, cheap.body, cheap.results),
-    ], places, entries
+    return (
+        [
+            Function("prepare_gradients", prepare.description, prepare.arguments, prepare.body, prepare.results),
+            Function(cheap.name, cheap.description, cheap.arguments | {"prepared": q}, cheap.body, cheap.results),
+        ],
+        places,
+        entries,
+    )
 
 
-def _along(body: list[tuple[str, sympy.Expr]], rates: Sequence[sympy.Expr], seed: sympy.Symbol) -> Tangent:
-    return Tangent(*forward(body, rates, {seed: sympy.Integer(1)}, f"d_{{}}_d_{seed}"))
+def _along(
+    body: list[tuple[str, sympy.Expr]], rates: Sequence[sympy.Expr], seed: sympy.Symbol
+) -> DirectionalDerivative:
+    return DirectionalDerivative(*forward(body, rates, {seed: sympy.Integer(1)}, f"d_{{}}_d_{seed}"))
 
 
-def _observed(
-    model: Model, seeds: Sequence[sympy.Symbol], observed: Sequence[str]
-) -> tuple[Function, list[Entry]]:
+def _observed(model: Model, seeds: Sequence[sympy.Symbol], observed: Sequence[str]) -> tuple[Function, list[Entry]]:
     """The outputs `observed` with their derivatives; (row, column) of each entry: states, then `seeds`, then inputs."""
     arrays = layout(model)
     results = [real(name) for name in observed]
@@ -116,8 +132,13 @@ def _observed(
     tangents = [_along(body, results, symbol) for symbol in [*arrays.x, *seeds, *arrays.u[: len(model.inputs)]]]
     entries = [(i, j) for i in range(len(results)) for j in range(len(tangents)) if tangents[j].values[i] != ZERO]
     values = [tangents[j].values[i] for i, j in entries]
-    return Function("observed", "The observed outputs and their derivatives.", arrays.arrays(),
-                    [*body, *(a for t in tangents for a in t.added)], {"y": results, "Y": values}), entries  # fmt: skip
+    return Function(
+        "observed",
+        "The observed outputs and their derivatives.",
+        arrays.arrays(),
+        [*body, *(a for t in tangents for a in t.added)],
+        {"y": results, "Y": values},
+    ), entries
 
 
 def _place(symbol: sympy.Symbol, symbols: Sequence[sympy.Symbol]) -> int:

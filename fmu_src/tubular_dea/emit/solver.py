@@ -2,13 +2,12 @@
 
 `functions.py` prints the equations as the paper has them. Here they are rewritten by rules that keep the names:
 
-* a product of powers goes into the products that use it, so that powers cancel (`A_2` becomes `h_o*l_o/lambda_2`);
-* a root also has its square by name, so that even powers do not wait for the root (`lambda_1_squared`);
-* what is divided by more than a parameter is multiplied by a named inverse (`inverse_lambda_2`);
+* a product of powers goes into the products that use it, so that powers cancel (`(a/x)*(x*b)` becomes `a*b`);
+* a root also has its square by name, so that even powers do not wait for the root (`x_squared`);
+* what is divided by more than a parameter is multiplied by a named inverse (`inverse_x`);
 * what depends on parameters alone is computed once, ahead of all steps (`model_prepare` fills `prepared`).
 
-The linear systems (shift I - J) k = b of a Rosenbrock method are solved by elimination along the diagonal, in an
-order that is chosen here from the places where J is not zero; zeros cost nothing.
+Then come the functions of the linear systems, from elimination.py.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from dataclasses import dataclass, field
 import sympy
 
 from ..model.declare import DeclarationError, Model
+from .elimination import linear_algebra
 from .functions import Function, layout
 from .jacobian import ZERO, Assignment, assignments, forward, needed, real
 
-Place = tuple[int, int]
 Rule = Callable[[sympy.Expr], sympy.Expr]
 
 
@@ -35,7 +34,7 @@ class SolverFunctions:
 
 
 def solver_functions(model: Model) -> SolverFunctions:
-    """prepare, slopes, linearise, multiply, factorise and solve of a model."""
+    """prepare, right_hand_side, linearise, multiply, factorise and solve of a model."""
     body, rates = arranged_rates(model)
     columns, along_time = rate_tangents(model, body, rates)
     n = len(rates)
@@ -45,9 +44,14 @@ def solver_functions(model: Model) -> SolverFunctions:
 
     hoisted = Hoisted(set(layout(model).p), set(model.quantities()))
     arguments = {k: v for k, v in layout(model).arrays().items() if k not in ("p", "fold")}
-    plain = Function("slopes", "State derivatives.", arguments, body, {"dx": rates})
-    full = Function("linearise", "State derivatives, the non-zero entries of d(dx)/dx, and d(dx)/dt at fixed states.",
-                    arguments, [*body, *added], {"dx": rates, "J": entries, "dx_dt": along_time.values})  # fmt: skip
+    plain = Function("right_hand_side", "State derivatives.", arguments, body, {"dx": rates})
+    full = Function(
+        "linearise",
+        "State derivatives, the non-zero entries of d(dx)/dx, and d(dx)/dt at fixed states.",
+        arguments,
+        [*body, *added],
+        {"dx": rates, "J": entries, "dx_dt": along_time.values},
+    )
     x = [s.name for s in layout(model).x]
     names = {
         "dx": [f"der_{a}" for a in x],
@@ -59,8 +63,7 @@ def solver_functions(model: Model) -> SolverFunctions:
     frequent = [Function(f.name, f.description, f.arguments | {"prepared": q}, f.body, f.results) for f in frequent]
     linear, size = linear_algebra(n, places)
     return SolverFunctions(
-        [hoisted.prepare(layout(model).p), *frequent, *linear],
-        {"NQ": len(q), "NJ": len(places), "NL": size},
+        [hoisted.prepare(layout(model).p), *frequent, *linear], {"NQ": len(q), "NJ": len(places), "NL": size}
     )
 
 
@@ -68,7 +71,7 @@ def solver_functions(model: Model) -> SolverFunctions:
 
 
 @dataclass(frozen=True)
-class Tangent:
+class DirectionalDerivative:
     """Derivatives of the rates along something: the assignments that are `added` to get them, and their values."""
 
     added: list[Assignment]
@@ -126,7 +129,7 @@ class _Arranged:
 
 
 def _is_product(expression: sympy.Expr) -> bool:
-    """A product of integer powers of symbols and of sums as simple as `lambda_2 - 1`."""
+    """A product of integer powers of symbols and of sums as simple as `x - 1`."""
     return all(
         factor.is_number or (factor.as_base_exp()[1].is_Integer and _is_simple(factor.as_base_exp()[0]))
         for factor in sympy.Mul.make_args(expression)
@@ -152,15 +155,15 @@ def _with_squares(expression: sympy.Expr, squares: dict[sympy.Symbol, sympy.Symb
 
 def rate_tangents(
     model: Model, body: Sequence[Assignment], rates: Sequence[sympy.Expr]
-) -> tuple[list[Tangent], Tangent]:
+) -> tuple[list[DirectionalDerivative], DirectionalDerivative]:
     """The columns of d(dx)/dx, and d(dx)/dt; roots in them by name."""
     arrays = layout(model)
     one = sympy.Integer(1)
     roots = {e.base: real(name) for name, e in body if e.is_Pow and e.exp == sympy.Rational(1, 2)}
 
-    def along(seeds: dict[sympy.Symbol, sympy.Expr], name: str) -> Tangent:
+    def along(seeds: dict[sympy.Symbol, sympy.Expr], name: str) -> DirectionalDerivative:
         added, values = forward(body, rates, seeds, name)
-        return Tangent([(n, _by_root(e, roots)) for n, e in added], [_by_root(e, roots) for e in values])
+        return DirectionalDerivative([(n, _by_root(e, roots)) for n, e in added], [_by_root(e, roots) for e in values])
 
     time = dict(zip(arrays.u, arrays.du, strict=True)) | {arrays.arrays()["time"][0]: one}
     return [along({s: one}, f"d_{{}}_d_{s}") for s in arrays.x], along(time, "d_{}_d_time")
@@ -219,6 +222,7 @@ class Hoisted:
     parameters: set[sympy.Symbol]
     names: set[str]
     taken: dict[sympy.Expr, sympy.Symbol] = field(default_factory=dict)
+    constant: dict[sympy.Basic, bool] = field(default_factory=dict, repr=False)
 
     def take(self, e: sympy.Expr, target: str) -> sympy.Expr:
         """`e` with its largest parts in parameters alone replaced by names made from `target`."""
@@ -244,7 +248,10 @@ class Hoisted:
         return e.func(constant, *(self.take(other, target) for other in others))
 
     def _is_constant(self, e: sympy.Expr) -> bool:
-        return isinstance(e, sympy.Expr) and bool(e.free_symbols) and e.free_symbols <= self.parameters
+        if e not in self.constant:
+            symbols = e.free_symbols if isinstance(e, sympy.Expr) else set()
+            self.constant[e] = bool(symbols) and symbols <= self.parameters
+        return self.constant[e]
 
     def _varies(self, e: sympy.Expr) -> bool:
         """A sum without a constant term: a factor goes to its terms without a loss of digits."""
@@ -276,103 +283,3 @@ def _free(name: str, names: Iterable[str]) -> str:
 def _through(e: sympy.Expr, rule: Rule) -> sympy.Expr:
     """`rule` applied to the arguments of an expression."""
     return e if e.is_Atom or not e.args else e.func(*(rule(argument) for argument in e.args))
-
-
-# The linear systems -------------------------------------------------------------------------------------------
-
-
-def linear_algebra(n: int, places: Sequence[Place]) -> tuple[list[Function], int]:
-    """multiply, factorise and solve for J with entries at `places`; and the size of the array `L`."""
-    entries = {place: real(f"J_{place[0]}_{place[1]}") for place in places}
-    order = elimination_order(n, places)
-    factors = _factors(n, entries, order)
-    return [_multiply(n, entries), factors.function, _solve(n, factors, order)], len(factors.stored)
-
-
-def elimination_order(n: int, places: Iterable[Place]) -> list[int]:
-    """Pivots along the diagonal: the one that can make the fewest new entries first (Markowitz).
-
-    Among equals, those go last that are nothing but the shift: where steps are long the shift is small.
-    """
-    filled = set(places)
-    left, order = list(range(n)), []
-    while left:
-        k = min((_elimination_cost(k, left, filled), k) for k in left)[1]
-        left.remove(k)
-        order.append(k)
-        filled |= {(i, j) for i in left for j in left if (i, k) in filled and (k, j) in filled}
-    return order
-
-
-def _elimination_cost(k: int, left: Sequence[int], filled: set[Place]) -> tuple[int, bool]:
-    """How many entries the pivot k can change, and whether it is nothing but the shift."""
-    right = sum((k, j) in filled for j in left if j != k)
-    below = sum((i, k) in filled for i in left if i != k)
-    return right * below, (k, k) not in filled
-
-
-@dataclass(frozen=True)
-class _Factors:
-    function: Function
-    stored: dict[Place, sympy.Symbol]  # multipliers, inverse pivots and what is right of them
-
-
-def _factors(n: int, entries: dict[Place, sympy.Symbol], order: Sequence[int]) -> _Factors:
-    """Gaussian elimination of shift I - J without exchanges. `pivot` lets the caller judge it."""
-    shift = real("shift")
-    now: dict[Place, sympy.Expr] = {place: -symbol for place, symbol in entries.items()}
-    for i in range(n):
-        now[i, i] = shift + now.get((i, i), ZERO)
-    body: list[Assignment] = []
-    stored: dict[Place, sympy.Symbol] = {}
-    pivots: dict[int, sympy.Symbol] = {}
-
-    def name(text: str, value: sympy.Expr) -> sympy.Symbol:
-        body.append((text, value))
-        return real(text)
-
-    for position, k in enumerate(order):
-        later = order[position + 1 :]
-        pivots[k] = name(f"pivot_{k}", now[k, k])
-        stored[k, k] = name(f"inverse_{k}", 1 / pivots[k])
-        for j in later:
-            if (k, j) in now:
-                stored[k, j] = name(f"U_{k}_{j}", now[k, j])
-        for i in later:
-            if (i, k) not in now:
-                continue
-            stored[i, k] = name(f"L_{i}_{k}", now[i, k] * stored[k, k])
-            for j in later:
-                if (k, j) in now:
-                    now[i, j] = now.get((i, j), ZERO) - stored[i, k] * stored[k, j]
-    function = Function(
-        "factorise", "Factors of shift I - J along the diagonal, and the pivots.",
-        {"shift": [shift], "J": list(entries.values())}, body,
-        {"L": list(stored.values()), "pivot": [pivots[k] for k in range(n)]},
-    )  # fmt: skip
-    return _Factors(function, stored)
-
-
-def _solve(n: int, factors: _Factors, order: Sequence[int]) -> Function:
-    """(shift I - J) k = b by the factors: forward, then back."""
-    b = [real(f"b_{i}") for i in range(n)]
-    stored = factors.stored
-    reached: dict[int, sympy.Expr] = dict(enumerate(b))
-    body: list[Assignment] = []
-    for position, i in enumerate(order):
-        terms = [stored[i, k] * reached[k] for k in order[:position] if (i, k) in stored]
-        if terms:
-            body.append((f"c_{i}", b[i] - sympy.Add(*terms)))
-            reached[i] = real(f"c_{i}")
-    for position in reversed(range(n)):
-        k = order[position]
-        known = sympy.Add(*(stored[k, j] * real(f"k_{j}") for j in order[position + 1 :] if (k, j) in stored))
-        body.append((f"k_{k}", stored[k, k] * (reached[k] - known)))
-    return Function("solve", "k with (shift I - J) k = b.", {"L": list(stored.values()), "b": b}, body,
-                    {"k": [real(f"k_{i}") for i in range(n)]})  # fmt: skip
-
-
-def _multiply(n: int, entries: dict[Place, sympy.Symbol]) -> Function:
-    v = [real(f"v_{i}") for i in range(n)]
-    rows = [sympy.Add(*(symbol * v[j] for (row, j), symbol in entries.items() if row == i)) for i in range(n)]
-    return Function("multiply", "J v.", {"J": list(entries.values()), "v": v}, [], {"Jv": rows})

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable
 from typing import Any
 
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from .. import __version__
+from ..docstrings import rendered
 from ..model import units
-from ..model.declare import Model, Parameter, Quantity
+from ..model.declare import TIME, Definition, Delay, Model, Parameter, Quantity, State
 from .variables import Variable, variables
 
-_STYLE = """
+STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
 h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 2px solid #c8402f; padding-bottom: .2rem; }
 table { border-collapse: collapse; width: 100%; } td, th { text-align: left; padding: .25rem .7rem .25rem 0;
@@ -26,29 +28,54 @@ math { font-size: 1.05em; } .eq { overflow: auto hidden; max-width: 36rem; }
 
 def page(model: Model) -> str:
     """documentation/index.html of an FMU: drawing, equations, citation, parameters, usage; opens offline."""
-    parts = [
-        f"<h1>{html.escape(model.name)}</h1><p>{html.escape(model.description)}. tubular-dea {__version__}.</p>",
-        f"<pre>{html.escape(model.documentation.strip())}</pre>",
-        "<h2>Equations</h2>", _equations(model),
-        "<h2>State derivatives</h2>", _derivatives(model),
-        *(("<h2>Samples</h2>", _samples(model)) if model.discretes else ()),
-        "<h2>Parameters</h2>", parameter_table(model),
-        "<h2>Inputs and outputs</h2>", _interface(model),
-    ]  # fmt: skip
-    if model.effects:
-        listed = "".join(f"<li><code>{html.escape(e)}</code></li>" for e in model.effects)
-        parts.insert(2, f"<h2>Effects added</h2><ul>{listed}</ul>")
+    return document(model.name, STYLE, f"<h1>{html.escape(model.name)}</h1>{body(model)}")
+
+
+def document(title: str, style: str, content: str) -> str:
+    """A page of HTML that asks nothing of a network."""
     return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(model.name)}</title>'
-        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f"<style>{style}</style></head><body>{content}</body></html>\n"
     )
 
 
-def parameter_table(model: Model) -> str:
-    """The parameters as an HTML table: name, value in display units, bounds, meaning, source."""
-    rows = [_parameter_row(p) for p in model.parameters]
+def body(model: Model, heading: str = "h2") -> str:
+    """Everything that a model declares, in the order drawing, equations, parameters, interface; as HTML."""
+    listed = "".join(f"<li><code>{html.escape(e)}</code></li>" for e in model.effects)
+    sections = {
+        "Effects added": f"<ul>{listed}</ul>" if listed else "",
+        "Equations": _equations(model.definitions),
+        "State derivatives": _derivatives(model.states),
+        "Delays": _delays(model.delays),
+        "Samples": _samples(model) if model.discretes else "",
+        "Parameters": parameter_table(model.parameters),
+        "Inputs and outputs": _interface(model),
+    }
+    told = "".join(f"<{heading}>{title}</{heading}>{text}" for title, text in sections.items() if text)
+    lead = f"<p>{html.escape(model.description)}. tubular-dea {__version__}.</p>"
+    return f"{lead}{rendered(model.documentation)}{told}"
+
+
+def changes(before: Model, after: Model) -> str:
+    """The equations of `after` that `before` lacks or has otherwise, as HTML."""
+    known = {d.quantity.name: d.expression for d in before.definitions}
+    moved = {s.quantity.name: s.derivative for s in before.states}
+    return (
+        _equations(d for d in after.definitions if known.get(d.quantity.name) != d.expression)
+        + _derivatives(s for s in after.states if moved.get(s.quantity.name) != s.derivative)
+        + _delays(d for d in after.delays if d not in before.delays)
+    )
+
+
+def parameter_table(parameters: Iterable[Parameter]) -> str:
+    """Parameters as an HTML table: name, value in display units, bounds, meaning, source."""
     head = "<tr><th>Name</th><th>Value</th><th>Allowed</th><th>Meaning</th><th>Source</th></tr>"
-    return f"<table>{head}{''.join(rows)}</table>"
+    return _table("".join(map(_parameter_row, parameters)), head)
+
+
+def _table(rows: str, head: str = "") -> str:
+    """A table of these rows; nothing where there are none."""
+    return f"<table>{head}{rows}</table>" if rows else ""
 
 
 def shown(q: Quantity) -> str:
@@ -73,23 +100,33 @@ def _parameter_row(parameter: Parameter) -> str:
     )
 
 
-def _equations(model: Model) -> str:
+def _equations(definitions: Iterable[Definition]) -> str:
     rows = "".join(
         f"<tr><td class=n><code>{d.quantity.name}</code></td><td><div class=eq>"
         f"{_math(d.quantity.symbol, d.expression)}</div><div class=note>{html.escape(d.quantity.description)} "
         f"[{d.quantity.unit}]</div></td><td class=src>{html.escape(d.quantity.source)}</td></tr>"
-        for d in model.definitions
+        for d in definitions
     )
-    return f"<table><tr><th>Name</th><th>Equation</th><th>Source</th></tr>{rows}</table>"
+    return _table(rows, "<tr><th>Name</th><th>Equation</th><th>Source</th></tr>")
 
 
-def _derivatives(model: Model) -> str:
+def _derivatives(states: Iterable[State]) -> str:
     rows = "".join(
         f"<tr><td>{_math(sympy.Symbol('d' + s.quantity.name + '/dt'), s.derivative)}</td>"
         f"<td>{html.escape(s.quantity.description)} [{s.quantity.unit}]</td></tr>"
-        for s in model.states
+        for s in states
     )
-    return f"<table>{rows}</table>"
+    return _table(rows)
+
+
+def _delays(delays: Iterable[Delay]) -> str:
+    """What is another signal some time ago."""
+    rows = "".join(
+        f"<tr><td>{_math(d.quantity.symbol, sympy.Function(d.of)(TIME - sympy.Symbol(d.by)))}</td>"
+        f"<td>{html.escape(d.quantity.description)} [{d.quantity.unit}]</td></tr>"
+        for d in delays
+    )
+    return _table(rows)
 
 
 def _samples(model: Model) -> str:
@@ -118,8 +155,19 @@ def _interface_row(variable: Variable) -> str:
     )
 
 
-_GREEK = {"lambda": "\u03bb", "sigma": "\u03c3", "eta": "\u03b7", "eps": "\u03b5", "phi": "\u03c6", "rho": "\u03c1",
-          "tau": "\u03c4", "theta": "\u03b8", "alpha": "\u03b1", "beta": "\u03b2", "gamma": "\u03b3"}  # fmt: skip
+_GREEK = {
+    "lambda": "\u03bb",
+    "sigma": "\u03c3",
+    "eta": "\u03b7",
+    "eps": "\u03b5",
+    "phi": "\u03c6",
+    "rho": "\u03c1",
+    "tau": "\u03c4",
+    "theta": "\u03b8",
+    "alpha": "\u03b1",
+    "beta": "\u03b2",
+    "gamma": "\u03b3",
+}
 
 
 class _MathML(MathMLPresentationPrinter):
@@ -129,15 +177,29 @@ class _MathML(MathMLPresentationPrinter):
         letter, _, index = sym.name.partition("_")
         if not index or not (letter in _GREEK or len(letter) == 1):
             return self._name(_GREEK.get(sym.name, sym.name))
-        node = self.dom.createElement("msub")
-        node.appendChild(self._name(_GREEK.get(letter, letter)))
-        node.appendChild(self._name(index))
+        return self._node("msub", self._name(_GREEK.get(letter, letter)), self._name(index))
+
+    def _print_Piecewise(self, expr: sympy.Piecewise) -> Any:
+        """A brace, and a row for each value with its condition."""
+        rows = []
+        for value, condition in expr.args:
+            words = ("otherwise",) if condition is sympy.S.true else ("if", condition)
+            cells = [self._node("mtd", self._print(value))]
+            cells += [self._node("mtd", self._word(w) if isinstance(w, str) else self._print(w)) for w in words]
+            rows.append(self._node("mtr", *cells))
+        return self._node("mrow", self._node("mo", self.dom.createTextNode("{")), self._node("mtable", *rows))
+
+    def _word(self, text: str) -> Any:
+        return self._node("mtext", self.dom.createTextNode(text))
+
+    def _node(self, kind: str, *children: Any) -> Any:
+        node = self.dom.createElement(kind)
+        for child in children:
+            node.appendChild(child)
         return node
 
     def _name(self, text: str) -> Any:
-        node = self.dom.createElement("mi")
-        node.appendChild(self.dom.createTextNode(text))
-        return node
+        return self._node("mi", self.dom.createTextNode(text))
 
 
 def _math(left: sympy.Symbol, right: sympy.Expr) -> str:

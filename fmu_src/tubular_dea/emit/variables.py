@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import uuid
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import sympy
 
@@ -16,9 +17,10 @@ TIME_QUANTITY = Quantity("time", "s", "Simulation time")
 
 @dataclass(frozen=True)
 class Variable:
-    """One FMI variable. `index` is its place in the array of its `kind`; its value reference is its place in
-    the table. `dependencies` names the inputs, states and time it depends on directly (outputs, derivatives);
-    `initial_dependencies` the inputs and parameters it depends on at the start of a simulation."""
+    """One FMI variable. `index` is its place in the array of its `kind`; its value reference is its place in the
+    table, counted from 1: some importers (OMSimulator) take 0 for none. `dependencies` names the inputs, states and
+    time it depends on directly (outputs, derivatives); `initial_dependencies` the inputs and parameters it depends on
+    at the start of a simulation, `rates` the inputs whose rates it uses."""
 
     name: str
     kind: str
@@ -29,11 +31,13 @@ class Variable:
     needs_fold: bool = False
     dependencies: tuple[str, ...] = ()
     initial_dependencies: tuple[str, ...] = ()
+    rates: tuple[str, ...] = ()
 
 
-def variables(model: Model) -> list[Variable]:
-    """time, inputs, outputs, other states, derivatives, parameters; in this order, which is the value reference."""
-    return [
+@lru_cache(maxsize=8)
+def variables(model: Model) -> tuple[Variable, ...]:
+    """time, inputs, outputs, other states, derivatives, parameters; in this order, which gives the value references."""
+    return (
         Variable("time", "TIME", 0, TIME_QUANTITY, "independent", "continuous"),
         *(Variable(q.name, "INPUT", i, q, "input", "continuous") for i, q in enumerate(model.inputs)),
         *_outputs(model),
@@ -44,7 +48,7 @@ def variables(model: Model) -> list[Variable]:
             Variable(p.quantity.name, "PARAMETER", i, p.quantity, "parameter", "tunable" if p.tunable else "fixed")
             for i, p in enumerate(model.parameters)
         ),
-    ]
+    )
 
 
 def guid(model: Model, kind: str = "native") -> str:
@@ -108,9 +112,7 @@ def moved_by(model: Model) -> set[sympy.Symbol]:
 def _initial(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
     """Inputs and parameters that `expression` depends on at the start, through the initial states too."""
     reached = _reached(model, expression, _same_at_every_start(model))
-    for state in model.states:
-        if state.quantity.symbol in reached:
-            reached |= _initial_of_state(model, state.start, state.equilibrium)
+    reached = _with_starts(model, reached)
     for q in model.inputs:
         if rate(q) in reached:
             reached.add(q.symbol)
@@ -120,11 +122,26 @@ def _initial(model: Model, expression: sympy.Expr) -> tuple[str, ...]:
 
 def _same_at_every_start(model: Model) -> dict[sympy.Symbol, sympy.Expr]:
     """The states that start at one number, whatever the parameters and the way to start: rates at zero."""
-    starts = {s.quantity.symbol: (sympy.sympify(s.start), sympy.sympify(s.equilibrium)) for s in model.states}
-    return {symbol: start for symbol, (start, rest) in starts.items() if start == rest and start.is_number}
+    starts = {s.quantity.symbol: (sympy.sympify(s.start), s.equilibrium) for s in model.states}
+    return {
+        symbol: start
+        for symbol, (start, rest) in starts.items()
+        if start.is_number and (start == rest or model.curve is None)
+    }
 
 
-def _initial_of_state(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> set[sympy.Symbol]:
+def _with_starts(model: Model, reached: set[sympy.Symbol]) -> set[sympy.Symbol]:
+    """`reached`, and what the starts of the states in it reach; a start may use those of other states."""
+    states = {s.quantity.symbol: s for s in model.states}
+    todo, found = reached & states.keys(), set(reached)
+    while todo:
+        state = states.pop(todo.pop())
+        found |= _initial_of_state(model, state.start, state.equilibrium)
+        todo = found & states.keys()
+    return found
+
+
+def _initial_of_state(model: Model, start: sympy.Expr, equilibrium: sympy.Expr | None) -> set[sympy.Symbol]:
     reached = _reached(model, start)
     if model.curve:
         settled = sympy.sympify(equilibrium).free_symbols
@@ -151,12 +168,25 @@ def _outputs(model: Model) -> list[Variable]:
         elif name in _discretes(model):
             found.append(_discrete(model, name))
         elif model.curve and name == model.curve.fold.name:
-            found.append(Variable(name, "FOLD", 0, *common, True, direct_dependencies(model, symbol),
-                                  _initial(model, symbol)))  # fmt: skip
+            found.append(
+                Variable(name, "FOLD", 0, *common, True, direct_dependencies(model, symbol), _initial(model, symbol))
+            )
         else:
-            fold = model.curve is not None and model.curve.fold.symbol in _reached(model, symbol)
-            found.append(Variable(name, "OUTPUT", position, *common, fold, direct_dependencies(model, symbol),
-                                  _initial(model, symbol)))  # fmt: skip
+            reached = _reached(model, symbol)
+            fold = model.curve is not None and model.curve.fold.symbol in reached
+            rates = tuple(q.name for q in model.inputs if rate(q) in reached)
+            found.append(
+                Variable(
+                    name,
+                    "OUTPUT",
+                    position,
+                    *common,
+                    fold,
+                    direct_dependencies(model, symbol),
+                    _initial(model, symbol),
+                    rates,
+                )
+            )
             position += 1
     return found
 
@@ -170,36 +200,64 @@ def _discrete(model: Model, name: str) -> Variable:
     place = _discretes(model).index(name)
     causality = "output" if name in model.outputs else "local"
     start = sympy.sympify(model.discretes[place].start)
-    return Variable(name, "SAMPLED", len(model.parameters) + place, model.quantity(name), causality, "discrete",
-                    initial_dependencies=_initial(model, start))  # fmt: skip
+    return Variable(
+        name,
+        "SAMPLED",
+        len(model.parameters) + place,
+        model.quantity(name),
+        causality,
+        "discrete",
+        initial_dependencies=_initial(model, start),
+    )
 
 
-def _state_initial(model: Model, start: sympy.Expr, equilibrium: sympy.Expr) -> tuple[str, ...]:
-    reached = _initial_of_state(model, start, equilibrium)
+def _state_initial(model: Model, start: sympy.Expr, equilibrium: sympy.Expr | None) -> tuple[str, ...]:
+    reached = _with_starts(model, _initial_of_state(model, start, equilibrium))
     ordered = [*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)]
     return tuple(str(s) for s in ordered if s in reached)
 
 
 def _hidden_states(model: Model) -> list[Variable]:
     return [
-        Variable(s.quantity.name, "STATE", i, s.quantity, "local", "continuous",
-                 initial_dependencies=_state_initial(model, s.start, s.equilibrium))
+        Variable(
+            s.quantity.name,
+            "STATE",
+            i,
+            s.quantity,
+            "local",
+            "continuous",
+            initial_dependencies=_state_initial(model, s.start, s.equilibrium),
+        )
         for i, s in enumerate(model.states)
         if s.quantity.name not in model.outputs
-    ]  # fmt: skip
+    ]
 
 
 def _derivatives(model: Model) -> list[Variable]:
     return [
-        Variable(f"der({s.quantity.name})", "DERIVATIVE", i, _derivative_quantity(s.quantity), "local", "continuous",
-                 dependencies=direct_dependencies(model, s.derivative),
-                 initial_dependencies=_initial(model, s.derivative))
+        Variable(
+            f"der({s.quantity.name})",
+            "DERIVATIVE",
+            i,
+            _derivative_quantity(s.quantity),
+            "local",
+            "continuous",
+            dependencies=direct_dependencies(model, s.derivative),
+            initial_dependencies=_initial(model, s.derivative),
+        )
         for i, s in enumerate(model.states)
-    ]  # fmt: skip
+    ]
 
 
 def _derivative_quantity(quantity: Quantity) -> Quantity:
     unit = {"1": "1/s", "1/s": "1/s2"}.get(quantity.unit, f"{quantity.unit}/s")
-    return replace(quantity, name=f"der({quantity.name})", unit=unit, value=None,
-                   description=f"Time derivative of {quantity.name}", display_unit=None,
-                   minimum=None, maximum=None)  # fmt: skip
+    return replace(
+        quantity,
+        name=f"der({quantity.name})",
+        unit=unit,
+        value=None,
+        description=f"Time derivative of {quantity.name}",
+        display_unit=None,
+        minimum=None,
+        maximum=None,
+    )

@@ -6,19 +6,18 @@ Compiled libraries are cached by a hash of everything that goes into them, so a 
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import struct
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 from ..errors import UserError
-from ..files import write_atomically
+from ..files import working_folder
+from .cache import compiler_environment, keep, kept
 
 
 class CompileError(UserError, RuntimeError):
@@ -46,8 +45,21 @@ PLATFORMS = (
 )
 
 # -ffp-contract=off: no fused multiply-add anywhere, so that platforms agree to the last digits.
-FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-slp-vectorize", "-fvisibility=hidden",
-         "-g0", "-s", "-shared")  # fmt: skip
+FLAGS = (
+    "-std=c99",
+    "-O3",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-slp-vectorize",
+    "-fvisibility=hidden",
+    "-g0",
+    "-s",
+    "-shared",
+)
+
+# Here doubles need nothing of the compiler's own runtime library, which zig would first compile from source (3 s, once
+# for each processor it is compiled for). Were something needed after all, linking fails.
+WITHOUT_RUNTIME = dict.fromkeys(("linux-x86_64", "linux-aarch64"), ("-rtlib=none", "-Wl,-z,defs"))
 
 
 def host() -> Platform:
@@ -80,15 +92,15 @@ def cached_library(sources: Mapping[str, str], target: Platform, processor: tupl
     """
     flags = (*FLAGS, *processor)
     key = hashlib.sha256(repr((sorted(sources.items()), target, flags, _zig_version())).encode()).hexdigest()
-    cached = cache_folder() / f"{key}{target.suffix}"
-    if cached.exists():
+    cached = kept(f"{key}{target.suffix}")
+    if cached:
         return cached
-    with tempfile.TemporaryDirectory() as folder:
+    with working_folder("compiling") as folder:
         for name, text in sources.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
-        library = Path(folder) / f"library{target.suffix}"
-        _zig_cc(target, [name for name in sources if name.endswith(".c")], library, folder, flags)
-        return write_atomically(cached, library.read_bytes())
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        library = folder / f"library{target.suffix}"
+        _zig_cc(target, [name for name in sources if name.endswith(".c")], library, flags)
+        return keep(f"{key}{target.suffix}", library.read_bytes())
 
 
 def processor_flags() -> tuple[str, ...]:
@@ -119,26 +131,21 @@ def universal(x86_64: bytes, arm64: bytes) -> bytes:
     return header + b"\0" * (page - len(header)) + body
 
 
-def cache_folder() -> Path:
-    """Where compiled libraries are kept: the user's cache folder, or TUBULAR_DEA_CACHE."""
-    if "TUBULAR_DEA_CACHE" in os.environ:
-        return Path(os.environ["TUBULAR_DEA_CACHE"])
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "tubular-dea"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tubular-dea"
-
-
 def _zig_version() -> str:
     from importlib.metadata import version
 
     return version("ziglang")
 
 
-def _zig_cc(target: Platform, compiled: list[str], library: Path, folder: str, flags: tuple[str, ...]) -> None:
+def _zig_cc(target: Platform, compiled: list[str], library: Path, flags: tuple[str, ...]) -> None:
+    """Compile into `library`, beside the sources."""
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, *flags, "-I.", "-o", str(library)]
     command += [*compiled, *([] if target.suffix == ".dll" else ["-fPIC", "-lm"])]
+    command += WITHOUT_RUNTIME.get(target.name, ())
     if target.suffix == ".dylib":  # not the name of the temporary folder
         command += ["-Wl,-install_name,@rpath/library.dylib"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=library.parent, env=compiler_environment(), capture_output=True, text=True, check=False
+    )
     if done.returncode:
-        raise CompileError(f"compiling for {target.name} failed:\n{done.stderr.strip()}")
+        raise CompileError(f"compiling for {target.name} failed:\n{done.stderr.strip() or 'no word from the compiler'}")

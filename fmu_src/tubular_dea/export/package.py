@@ -10,23 +10,49 @@ from pathlib import Path
 
 import fmpy
 
-from ..emit import c, model_description, tables
+from ..emit import c, model_description, rodas5p, tables
 from ..files import write_atomically
 from ..model.declare import Model
 from .compile import Platform, host, native_source, shared_library, universal
 
-CORE_SOURCES = ("instance.c", "exchange.c", "equilibrium.c", "delay.c", "rosenbrock.c")
-FMU_SOURCES = ("values.c", "step.c", "saved_state.c", "sensitivity.c")  # what only an FMU needs
-CORE_HEADERS = ("instance.h", "delay.h", "rosenbrock.h", "rodas5p.h", "equilibrium.h", "variable.h")
+CORE_SOURCES = (
+    "rosenbrock.c",
+    "rosenbrock.h",
+    "attempt.h",
+    "method.h",
+    "equilibrium.c",
+    "equilibrium.h",
+    "start.c",
+    "start.h",
+    "variable.h",
+)
+FMU_SOURCES = (
+    "instance.c",
+    "instance.h",
+    "exchange.c",
+    "exchange.h",
+    "delay.c",
+    "delay.h",
+    "values.c",
+    "step.c",
+    "saved_state.c",
+    "sensitivity.c",
+)
+KERNEL_SOURCES = ("kernel.c", "kernel.h", "pieces.c", "pieces.h")  # what whole trajectories need besides
+MASTER_SOURCES = (
+    "master.c",
+    "master.h",
+    "master_state.h",
+    "master_tables.c",
+    "master_slaves.c",
+    "master_steps.c",
+    "master_loop.c",
+    "master_watch.c",
+)  # of a coupled run
 FMI_HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
-TERMINALS = {
-    "lumen": ("Blood in the tube: pressure, and the flow conjugate to the wall's work",
-              {"pressure": "pressure", "flow": "tube_flow"}),
-    "electrodes": ("Electrodes of the active layers", {"voltage": "voltage", "current": "current"}),
-}  # fmt: skip
 
 Progress = Callable[[str], None]
 
@@ -41,8 +67,8 @@ def sources(model: Model, version: int) -> dict[str, str]:
 
 def core_sources(model: Model, *native: str) -> dict[str, str]:
     """What every library of `model` is compiled from: the emitted C, the integrator, and the `native` files named."""
-    files = {"model.c": c.source(model), "model.h": c.header(model)}
-    return files | {name: native_source(name) for name in (*CORE_SOURCES, *CORE_HEADERS, *native)}
+    files = {"model.c": c.source(model), "model.h": c.header(model), "rodas5p.h": rodas5p.header()}
+    return files | {name: native_source(name) for name in (*CORE_SOURCES, *native)}
 
 
 def native_fmu(
@@ -103,10 +129,7 @@ def _descriptions(model: Model, version: int, compiled: tuple[str, ...]) -> dict
         "sources/buildDescription.xml": model_description.build_description(model, compiled).encode(),
         "terminalsAndIcons/icon.png": icon(),
     }
-    names = model.quantities()
-    members = {n: t for n, t in TERMINALS.items() if all(v in names for v in t[1].values())}
-    files["terminalsAndIcons/terminalsAndIcons.xml"] = model_description.terminals(model, members).encode()
-    return files
+    return files | {"terminalsAndIcons/terminalsAndIcons.xml": model_description.terminals(model).encode()}
 
 
 def _documentation(model: Model, version: int) -> dict[str, bytes]:

@@ -14,26 +14,24 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from ..emit.variables import guid
-from ..files import write_atomically
 from ..model.declare import Model
-from .compile import cache_folder, cached_library, host
+from .cache import keep, kept
+from .compile import cached_library, host
 
-MAKERS = ("emit", "native", "export", "model", "kernel.py", "tangents.py", "sweep/batch.py")
+MAKERS = ("emit", "native", "export", "model", "kernel")
 
 
 def remembered_library(
     model: Model, kind: str, sources: Callable[[], Mapping[str, str]], flags: Sequence[str] = ()
 ) -> Path:
     """The library of `model` for this machine; `sources` (file name to text) is called where it is not known yet."""
-    key = hashlib.sha256(repr((guid(model, kind), host(), tuple(flags), fingerprint())).encode()).hexdigest()
-    note = cache_folder() / f"{key}.place"
-    if note.exists():
-        place = cache_folder() / note.read_text(encoding="utf-8")
-        if place.is_file():
-            return place
+    key = hashlib.sha256(repr((model, kind, host(), tuple(flags), fingerprint())).encode()).hexdigest()
+    note = kept(f"{key}.place")
+    library = kept(note.read_text(encoding="utf-8")) if note else None
+    if library:
+        return library
     made = cached_library(sources(), host(), tuple(flags))
-    write_atomically(note, made.name.encode())
+    keep(f"{key}.place", made.name.encode())
     return made
 
 

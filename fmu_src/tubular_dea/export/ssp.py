@@ -19,7 +19,9 @@ NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
+MASTER = {"description": "oms-ma", "stepSize": "0.001", "absoluteTolerance": "1e-6", "relativeTolerance": "1e-6"}
 
 PARAMETER_SET = "start"
 
@@ -35,7 +37,7 @@ def ssp(
 ) -> Path:
     """Write the archive. `models` and `fmus` by part, `connections` and `parameters` (SI units) by "part.variable"."""
     files = {f"resources/{fmus[part].name}": fmus[part].read_bytes() for part in models}
-    files["resources/start.ssv"] = _parameter_file(models, parameters).encode()
+    files["resources/start.ssv"] = parameter_file(models, parameters).encode()
     files["SystemStructure.ssd"] = description(name, models, fmus, connections, parameters, stop).encode()
     return write_atomically(path, archive(files))
 
@@ -59,15 +61,24 @@ def description(
     for source, target in connections:
         (a, output), (b, into) = source.split(".", 1), target.split(".", 1)
         ET.SubElement(wires, "ssd:Connection", startElement=a, startConnector=output, endElement=b, endConnector=into)
+    _how_to_step(system)
     _units(root, models)
     ET.SubElement(root, "ssd:DefaultExperiment", startTime="0.0", stopTime=repr(float(stop)))
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
+def _how_to_step(system: ET.Element) -> None:
+    """The master's step for OMSimulator, which opens no system without it; SSP itself has no place for that."""
+    note = ET.SubElement(ET.SubElement(system, "ssd:Annotations"), "ssc:Annotation", type="org.openmodelica")
+    information = ET.SubElement(ET.SubElement(note, "oms:Annotations"), "oms:SimulationInformation")
+    ET.SubElement(information, "oms:FixedStepMaster", MASTER)
+
+
 def _component(elements: ET.Element, part: str, model: Model, fmu: Path, parameters: Mapping[str, float]) -> None:
-    component = ET.SubElement(elements, "ssd:Component", name=part, type="application/x-fmu-sharedlibrary",
-                              source=f"resources/{fmu.name}")  # fmt: skip
+    component = ET.SubElement(
+        elements, "ssd:Component", name=part, type="application/x-fmu-sharedlibrary", source=f"resources/{fmu.name}"
+    )
     connectors = ET.SubElement(component, "ssd:Connectors")
     for kind, names in (("input", [q.name for q in model.inputs]), ("output", model.outputs)):
         for name in names:
@@ -84,7 +95,8 @@ def _component(elements: ET.Element, part: str, model: Model, fmu: Path, paramet
         _value(ET.SubElement(group, "ssv:Parameter", name=name), model.quantity(name), value)
 
 
-def _parameter_file(models: Mapping[str, Model], parameters: Mapping[str, float]) -> str:
+def parameter_file(models: Mapping[str, Model], parameters: Mapping[str, float]) -> str:
+    """resources/start.ssv."""
     spaces = {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in ("ssv", "ssc")}
     root = ET.Element("ssv:ParameterSet", {"version": "1.0", "name": PARAMETER_SET} | spaces)
     group = ET.SubElement(root, "ssv:Parameters")

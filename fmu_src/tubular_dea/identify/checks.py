@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from .bench import Bench, Signal
+from ..model.declare import Quantity
+from ..plants.plant import Input, Output, Plant
 from .monitors import QUIET, noise_level, resolution
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
@@ -14,45 +15,56 @@ COARSE = 3.0  # steps of its resolution: a sensor with less noise may well give 
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
-def findings(
-    inputs: Mapping[str, np.ndarray], output: np.ndarray, bench: Bench, lines: np.ndarray, name: str, rest: float
+def inputs(values: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray) -> Iterator[str]:
+    """All that is wrong with the inputs of a recording (SI units), the plainest first; `lines` (n,) are the file's."""
+    for signal in plant.inputs:
+        yield from _wrong_unit(values[signal.name], signal.name, signal, plant.quantity(signal.name).unit, lines)
+        yield from _standstill(values[signal.name], signal.name, lines, stops=(np.max,))
+
+
+def output(
+    recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float
 ) -> Iterator[str]:
-    """All that is wrong with a recording in SI units, the plainest first; `lines` (n,) are those in the file.
+    """All that is wrong with an output (n,) as it stands in the file's column `name`, NaN where missing.
 
-    `output` (n,) is as it stands in the file's column `name`, NaN where missing; `rest` is what it reads at rest.
+    `rest` is what it reads at rest.
     """
-    for signal in bench.inputs:
-        yield from _wrong_unit(inputs[signal.name], signal.name, signal, lines)
-        yield from _standstill(inputs[signal.name], signal.name, lines, stops=(np.max,))
-    seen = np.flatnonzero(np.isfinite(output))
-    if seen.size < bench.least_samples:
-        yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {bench.least_samples}"
+    seen = np.flatnonzero(np.isfinite(recorded))
+    if seen.size < plant.least_samples:
+        yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {plant.least_samples}"
         return
-    values, there = output[seen], lines[seen]
-    yield from _wrong_unit(values, name, bench.output, there)
+    values, there = recorded[seen], lines[seen]
+    yield from _wrong_unit(values, name, signal, plant.quantity(signal.name).unit, there)
     yield from constant(values, name, there, "the output moves")
-    yield from _standstill(values, name, there)
-    if bench.rest:
-        yield from _below_rest(values, name, there, rest, bench.rest)
+    if not _may_stand_still(plant, signal):
+        yield from _standstill(values, name, there)
+    parameter = next((p for p in signal.columns.values() if p), "")
+    if signal.rest is not None and parameter:
+        yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter))
 
 
-def _wrong_unit(values: np.ndarray, name: str, signal: Signal, lines: np.ndarray) -> Iterator[str]:
-    problem = mislabelled(values, signal)
+def _may_stand_still(plant: Plant, signal: Output) -> bool:
+    """Whether a sensor's stop is something that the plant's places may explain."""
+    return any(place.name == signal.name and place.asks("saturation") for place in plant.places)
+
+
+def _wrong_unit(values: np.ndarray, name: str, signal: Input | Output, unit: str, lines: np.ndarray) -> Iterator[str]:
+    problem = mislabelled(values, signal, unit)
     if problem:
         yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {name!r}: {problem}"
 
 
-def mislabelled(values: np.ndarray, signal: Signal) -> str:
+def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
     """What the largest value says against the unit of a signal that is more than noise about zero; "" for nothing."""
     largest = float(values[int(np.argmax(np.abs(values)))])
     top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
     if np.count_nonzero(np.diff(values)) >= STANDSTILL:  # a monitor, not some steps of a set point
         noise = max(noise, resolution(values))
-    what = f"the largest value is {largest:g} {signal.unit}"
+    what = f"the largest value is {largest:g} {unit}"
     if top > signal.most:
-        return f"{what}; expected at most {signal.most:g} {signal.unit}: {signal.mislabelled[1]}?"
+        return f"{what}; expected at most {signal.most:g} {unit}: {signal.mislabelled[1]}?"
     if 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
-        return f"{what}; expected at least {signal.least:g} {signal.unit}: {signal.mislabelled[0]}?"
+        return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
     return ""
 
 
@@ -100,13 +112,18 @@ def _noisy(values: np.ndarray) -> bool:
     return noise > max(QUIET * float(np.ptp(values)), COARSE * resolution(values))
 
 
-def _below_rest(values: np.ndarray, name: str, lines: np.ndarray, rest: float, size: float) -> Iterator[str]:
-    """Smoothed over a few samples, so that noise about rest is no finding; `size` is the tube's."""
+def _below_rest(
+    values: np.ndarray, name: str, lines: np.ndarray, rest: float, signal: Output, size: Quantity
+) -> Iterator[str]:
+    """Smoothed over a few samples, so that noise about rest is no finding; `size` is the plant's."""
     smooth = np.convolve(values, np.ones(9) / 9, mode="valid")
     lowest = int(np.argmin(smooth))
-    if smooth[lowest] < rest - 0.05 * size:
-        own = "radius" if rest else "displacement"
+    if smooth[lowest] < rest - 0.05 * float(size.value or 0.0):
+        wanted = " or ".join(
+            f"a {heading!r} that starts at {size.name if parameter else 0}"
+            for heading, parameter in list(signal.columns.items())[:2]
+        )
         yield (
-            f"line {lines[lowest + 4]}, column {name!r}: {smooth[lowest]:.4g} m is below the tube's own {own} at rest, "
-            f"{rest:g} m; expected a 'radius' that starts there or a 'displacement' from 0, or set r_o in bench.toml"
+            f"line {lines[lowest + 4]}, column {name!r}: {smooth[lowest]:.4g} {size.unit} is below the {name} at rest, "
+            f"{rest:g} {size.unit}; expected {wanted}, or set {size.name} in bench.toml"
         )

@@ -1,4 +1,4 @@
-"""Bench recordings: a folder of CSV files, one experiment each, with quantity and unit in the header.
+"""Recordings: a folder of files, one experiment each, in any format that `recordings` reads, checked and in SI units.
 
 A recording that cannot mean what its header says is refused with file, line and column: time that goes back,
 mmHg labelled Pa, kV labelled V, a sensor that stands still or has run into its stop, a radius below the tube's own.
@@ -6,143 +6,224 @@ mmHg labelled Pa, kV labelled V, a sensor that stands still or has run into its 
 
 from __future__ import annotations
 
-import math
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import UserError
-from ..model.units import UnitError, factor, quantity
-from ..tabular import TableError, headings, rows
+from ..plants.plant import Input, Plant
+from ..recordings import NoTableError, ReadError, Table, is_recording, read
+from ..recordings.table import some
 from . import checks
-from .bench import TUBE, Bench, Signal
+from .bench_file import BenchFile, read_bench
+from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
+from .sampling import sampling
+from .start import RESTED, detected
 
-SHORTEST, COARSEST = 0.3, 0.5  # s that a recording lasts, and between its samples
+DataError = ReadError  # recordings that cannot be used: as files, or for what they say
+NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
 
 
-class DataError(UserError, ValueError):
-    """Recordings that cannot be used; the text names file, line and column and says what was expected."""
+@dataclass(frozen=True)
+class Source:
+    """How a file was understood: its `format`, the column of every signal (`heading [unit]`), those not used, remarks.
+
+    `missing` counts the cells of each signal that hold no number.
+    """
+
+    path: Path
+    format: str
+    columns: dict[str, str]
+    unused: tuple[str, ...]
+    remarks: tuple[str, ...]
+    missing: dict[str, int]
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One recording in SI units: `time` (n,), `inputs` by name, each (n,), and `output` (n,), NaN where missing.
+    """One recording in SI units: `time` (n,), `inputs` and `outputs` by name, each (n,), outputs NaN where missing.
 
-    `lines` are the numbers of the samples' lines in the file.
+    Outputs are as the model puts them out (a radius less its rest). `lines` are the numbers of the samples' lines in
+    the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
+    starts (`start.STARTS`); `begins` [s] when, on a clock of the whole folder, where experiments follow without rest.
+    `source` says how the file was understood.
     """
 
     name: str
     time: np.ndarray
     inputs: dict[str, np.ndarray]
-    output: np.ndarray
+    outputs: dict[str, np.ndarray]
     lines: np.ndarray
+    trigger: np.ndarray | None = None
+    start: str = RESTED
+    begins: float | None = None
+    source: Source | None = None
 
-    @property
-    def seen(self) -> np.ndarray:
-        """Where the output was recorded, shape (n,)."""
-        return np.isfinite(self.output)
+    def seen(self, output: str) -> np.ndarray:
+        """Where an output was recorded, shape (n,); nowhere if it is not in the file."""
+        return np.isfinite(self.outputs[output]) if output in self.outputs else np.zeros(self.time.size, bool)
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """All experiments of a folder and what its bench.toml says: `geometry` by parameter name, noise by signal name."""
+    """All experiments of a folder and what its bench.toml says: `geometry` by parameter name, noise by signal name.
 
-    bench: Bench
+    `left_out` names files that hold no table, such as somebody's notes.
+    """
+
+    plant: Plant
     experiments: list[Experiment]
     geometry: dict[str, float] = field(default_factory=dict)
     noise: dict[str, float] = field(default_factory=dict)
     source: str = ""
+    left_out: tuple[str, ...] = ()
 
 
-def read_folder(folder: Path, bench: Bench = TUBE) -> Recordings:
-    """Every `*.csv` of a folder, in the order of their names, and its optional bench.toml."""
+def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Recordings:
+    """Every recording of a folder, in the order of their names, and its optional bench.toml.
+
+    `columns` say which column is which signal where headings do not, as in "radius=laser_2[um]".
+    """
+    files = _files(folder, plant)
+    said = read_bench(folder / "bench.toml", plant, [path.stem for path in files])
+    chosen = said.columns | choices(columns, plant)
+    experiments, left_out = [], []
+    for path in files:
+        try:
+            experiments.append(_placed(read_experiment(path, plant, said.geometry, chosen, said.rate), said, plant))
+        except NoTableError:
+            if path.suffix.lower() not in NOTES:
+                raise
+            left_out.append(path.name)
+    if not experiments:
+        raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
+    return Recordings(plant, experiments, said.geometry, said.noise, folder.name, tuple(left_out))
+
+
+def of_tables(
+    tables: Sequence[Table], plant: Plant, columns: Sequence[str] = (), said: BenchFile | None = None
+) -> Recordings:
+    """Recordings that are in memory, each named by its table's path; `said` is what bench.toml would say of them."""
+    if not tables:
+        raise DataError("recordings: expected at least one table but was given none")
+    said = said or BenchFile()
+    chosen = said.columns | choices(columns, plant)
+    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate) for t in tables}
+    experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
+    return Recordings(plant, experiments, said.geometry, said.noise, "recordings")
+
+
+def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:
+    """The experiment with its start, as bench.toml states it or as its first samples show, and when it began."""
+    start = said.start.get(experiment.name, said.start.get("default", "")) or detected(experiment, plant)
+    return replace(experiment, start=start, begins=said.order.get(experiment.name))
+
+
+def _files(folder: Path, plant: Plant) -> list[Path]:
+    """The files of a folder that may be recordings; each name once."""
     if not folder.is_dir():
         raise DataError(
-            f"{folder}: expected a folder of CSV files but there is {'a file' if folder.exists() else 'nothing'}"
+            f"{folder}: expected a folder of recordings but there is {'a file' if folder.exists() else 'nothing'}"
         )
-    files = sorted(folder.glob("*.csv"))
+    files = sorted(path for path in folder.iterdir() if is_recording(path))
     if not files:
-        raise DataError(f"{folder}: no experiment usable: expected CSV files headed {bench.example()!r} but found none")
-    geometry, noise = _bench_file(folder / "bench.toml", bench)
-    rest = geometry.get("r_o", bench.rest)
-    experiments = [read_experiment(path, bench, rest) for path in files]
-    return Recordings(bench, experiments, geometry, noise, folder.name)
-
-
-def read_experiment(path: Path, bench: Bench = TUBE, rest: float = TUBE.rest) -> Experiment:
-    """One CSV file, checked. `rest` is subtracted from a radius to make it the model's displacement [m]."""
-    try:
-        table = rows(path)
-    except TableError as problem:
-        raise DataError(str(problem)) from None
-    if not table:
-        raise DataError(f"{path}: expected the header {bench.example()!r} but the file is empty")
-    columns = _columns(path, table[0][1], bench)
-    if len(table) - 1 < bench.least_samples:
-        raise DataError(
-            f"{path}: too few samples: {len(table) - 1} lines below the header; expected at least {bench.least_samples}"
-        )
-    for line, cells in table[1:]:
-        if any(cells[len(table[0][1]) :]):
+        raise DataError(f"{folder}: no experiment usable: expected files headed {plant.headers()!r} but found none")
+    by_name: dict[str, Path] = {}
+    for path in files:
+        if path.stem in by_name:
             raise DataError(
-                f"{path}, line {line}: {len(cells)} cells below {len(table[0][1])} headings; expected one each, with "
-                "points in the numbers: decimal commas?"
+                f"{folder}: expected one file an experiment but found {by_name[path.stem].name} and "
+                f"{path.name}; move one away"
             )
-    lines = np.array([line for line, _ in table[1:]])
-    values = {name: _values(path, table[1:], name, place, scale) for name, (place, scale) in columns.items()}
-    time = values.pop("time")
-    _check_time(path, lines, time)
-    name = next(n for n in bench.output_names if n in values)
-    zero = rest if name in bench.absolute_names else 0.0
-    inputs = {s.name: _filled(path, time, values[s.name], s) for s in bench.inputs}
-    for finding in checks.findings(inputs, values[name], bench, lines, name, zero):
+        by_name[path.stem] = path
+    return files
+
+
+def read_experiment(
+    path: Path,
+    plant: Plant,
+    geometry: Mapping[str, float] | None = None,
+    chosen: Mapping[str, Choice] | None = None,
+    rate: float | None = None,
+) -> Experiment:
+    """One file, checked. `geometry` has the values of parameters that are subtracted from a column (a radius).
+
+    `chosen` says which column a signal is, `rate` [Hz] how a file without a time was sampled. `DataError` for what
+    cannot be used.
+    """
+    return experiment_of(read(path, signals(plant)), plant, geometry, chosen, rate)
+
+
+def experiment_of(
+    table: Table,
+    plant: Plant,
+    geometry: Mapping[str, float] | None = None,
+    chosen: Mapping[str, Choice] | None = None,
+    rate: float | None = None,
+) -> Experiment:
+    """One table of numbers, checked; the arguments are those of `read_experiment`."""
+    path, chosen = table.path, chosen or {}
+    columns = assigned(table, plant, chosen, rate)
+    if table.lines.size < plant.least_samples:
+        raise DataError(
+            f"{path}: too few samples: {table.lines.size} {table.row}s of numbers; expected at least "
+            f"{plant.least_samples}"
+        )
+    taken = sampling(table, columns["time"].values, np.array([a.values for n, a in columns.items() if n != "time"]))
+    values, lines = {name: a.values[taken.kept] for name, a in columns.items()}, table.lines[taken.kept]
+    time = taken.time - (taken.time[0] if columns["time"].column.clock else 0.0)
+    _check_time(table, lines, time, plant)
+    inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
+    for finding in checks.inputs(inputs, plant, lines):
         raise DataError(f"{path}, {finding}")
-    return Experiment(path.stem, time, inputs, values[name] - zero, lines)
+    known = plant.model.parameter_values() | dict(geometry or {})
+    outputs: dict[str, np.ndarray] = {}
+    idle: list[str] = []
+    for output in plant.outputs:
+        heading = next((name for name in output.headings if name in values), None)
+        if heading is None:
+            continue
+        if not output.required and any(checks.constant(_there(values[heading]), heading, lines, "")):
+            idle.append(f"{heading} stands still here, and is not used")
+            continue
+        zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
+        for finding in checks.output(values[heading], output, plant, lines, heading, zero):
+            raise DataError(f"{path}, {finding}")
+        outputs[output.name] = values[heading] - zero
+    source = _source(table, columns, [*taken.remarks, *idle])
+    return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
 
 
-def _columns(path: Path, header: list[str], bench: Bench) -> dict[str, tuple[int, float]]:
-    """Place and factor to SI of time, inputs and the output, whichever of its names is there."""
-    units = (
-        {"time": "s"} | {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
-    )
-    try:
-        cells = headings(path, header, units)
-    except TableError as problem:
-        raise DataError(str(problem)) from None
-    for name in ["time", *(s.name for s in bench.inputs)]:
-        if name not in cells:
-            raise DataError(f"{path}, line 1: column '{name} [{units[name]}]' is missing; found {', '.join(header)}")
-    outputs = [name for name in bench.output_names if name in cells]
-    if len(outputs) != 1:
-        wanted = " or ".join(f"'{name} [{bench.output.unit}]'" for name in bench.output_names)
-        raise DataError(f"{path}, line 1: expected one column {wanted} but found {', '.join(header)}")
-    found = {}
-    for name in ["time", *(s.name for s in bench.inputs), *outputs]:
-        try:
-            found[name] = (cells[name].place, factor(cells[name].unit, units[name]))
-        except UnitError as problem:
-            raise DataError(f"{path}, line 1, column {name!r}: {problem}") from None
-    return found
+def _there(values: np.ndarray) -> np.ndarray:
+    return values[np.isfinite(values)]
 
 
-def _values(path: Path, table: list[tuple[int, list[str]]], name: str, place: int, scale: float) -> np.ndarray:
-    """A column in SI units; NaN for an empty cell or one that says nan."""
-    values = np.empty(len(table))
-    for i, (line, row) in enumerate(table):
-        cell = row[place] if place < len(row) else ""
-        try:
-            values[i] = float(cell) * scale if cell else math.nan
-        except ValueError:
-            raise DataError(f"{path}, line {line}, column {name!r}: expected a number but found {cell!r}") from None
-        if math.isinf(values[i]):
-            raise DataError(f"{path}, line {line}, column {name!r}: expected a finite number but found {cell!r}")
-    return values
+def _source(table: Table, columns: Mapping[str, Assigned], remarks: Sequence[str]) -> Source:
+    shown = {name: _shown(a) for name, a in columns.items()}
+    missing = {name: a.column.missing for name, a in columns.items() if a.column.missing}
+    return Source(table.path, table.format, shown, tuple(unused(table, columns)), (*table.remarks, *remarks), missing)
 
 
-def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Signal) -> np.ndarray:
+def _shown(a: Assigned) -> str:
+    """A column's heading, with its unit where the heading does not say it."""
+    text = a.column.heading or f"number {a.column.number}"
+    if a.column.clock:
+        return f"{text} (clock)"
+    said = re.search(rf"(?<![^\W_]){re.escape(a.unit)}(?![^\W_])", text)
+    return text if said or not a.unit else f"{text} in {a.unit}"
+
+
+def _switched(trigger: np.ndarray | None) -> np.ndarray | None:
+    """A trigger as 0 and 1, whatever its levels are; None where it never moves."""
+    if trigger is None or not np.any(np.isfinite(trigger)):
+        return None
+    low, high = np.nanmin(trigger), np.nanmax(trigger)
+    return np.where(trigger > 0.5 * (low + high), 1.0, 0.0) if high > low else None
+
+
+def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Input) -> np.ndarray:
     """An input with its gaps closed: the last value where the signal is held, a straight line where it is not."""
     there = np.flatnonzero(np.isfinite(values))
     if there.size < max(2, values.size // 2):
@@ -153,64 +234,11 @@ def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Signal) ->
     return np.interp(time, time[there], values[there])
 
 
-def _check_time(path: Path, lines: np.ndarray, time: np.ndarray) -> None:
-    missing = np.flatnonzero(~np.isfinite(time))
-    if missing.size:
-        raise DataError(f"{path}, line {lines[missing[0]]}, column 'time': expected a number but found none")
-    back = np.flatnonzero(np.diff(time) <= 0)
-    if back.size:
-        i = int(back[0])
-        raise DataError(
-            f"{path}, line {lines[i + 1]}, column 'time': expected ascending times but {time[i + 1]:g} s follows "
-            f"{time[i]:g} s; sort the lines and remove doubles"
-        )
+def _check_time(table: Table, lines: np.ndarray, time: np.ndarray, plant: Plant) -> None:
     span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
-    if span < SHORTEST or step > COARSEST:
-        label = "s labelled ms" if span < SHORTEST else "ms labelled s"
+    if span < plant.shortest or step > plant.coarsest:
+        label = "s labelled ms" if span < plant.shortest else "ms labelled s"
         raise DataError(
-            f"{path}, lines {lines[0]} to {lines[-1]}, column 'time': {span:g} s in steps of {step:g} s; expected at "
-            f"least {SHORTEST:g} s in steps of at most {COARSEST:g} s: {label}?"
+            f"{table.path}, {table.row}s {lines[0]} to {lines[-1]}, column 'time': {span:g} s in steps of {step:g} s; "
+            f"expected at least {plant.shortest:g} s in steps of at most {plant.coarsest:g} s: {label}?"
         )
-
-
-def _bench_file(path: Path, bench: Bench) -> tuple[dict[str, float], dict[str, float]]:
-    """Geometry (SI, by parameter name) and noise levels (SI, by signal name) from bench.toml, if it is there."""
-    if not path.exists():
-        return {}, {}
-    try:
-        text = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as problem:
-        raise DataError(f"{path}: cannot be read as TOML: {problem}") from None
-    unknown = sorted(set(text) - {"geometry", "noise", "sampling"})
-    if unknown:
-        raise DataError(f"{path}: expected the tables geometry, noise and sampling but found {unknown[0]!r}")
-    for name, table in text.items():
-        if not isinstance(table, dict):
-            raise DataError(f"{path}: expected a table [{name}] but found {name} = {str(table)[:40]!r}")
-    signals = {s.name: s.unit for s in bench.inputs} | dict.fromkeys(bench.output_names, bench.output.unit)
-    units = {name: q.unit for name, q in bench.geometry.items()}
-    geometry = {k: _amount(path, k, v, units) for k, v in text.get("geometry", {}).items()}
-    for name, value in geometry.items():
-        q = bench.geometry[name]
-        if not q.allows(value):
-            raise DataError(
-                f"{path}: {name}: expected {q.minimum:g} to {q.maximum:g} {q.unit} but found {value:g}; a number "
-                "without a unit is in SI"
-            )
-    noise = {k: _amount(path, k, v, signals) for k, v in text.get("noise", {}).items()}
-    return geometry, noise
-
-
-def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> float:
-    """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`."""
-    if name not in units:
-        raise DataError(f"{path}: {name!r} is not known; expected some of {', '.join(units)}")
-    if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
-        raise DataError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
-    try:
-        amount = quantity(str(value), units[name])
-    except UnitError as problem:
-        raise DataError(f"{path}: {name}: {problem}") from None
-    if amount <= 0:
-        raise DataError(f"{path}: {name}: expected more than 0 but found {value!r}")
-    return amount

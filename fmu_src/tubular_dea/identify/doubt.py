@@ -1,4 +1,4 @@
-"""What the noise of the monitors adds to the doubt about parameters.
+"""What the noise of the monitors adds to the uncertainty of parameters.
 
 The lines that `drive` draws through a continuous monitor (`monitors.polyline`) are off by what its noise moved their
 corners. That drives the model as well, slowly, and so it passes for a change of parameters. The corners are a linear
@@ -10,6 +10,7 @@ held inputs and the choice of the corners' places.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -22,47 +23,62 @@ from .response import Case, Response
 
 STEP = 4e-3  # of an input's largest value: shift at which its gain is taken
 CHUNK = 200  # corners at a time, so that a monitor with one at every sample fits into memory
+REACH = 100  # samples over which whitening carries a value on
 
 
 def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
     """The fit with the covariance and standard errors that it has beside noisy monitors; `drives` are its cases'."""
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
-    solver = best.covariance @ best.jacobian.T  # makes parameters of whitened, weighted residuals
-    ends = np.cumsum([r.size for r in problem.records])
-    solved = np.split(solver, ends, axis=1)
-    covariance = solved.pop() @ best.jacobian[ends[-1] :] @ best.covariance  # the prior's
-    solved = [part * weight for part, weight in zip(solved, weights, strict=True)]
-    covariance += sum(part @ part.T for part in solved)  # the sensor's, whose variance is less than what weights allow
+    solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals
+    parts = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)[:-1]
+    if problem.marginals is not None:  # symmetric, so it may as well act on the solver
+        parts = [m.apply(part.T).T for m, part in zip(problem.marginals, parts, strict=True)]
+    covariance = solver @ solver.T
+    for part, weight in zip(parts, weights, strict=True):  # the weights' share of the noise is counted below
+        covariance -= (part * (1 - weight**2)) @ part.T
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
-        gains = _gains(problem, best.values, name)
+        gains = constant_gains(problem.response, best.values, name)
         for i, driven in enumerate(drives):
-            covariance += _added(problem, i, solved[i], gains[i], driven, name)
+            covariance += _added(problem, i, parts[i] * weights[i], gains[i], driven, name)
     return best.with_covariance(covariance)
 
 
-def _gains(problem: Problem, values: Mapping[str, float], name: str) -> list[np.ndarray]:
-    """How the answer of every case moves with a constant added to an input, each (n,), in SI units."""
-    response = problem.response
-    step = STEP * max(float(np.abs(c.protocol.inputs[name]).max()) for c in response.cases)
-    moved = [
-        Case(Protocol(c.protocol.time, c.protocol.inputs | {name: c.protocol.inputs[name] + step}), c.times)
-        for c in response.cases
-    ]
-    shifted = Response(response.kernel, moved, response.measured, response.fixed).outputs(values)
-    return [(a - b) / step for a, b in zip(shifted, response.outputs(values), strict=True)]
+def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
+    """How the answer of every case moves with a constant added to an input, each (N,), in SI units."""
+    moved = [shifted(case, name) for case in response.cases]
+    answers = Response(response.kernel, [case for case, _ in moved], response.fixed).outputs(values)
+    here = response.outputs(values)
+    return [(a - b) / step for a, b, (_, step) in zip(answers, here, moved, strict=True)]
+
+
+def shifted(case: Case, name: str) -> tuple[Case, float]:
+    """The case with a small constant added to an input, and that constant."""
+    inputs = case.protocol.inputs
+    step = STEP * (float(np.abs(inputs[name]).max()) or 1.0)
+    return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] + step})), step
 
 
 def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, driven: Drive, name: str) -> np.ndarray:
     """The covariance (k, k) that a monitor of one case adds; `solved` (k, n) makes parameters of white residuals."""
-    corners, times = driven.corners[name], problem.response.cases[number].times
-    place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
-    part = (times - corners[place]) / np.diff(corners)[place]
-    moved = np.empty((solved.shape[0], corners.size))
-    for begin in range(0, corners.size, CHUNK):
-        wanted = np.arange(begin, min(begin + CHUNK, corners.size))
-        columns = (place[:, None] == wanted) * (1 - part)[:, None] + (place[:, None] + 1 == wanted) * part[:, None]
-        moved[:, wanted] = solved @ problem.noise.whiten(times, columns * gain[:, None])
-    diagonal = np.bincount(place, (1 - part) ** 2, corners.size) + np.bincount(place + 1, part**2, corners.size)
-    beside = np.append(0.0, np.bincount(place, part * (1 - part), corners.size)[:-1])
+    case = problem.response.cases[number]
+    corners = driven.corners[name]
+    moved = np.zeros((solved.shape[0], corners.size))
+    diagonal, beside = np.zeros(corners.size), np.zeros(corners.size)
+    for reading, rows in zip(case.readings, case.parts(), strict=True):
+        times = reading.times
+        place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
+        part = (times - corners[place]) / np.diff(corners)[place]
+        diagonal += np.bincount(place, (1 - part) ** 2, corners.size)
+        diagonal += np.bincount(place + 1, part**2, corners.size)
+        beside[1:] += np.bincount(place, part * (1 - part), corners.size)[:-1]
+        along, driving = solved[:, rows], gain[rows]
+        for begin in range(0, corners.size, CHUNK):
+            wanted = np.arange(begin, min(begin + CHUNK, corners.size))
+            first = int(np.searchsorted(place, begin - 1))
+            last = min(int(np.searchsorted(place, begin + CHUNK)) + REACH, times.size)  # whitening looks back
+            near, share = place[first:last, None], part[first:last, None]
+            columns = (near == wanted) * (1 - share) + (near + 1 == wanted) * share
+            white = problem.noise[reading.output].whiten(times[first:last], columns * driving[first:last, None])
+            moved[:, wanted] += along[:, first:last] @ white
     known = solveh_banded(np.stack([beside, diagonal + 1e-9 * diagonal.max()]), moved.T)
     return driven.noise[name] ** 2 * moved @ known

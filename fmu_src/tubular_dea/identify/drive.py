@@ -2,64 +2,338 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
 
+from ..plants.plant import Input
 from ..protocol import Protocol
-from .bench import Bench
-from .data import Experiment
-from .monitors import QUIET, jumps, noise_level, polyline, resolution
+from .band import band_limited, noise_floor
+from .data import DataError, Experiment
+from .edges import MATTERS, Edge, Rise, Transitions, located, transitions
+from .edges import rise as rise_of
+from .held import HeldLine, held_line
+from .hum import within
+from .monitors import (
+    COLOURED,
+    LARGEST,
+    WRONG,
+    Line,
+    halved,
+    level,
+    long_run,
+    memory,
+    noise_level,
+    polyline,
+    resolution,
+    smoothed,
+)
+from .threads import one_blas_thread
+from .trigger import triggered
+
+NEAR = 2  # samples from an edge within which a record is no measure of the line's error
+UNEVEN = 0.05  # of the time between samples: jitter of a clock that prints few digits
+STAIR = 5.0  # times the noise that the median step of a staircase has: a ramp in a noisy monitor has far less
+COARSE = 0.01  # of its span: what may be unknown of an input between its samples
+SLOPES = 50  # samples over which a held signal that moves runs straight, for its hum to be seen
+ON_SAMPLES = 1.0  # between two samples: an input that switches exactly where it is first recorded
 
 
 @dataclass(frozen=True)
 class Drive:
     """`protocol` of one experiment, and what was taken away: `noise` (standard deviation, SI) by input.
 
-    `corners` are the times (k,) [s] at which the line through each continuous input bends.
+    A coloured monitor's `noise` is that of white noise whose averages vary alike. `corners` are the times (k,) [s] at
+    which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
+    how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
+    `shown` is whether edges were recorded on their way: then they are slow, or the monitors are.
     """
 
     protocol: Protocol
     noise: dict[str, float]
     corners: dict[str, np.ndarray]
+    edges: tuple[Edge, ...] = ()
+    error: dict[str, float] = field(default_factory=dict)
+    lines: Mapping[str, HeldLine] = field(default_factory=dict, repr=False)
+    shown: bool = False
+
+    def moved(self, shifts: np.ndarray, rise: float | None = None) -> Protocol:
+        """The protocol with every one of `edges` later by its shift (m,) [s], and as ramps of `rise` [s] if given.
+
+        Exactly: breakpoints move, along the lines beside them, and nothing is sampled. An edge that would pass
+        another one, or an end of the record, stops there. An edge whose shape was recorded keeps it.
+        """
+        by = np.asarray(shifts, dtype=float)
+        if by.shape != (len(self.edges),):
+            raise ValueError(f"shifts: expected {len(self.edges)} of them, one an edge, but was given {by.size}")
+        widened = np.array([0.0 if rise is None else rise - e.rise for e in self.edges])
+        lines = [line.moved(by, widened) for line in self.lines.values()]
+        return joined([(line.time, line.values) for line in lines], list(self.lines))
 
 
-def drive(experiment: Experiment, bench: Bench, noise: dict[str, float] | None = None) -> Drive:
-    """The protocol behind the recorded monitors; `noise` gives levels that bench.toml states."""
-    levels = {s.name: (noise or {}).get(s.name, _level(experiment.inputs[s.name])) for s in bench.inputs}
-    lines = []
-    for signal in bench.inputs:
+@dataclass(frozen=True)
+class _Drawn:
+    """What became of one input: its line, all its edges, its noise, and how far the line misses it."""
+
+    line: HeldLine
+    noise: float
+    error: float
+    corners: np.ndarray
+    edges: Sequence[Edge] = ()
+    shown: bool = False
+
+
+def drive(
+    experiment: Experiment,
+    inputs: Sequence[Input],
+    noise: Mapping[str, float] | None = None,
+    trigger: np.ndarray | None = None,
+    rises: Mapping[str, Rise | None] | None = None,
+    between: float = 0.5,
+) -> Drive:
+    """The protocol behind the recorded monitors.
+
+    `noise` gives levels that bench.toml states; `trigger` (n,) is a logical signal of the switching. `rises` says how
+    each held input rises where a set of records tells it (`drives`); else this record alone does. `between` two samples
+    (0 to 1) is where an edge is if nothing tells.
+    """
+    levels = _levels(experiment, inputs, noise)
+    drawn: dict[str, _Drawn] = {}
+    lines: dict[str, HeldLine] = {}
+    edges: list[Edge] = []
+    for signal in inputs:
+        name, values = signal.name, experiment.inputs[signal.name]
+        if signal.band_limited:
+            drawn[name] = _band_limited(experiment, signal, levels[name])
+        elif not signal.held:
+            drawn[name] = _continuous(experiment, name, levels[name])
+        elif _staircase(values, levels[name]):
+            stairs = _unmoved(np.repeat(experiment.time, 2)[1:], np.repeat(values, 2)[:-1])
+            drawn[name] = _Drawn(stairs, levels[name], 0.0, experiment.time)
+        else:
+            how = rises[name] if rises is not None else rise_of([(experiment.time, values, levels[name])])
+            drawn[name] = _held(experiment, name, levels[name], how, between, trigger)
+        large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
+        lines[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
+        edges += [e for e, matters in zip(drawn[name].edges, large, strict=True) if matters]
+    protocol = joined([(line.time, line.values) for line in lines.values()], list(lines))
+    return Drive(
+        protocol,
+        {n: d.noise for n, d in drawn.items()},
+        {s.name: drawn[s.name].corners for s in inputs if not s.held},
+        tuple(edges),
+        {n: d.error for n, d in drawn.items()},
+        lines,
+        any(d.shown for d in drawn.values()),
+    )
+
+
+@one_blas_thread
+def drives(
+    experiments: Sequence[Experiment], inputs: Sequence[Input], noise: Mapping[str, float] | None = None
+) -> list[Drive]:
+    """The drives of a set whose files were recorded on one bench.
+
+    Its amplifier rises alike in all of them, and its monitors' noise has one colour.
+    """
+    kept = {s.name: _middle([_memory(e, s) for e in experiments]) for s in inputs if not s.band_limited}
+    levels = [_levels(e, inputs, noise, kept) for e in experiments]
+    rises = {
+        s.name: rise_of([(e.time, e.inputs[s.name], n[s.name]) for e, n in zip(experiments, levels, strict=True)])
+        for s in inputs
+        if s.held
+    }
+    return [drive(e, inputs, n, e.trigger, rises) for e, n in zip(experiments, levels, strict=True)]
+
+
+def _memory(experiment: Experiment, signal: Input) -> tuple[float, float]:
+    """The memory of a monitor's noise; a held one is looked at without its switchings."""
+    values = experiment.inputs[signal.name]
+    if not signal.held:
+        return memory(values)
+    found = transitions(experiment.time, values, level(values, (1.0, 0.0)))
+    steps = np.zeros(values.size)
+    steps[found.after] = values[found.after] - values[found.before]
+    return memory(values - np.cumsum(steps))
+
+
+def _middle(memories: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The one in the middle: records that hold still tell it alike, those that move may not tell it."""
+    return sorted(memories)[len(memories) // 2]
+
+
+def _levels(
+    experiment: Experiment,
+    inputs: Sequence[Input],
+    stated: Mapping[str, float] | None,
+    memories: Mapping[str, tuple[float, float]] | None = None,
+) -> dict[str, float]:
+    """The noise of every monitor: as stated, or as its record tells."""
+    found = {}
+    for signal in inputs:
         values = experiment.inputs[signal.name]
-        make = _held if signal.held else _continuous
-        lines.append(make(experiment.time, values, levels[signal.name]))
-    corners = {s.name: times for s, (times, _) in zip(bench.inputs, lines, strict=True) if not s.held}
-    return Drive(joined(lines, [s.name for s in bench.inputs]), levels, corners)
+        if stated and stated.get(signal.name):
+            found[signal.name] = stated[signal.name]
+        elif signal.band_limited:
+            found[signal.name] = noise_floor(values)
+        else:
+            known = (memories or {}).get(signal.name)
+            found[signal.name] = level(values, _memory(experiment, signal) if known is None else known)
+    return found
 
 
-def _level(values: np.ndarray) -> float:
-    """The noise of a monitor, not less than its resolution makes; without any, every sample would be an event."""
-    return max(noise_level(values), resolution(values) / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
+def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn:
+    _check_even(experiment, signal.name)
+    values = experiment.inputs[signal.name]
+    times, fine, error = band_limited(experiment.time, values, noise, signal.direct is not False)
+    return _Drawn(_unmoved(times, fine), noise, error, experiment.time)
 
 
-def _continuous(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+def _continuous(experiment: Experiment, name: str, noise: float) -> _Drawn:
+    """The line of a continuous input; hum of the mains in its monitor is taken away."""
+    _check_sampling(experiment, name, noise)
+    time, values = experiment.time, experiment.inputs[name]
+    drawn, noise = _smoothed(time, values, noise)
+    hum = within(time, values - np.interp(time, time[drawn.corners], drawn.values))
+    if hum.any():
+        known = max(level(values - hum), resolution(values) / float(np.sqrt(12.0)))
+        drawn, noise = _smoothed(time, values - hum, min(noise, known))
+    drawn = halved(time, values - hum, drawn)
+    line = _unmoved(time[drawn.corners], drawn.values)
+    return _Drawn(line, noise, _missed(experiment, name, line, noise, hum=hum), line.time)
+
+
+def _smoothed(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[Line, float]:
+    """The line of a continuous input and its noise: coloured noise is known better once the line is."""
     line = polyline(time, values, noise)
-    return time[line.corners], line.values
+    if noise < COLOURED * noise_level(values):
+        return line, noise
+    known = long_run(values - np.interp(time, time[line.corners], line.values))
+    if not noise_level(values) < known < noise:
+        return line, noise
+    return polyline(time, values, known), known
 
 
-def _held(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pieces between jumps. A value holds from its sample to the next: what moves steadily lies half a sample late."""
-    late = 0.5 * float(np.median(np.diff(time)))
-    edges = [0, *jumps(values, noise), values.size]
-    times, levels = [], []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
-        corner_times, corner_values = _continuous(time[a:b], values[a:b], noise)
-        end = time[b] if b < values.size else time[-1]
-        inside = np.clip(corner_times + late, time[a], end)
-        inside[0] = time[a]
-        times.append(np.append(inside, end))
-        levels.append(np.append(corner_values, corner_values[-1]))
-    return np.concatenate(times), np.concatenate(levels)
+def _unmoved(time: np.ndarray, values: np.ndarray) -> HeldLine:
+    """A line without edges."""
+    none = np.zeros(time.size)
+    return HeldLine(time, values, np.full(time.size, -1), none, none)
+
+
+def _staircase(values: np.ndarray, noise: float) -> bool:
+    """Whether a held signal steps at most samples, by more than noise: then it was as it stands."""
+    return float(np.median(np.abs(np.diff(values)))) > STAIR * noise
+
+
+def _held(
+    experiment: Experiment, name: str, noise: float, how: Rise | None, between: float, trigger: np.ndarray | None
+) -> _Drawn:
+    """The line of a held input and its edges; hum of the mains in its monitor is taken away.
+
+    A value holds from its sample to the next, so that a ramp of many small steps is half a sample late. A record that
+    shows edges on their way was sampled from what moves by itself, and is not.
+    """
+    time, values = experiment.time, experiment.inputs[name]
+    found = transitions(time, values, noise)
+    hum = within(time, _between_edges(time, values, found))
+    values = values - hum
+    if hum.any():
+        found = transitions(time, values, noise)
+    place = ON_SAMPLES if _written(values, found) else between
+    edges = located(name, time, values, noise, found, how, place)
+    if trigger is not None:
+        edges = triggered(edges, time, trigger)
+    shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
+    late = 0.0 if shown else 0.5 * float(np.median(np.diff(time)))
+    line, edges = held_line(time, values, noise, found, edges, late)
+    return _Drawn(line, noise, _missed(experiment, name, line, noise, edges, late, hum), line.time, edges, shown)
+
+
+def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> np.ndarray:
+    """What is left of a held signal (n,) without its levels and slow slopes; 0 at its switchings."""
+    left = np.zeros(values.size)
+    begins = np.append(0, found.after)
+    for begin, end in zip(begins, np.append(found.before + 1, values.size), strict=True):
+        if end - begin < SLOPES:
+            continue
+        count = int(np.ceil((end - begin) / SLOPES)) + 1
+        corners = np.linspace(0, end - begin - 1, count).astype(int)
+        part = slice(begin, end)
+        left[part] = values[part] - np.interp(
+            np.arange(end - begin), corners, smoothed(time[part], values[part], corners)
+        )
+    return left
+
+
+def _written(values: np.ndarray, found: Transitions) -> bool:
+    """Whether a computer wrote set points down: between its switchings nothing moves, and none has a sample on it."""
+    still = np.count_nonzero(np.diff(values)) <= len(found)
+    return bool(len(found) and still and np.all(found.after == found.before + 1))
+
+
+def _missed(
+    experiment: Experiment,
+    name: str,
+    line: HeldLine,
+    noise: float,
+    edges: Sequence[Edge] = (),
+    late: float = 0.0,
+    hum: np.ndarray | float = 0.0,
+) -> float:
+    """How far a line misses its record (rms) where no edge is near; `DataError` where that is more than noise."""
+    time, values = experiment.time, experiment.inputs[name] - hum
+    step = float(np.median(np.diff(time)))
+    near = np.zeros(time.size, dtype=bool)
+    for edge in edges:
+        reach = edge.rise / 2 + NEAR * step
+        near[slice(*np.searchsorted(time, [edge.earliest - reach, edge.latest + reach]))] = True
+    if near.all():
+        return 0.0
+    left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]
+    error = float(np.sqrt(np.mean(left**2)))
+    coarse = resolution(experiment.inputs[name])
+    if error > WRONG * float(np.hypot(noise, coarse / 2)):  # a coarse monitor may toggle
+        raise DataError(
+            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI), but "
+            f"its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
+        )
+    return error
+
+
+def _check_even(experiment: Experiment, name: str) -> None:
+    step = np.diff(experiment.time)
+    worst = int(np.argmax(np.abs(step - np.median(step))))
+    if abs(step[worst] - np.median(step)) > UNEVEN * np.median(step):
+        raise DataError(
+            f"{experiment.name}, line {experiment.lines[worst + 1]}: {step[worst]:.6g} s after the sample before; "
+            f"expected samples every {np.median(step):.6g} s, as the input {name!r} is band-limited and is computed "
+            "between them from all of them: leave this file out, or declare the input without band_limited"
+        )
+
+
+def _check_sampling(experiment: Experiment, name: str, noise: float) -> None:
+    """`DataError` where an input moves so much from sample to sample that nobody knows where it was in between.
+
+    A straight line over a sample left out misses it; over half the distance it misses by a quarter.
+    """
+    time, values = experiment.time, experiment.inputs[name]
+    if time.size < 3:
+        return
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    left_out = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
+    span = float(np.abs(values).max())  # of a record that holds still, the range is noise
+    noise = min(noise, LARGEST * span)  # more than that is the signal itself, which looks like noise
+    unknown = float(np.sqrt(max(np.mean(left_out**2) - 1.5 * noise**2, 0.0))) / 4
+    allowed = max(noise, COARSE * span)
+    if unknown > allowed:
+        rate = 1 / float(np.median(np.diff(time)))
+        raise DataError(
+            f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
+            f"unknown by {unknown:.3g} (rms, SI), beside a noise of {noise:.3g}; expected a rate that follows it: "
+            f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or declare the input band_limited"
+        )
 
 
 def joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:

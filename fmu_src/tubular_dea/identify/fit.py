@@ -92,8 +92,8 @@ def fit(
             found.append(solution)
     if not found:
         raise FitError(
-            "the model has no answer at the starting values: expected parameters under which the tube carries the "
-            "recorded pressures; choose others"
+            "the model has no answer at the starting values: expected parameters under which it can follow the "
+            "recorded inputs; choose others"
         )
     best = min(found, key=lambda s: s.cost)
     return described(problem, best.x, bool(best.status > 0))
@@ -105,9 +105,17 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: fl
         return None
     try:
         return least_squares(
-            problem.residuals, start, jac=lambda x: problem.linearised(x)[1], bounds=problem.bounds(), method="trf",
-            x_scale="jac", ftol=precision, xtol=1e-5, gtol=1e-8, max_nfev=evaluations,
-        )  # fmt: skip
+            problem.residuals,
+            start,
+            jac=lambda x: problem.linearised(x)[1],
+            bounds=problem.bounds(),
+            method="trf",
+            x_scale="jac",
+            ftol=precision,
+            xtol=1e-5,
+            gtol=1e-8,
+            max_nfev=evaluations,
+        )
     except KernelError:  # an answer there, but no sensitivities
         return None
 
@@ -119,8 +127,17 @@ def described(problem: Problem, scaled: np.ndarray, converged: bool = True) -> F
     values = problem.values(scaled)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     stderr = {f.name: float(f.slope(values[f.name]) * d) for f, d in zip(problem.free, deviation, strict=True)}
-    return Fit(values, scaled, float(residual @ residual), residual, jacobian, covariance, list(problem.free), stderr,
-               converged)  # fmt: skip
+    return Fit(
+        values,
+        scaled,
+        float(residual @ residual),
+        residual,
+        jacobian,
+        covariance,
+        list(problem.free),
+        stderr,
+        converged,
+    )
 
 
 def inverse(information: np.ndarray) -> np.ndarray:
@@ -143,8 +160,15 @@ def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, flo
     deviation = float(np.sqrt(best.covariance[i, i]))
 
     def excess(scaled: float) -> float:
-        held = Problem(problem.response, problem.records, problem.noise, others,
-                       dict(problem.fixed) | {name: one.to_si(scaled)}, problem.weights)  # fmt: skip
+        held = Problem(
+            problem.response,
+            problem.records,
+            problem.noise,
+            others,
+            dict(problem.fixed) | {name: one.to_si(scaled)},
+            problem.weights,
+            marginals=problem.marginals,
+        )
         guess = best.scaled[np.arange(len(best.names)) != i] + (scaled - best.scaled[i]) * (
             np.delete(best.covariance[:, i], i) / best.covariance[i, i]
         )

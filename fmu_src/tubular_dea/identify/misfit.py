@@ -47,5 +47,6 @@ def misfit(problem: Problem, best: Fit) -> Misfit:
     sums = block_sums(parts(best.residual, problem.records))
     excess = float(np.mean(sums**2)) / BLOCK - 1
     freedom = best.residual.size - len(best.names)
-    doubt = float(np.hypot(np.sqrt(2 / sums.size), problem.noise.doubt))
-    return Misfit(float(np.sqrt(best.cost / freedom)), excess / doubt)
+    level = max(noise.uncertainty for noise in problem.noise.values())
+    uncertainty = float(np.hypot(np.sqrt(2 / sums.size), level))
+    return Misfit(float(np.sqrt(best.cost / freedom)), excess / uncertainty)

@@ -1,58 +1,107 @@
-"""The sensor's noise, from the record alone: what a low polynomial leaves over in stretches without any event.
+"""The sensor's noise, from the record alone: what smooth curves leave over in stretches without any event.
 
-The misfit of a model has no part in it, so an effect that the model lacks cannot hide in the noise. The noise is
-taken as an autoregression of first order (white where `correlation` is 0), by restricted maximum likelihood.
+The misfit of a model has no part in it, so an effect that the model lacks cannot hide in the noise. Between events a
+plant creeps, so exponentials of all time constants and polynomials are taken out; what slow drift a sensor has goes
+with them. The rest is noise of some colour (`colour`), by restricted maximum likelihood (Patterson and Thompson,
+Biometrika 58 (1971) 545) over stretches long enough to show a correlation that lasts a quarter of them. Lines at mains
+frequency and its harmonics are told apart (`hum`). Where events follow so fast that no stretch is quiet, what is left
+between them serves, and the uncertainty is larger.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize, minimize_scalar
 
-WINDOW, LEAST, DEGREE = 60, 30, 3  # samples a stretch has, at most and at least, and the polynomial's degree
+from . import hum as hums
+from .colour import Colour
+from .threads import one_blas_thread
+
+LONGEST = 8.0  # s that a stretch has at most; longer ones are cut
+LEAST = 30  # samples that it has at least
+SETTLED = 0.1  # s after an event until the plant moves slowly
+DEGREE, BENDS = 3, 0.3  # of the polynomial taken out: its degree, and how many more a second
+FASTEST, APART = 0.02, 4.0  # s: the shortest time constant of creep, and the ratio of one to the next
 FORM = 0.012  # relative error of the variance that remains however long the record
-SETTLED = 0.1  # s after an event until the radius moves slowly
+ENOUGH = 1000  # degrees of freedom in quiet stretches, from which on they tell the noise by themselves
+UNQUIET = 0.2  # the same where no stretch is quiet
+EARNED = 8.0  # twice the log likelihood by which a further number of the colour must explain the record better
+SLOWEST = 0.996  # correlation between neighbouring samples up to which one is sought
+MOST = 12  # lines that are looked for
+WHITE, SLOWER = (0.1, 0.5), (0.3, 1.0, 2.0)  # shares, and atanh of correlations more, to begin with
+LOW = 0.01  # cycles a sample: where the uncertainty of the colour counts, as slow effects are sought there
+
+Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
 class Noise:
-    """First-order autoregressive noise: `rms` in the output's unit, `correlation` between neighbouring samples.
+    """Noise of standard deviation `rms` (the output's unit), with `correlation` between neighbours `step` [s] apart.
 
-    `freedom` is the number of degrees of freedom that `rms` was estimated with.
+    A share `white` of its variance is white; the rest has one time constant, so that other steps have other
+    correlations (`step` 0: the same at any). `freedom` is the number of degrees of freedom that `rms` was estimated
+    with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
+    frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     """
 
     rms: float
     correlation: float
     freedom: float = np.inf
+    hum: tuple[float, ...] = ()
+    lines: tuple[float, ...] = ()
+    step: float = 0.0
+    white: float = 0.0
+    form: float = FORM
 
     @property
-    def doubt(self) -> float:
+    def uncertainty(self) -> float:
         """Relative standard error of the variance: by chance, and as no noise is quite of this form."""
-        return max(FORM, float(np.sqrt(2 / self.freedom)))
+        return max(self.form, float(np.sqrt(2 / self.freedom)))
 
     @property
     def innovation(self) -> float:
         """Standard deviation of what is new in each sample."""
-        return self.rms * float(np.sqrt(1 - self.correlation**2))
+        return self.rms * float(np.sqrt(self.colour(self.step).innovation))
+
+    @property
+    def slow(self) -> float:
+        """Standard deviation per sample of what averages over many samples come from."""
+        return self.slow_at(self.step)
+
+    def slow_at(self, step: float) -> float:
+        """The same for samples `step` [s] apart."""
+        return self.rms * float(np.sqrt(self.colour(step).density()))
+
+    @property
+    def tau(self) -> float:
+        """Time constant of the coloured part [s]; 0 where there is none."""
+        phi = self.correlation / max(1 - self.white, 1e-12)
+        return float(-self.step / np.log(phi)) if 0 < phi < 1 else 0.0
+
+    def colour(self, step: float) -> Colour:
+        """The colour of samples `step` [s] apart."""
+        phi = self.correlation / max(1 - self.white, 1e-12)
+        if self.step > 0 and step > 0 and phi > 0:
+            phi **= step / self.step
+        return Colour(float(phi), self.white)
 
     def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
-        follows = np.append(False, _steady(time))
-        scale = np.where(follows, 1 / self.innovation, 1 / self.rms).reshape(-1, *[1] * (values.ndim - 1))
-        white = values * scale
-        if self.correlation:
-            white[1:] -= self.correlation * follows[1:].reshape(scale[1:].shape) * scale[1:] * values[:-1]
-        return white
+        if time.size < 2:
+            return values / self.rms
+        colour = self.colour(float(np.median(np.diff(time))))
+        begins = [0, *(np.flatnonzero(~_steady(time)) + 1).tolist(), time.size]
+        parts = [colour.whiten(values[a:b]) for a, b in zip(begins[:-1], begins[1:], strict=True)]
+        return np.concatenate(parts) / self.rms
 
     def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Noise of this kind at `time`, for a bootstrap."""
-        from scipy.signal import lfilter
-
-        new = random.standard_normal(time.size) * self.innovation
-        new[0] *= self.rms / self.innovation
-        return lfilter([1.0], [1.0, -self.correlation], new)
+        """Noise of this kind at `time`, for a bootstrap; without hum."""
+        step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+        return self.rms * self.colour(step).sample(time.size, random)
 
 
 def _steady(time: np.ndarray) -> np.ndarray:
@@ -60,52 +109,250 @@ def _steady(time: np.ndarray) -> np.ndarray:
     return step < 1.5 * np.median(step)
 
 
-def quiet_stretches(time: np.ndarray, events: np.ndarray) -> list[slice]:
-    """Stretches of up to WINDOW samples with no event inside or shortly before."""
-    found = []
-    for begin, end in zip(events[:-1], events[1:], strict=True):
-        first, last = np.searchsorted(time, [begin + SETTLED, end])
-        pieces = max(1, round((last - first) / WINDOW))
-        bounds = np.linspace(first, last, pieces + 1).astype(int)
-        found += [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True) if b - a >= LEAST]
-    return found
+@dataclass(frozen=True)
+class Stretches:
+    """Quiet stretches of one length and sampling `step` [s]: `values` (n, m), and what is taken out, `basis` (n, p).
 
-
-def estimate(records: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Noise:
-    """The noise common to records of (time, output, times of events); outputs without gaps.
-
-    Where no record has a quiet stretch, all of them are used, cut into windows.
+    Stretch j is that of record `record[j]` from its sample `first[j]` on.
     """
-    stretches = [output[s] for time, output, events in records for s in quiet_stretches(time, events)]
-    if not stretches:
-        stretches = [y[a : a + LEAST] for _, y, _ in records for a in range(0, y.size - LEAST + 1, LEAST)]
-    by_size: dict[int, np.ndarray] = {}
-    for size in {s.size for s in stretches}:
-        by_size[size] = np.stack([s for s in stretches if s.size == size])
-    best = minimize_scalar(lambda c: _restricted(by_size, c)[0], bounds=(-0.5, 0.97), method="bounded",
-                           options={"xatol": 1e-3})  # fmt: skip
-    correlation = float(best.x) if abs(best.x) > 0.03 else 0.0
-    innovation = _restricted(by_size, correlation)[1]
-    freedom = sum(len(s) * (size - DEGREE - 1) for size, s in by_size.items())
-    return Noise(innovation / float(np.sqrt(1 - correlation**2)), correlation, freedom)
+
+    step: float
+    values: np.ndarray
+    basis: np.ndarray
+    record: np.ndarray
+    first: np.ndarray
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom left."""
+        return self.values.shape[1] * (self.values.shape[0] - self.basis.shape[1])
+
+    def without(self, lines: Sequence[float]) -> Stretches:
+        """With lines at some frequencies [Hz] taken out as well."""
+        waves = hums.columns(lines, np.arange(len(self.values)) * self.step)
+        return replace(self, basis=_orthonormal(np.concatenate([self.basis, waves], axis=1)))
+
+    def rest(self, colour: Colour) -> np.ndarray:
+        """The whitened values without the basis (n, m)."""
+        q, _ = np.linalg.qr(colour.whiten(self.basis))
+        white = colour.whiten(self.values)
+        return white - q @ (q.T @ white)
+
+    def restricted(self, colour: Colour) -> tuple[float, float]:
+        """The sum of squares of `rest`, and half the logarithm of the determinant of the basis' normal equations."""
+        basis, white = colour.whiten(self.basis), colour.whiten(self.values)
+        factor = np.linalg.cholesky(basis.T @ basis)
+        along = solve_triangular(factor, basis.T @ white, lower=True)
+        squares = float(np.vdot(white, white) - np.vdot(along, along))
+        return squares, float(np.log(np.diag(factor)).sum())
 
 
-def _restricted(by_size: dict[int, np.ndarray], correlation: float) -> tuple[float, float]:
-    """Minus the restricted log likelihood (but for constants), and the innovation's standard deviation."""
+@one_blas_thread
+def estimate(records: Records) -> Noise:
+    """The noise common to records of (time, output, times of events); outputs without gaps."""
+    quiet, unquiet = stretches(records), False
+    if _freedom(quiet) < ENOUGH:  # then all that lies between events tells more, if there is more of it
+        other = stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
+        if _freedom(other) > 2 * _freedom(quiet):
+            quiet, unquiet = other, True
+    step = min(s.step for s in quiet)
+    plain, lines = _stripped(quiet, records, Colour(0.0))
+    found = _coloured(plain, step)
+    if found.phi:
+        plain, lines = _stripped(quiet, records, found.colour(step))
+        found = _coloured(plain, step) if lines else found
+    colour = found.colour(step)
+    form = max(FORM, found.uncertainty, UNQUIET if unquiet else 0.0)
+    mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
+    others = tuple(sorted(f for f in lines if f not in mains))
+    return Noise(
+        float(np.sqrt(found.variance)), colour.correlation, found.freedom, mains, others, step, colour.white, form
+    )
+
+
+def _freedom(quiet: Sequence[Stretches]) -> int:
+    return sum(s.freedom for s in quiet)
+
+
+def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple[list[Stretches], list[float]]:
+    """The stretches without lines, and their frequencies [Hz]: the strongest first, until none stands out.
+
+    One at a time, as the pattern of the stretches gives every line others beside it.
+    """
+    lines: list[float] = []
+    plain = quiet
+    while len(lines) < MOST:
+        line = _strongest(plain, records, colour)
+        if line is None:
+            break
+        lines.append(line)
+        plain = [s.without(lines) for s in quiet]
+    return plain, lines
+
+
+def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> float | None:
+    """The line [Hz] that stands out most of what is left of the stretches of the finest sampling."""
+    step = min(s.step for s in quiet)
+    rests: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for group in (s for s in quiet if s.step == step):
+        rest = group.rest(colour)
+        for j, (record, first) in enumerate(zip(group.record.tolist(), group.first.tolist(), strict=True)):
+            times = records[record][0][first : first + len(rest)]
+            rests.setdefault(record, []).append((times, rest[:, j]))
+    joined = [
+        tuple(np.concatenate(x) for x in zip(*sorted(parts, key=lambda p: p[0][0]), strict=True))
+        for parts in rests.values()
+    ]
+    return hums.strongest([(t, r) for t, r in joined], step)
+
+
+def stretches(records: Records, settled: float = SETTLED) -> list[Stretches]:
+    """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other."""
+    cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
+    for number, (time, _, events) in enumerate(records):
+        step = round(float(np.median(np.diff(time))), 9)
+        sizes = _sizes(step)
+        marks = np.union1d(events, time[1:][~_steady(time)])
+        marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
+        firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
+        lasts = np.searchsorted(time, marks[1:])
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
+            at = first
+            for size in sizes:
+                while last - at >= size:
+                    cut.setdefault((step, size), []).append((number, at))
+                    at += size
+    made = []
+    for (step, size), places in sorted(cut.items()):
+        values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
+        smooth = basis(size, step)
+        values -= smooth @ (smooth.T @ values)  # the rest is small beside it: no digits are lost later
+        made.append(Stretches(step, values, smooth, *np.array(places).T))
+    return made
+
+
+def _sizes(step: float) -> list[int]:
+    """Lengths of stretches in samples, the longest first."""
+    longest = max(LONGEST / step, 2 * LEAST)
+    return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST)) + 1)]
+
+
+def basis(size: int, step: float) -> np.ndarray:
+    """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
+    lasts = size * step
+    degree = min(DEGREE + int(BENDS * lasts), size // 4)
+    columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]
+    time = np.arange(size) * step
+    tau = FASTEST
+    while tau < lasts / APART and len(columns) < size // 8:
+        columns.append(np.exp(-time / tau)[:, None])
+        tau *= APART
+    return _orthonormal(np.concatenate(columns, axis=1))
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, values > 1e-7 * values[0]]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A colour's numbers: the time constant's correlation at the base step, the white share, the variance;
+    `uncertainty` is the relative standard error of the slow noise that they make."""
+
+    phi: float
+    white: float
+    step: float
+    variance: float
+    freedom: int
+    uncertainty: float
+
+    def colour(self, step: float) -> Colour:
+        return _colour(self.phi, self.white, step / self.step)
+
+
+def _colour(phi: float, white: float, steps: float) -> Colour:
+    return Colour(phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), white)
+
+
+def _coloured(quiet: Sequence[Stretches], step: float) -> _Found:
+    """White, an autoregression, or both: the simplest whose further numbers earn their place."""
+
+    def objective(x: np.ndarray) -> float:
+        return _restricted(quiet, lambda s: _colour(*_numbers(x), s / step))[0]
+
+    far = float(np.arctanh(SLOWEST))
+    tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
+    near = min(tried, key=lambda v: tried[v])
+    bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))
+    one = minimize_scalar(lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": 2e-3})
+    chosen, cost = np.array([0.0]), tried[0.0]
+    if 2 * (cost - one.fun) > EARNED:
+        chosen, cost = np.array([float(one.x)]), float(one.fun)
+    starts = [
+        np.array([min(max(float(one.x), 0.0) + more, far), np.log(share / (1 - share))])
+        for share in WHITE
+        for more in SLOWER
+    ]
+    begin = min(starts, key=objective)
+    if objective(begin) < cost:
+        simplex = begin + np.array([[0, 0], [0.3, 0], [0, 0.7]])
+        two = minimize(
+            objective,
+            begin,
+            method="Nelder-Mead",
+            options={"xatol": 0.01, "fatol": 0.1, "maxiter": 80, "initial_simplex": simplex},
+        )
+        if 2 * (cost - two.fun) > EARNED and _numbers(two.x)[0] > 0:
+            chosen = two.x
+    phi, white = _numbers(chosen)
+    _, variance = _restricted(quiet, lambda s: _colour(phi, white, s / step))
+    freedom = _freedom(quiet)
+    return _Found(phi, white, step, variance, freedom, _standard_error(objective, chosen, freedom))
+
+
+def _numbers(x: np.ndarray) -> tuple[float, float]:
+    """Correlation at the base step, and white share, of the numbers that are searched."""
+    phi = float(np.clip(np.tanh(x[0]), -0.999, 0.9995))
+    return phi, float(1 / (1 + np.exp(-np.clip(x[1], -12, 12)))) if x.size > 1 else 0.0
+
+
+def _restricted(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> tuple[float, float]:
+    """Minus the restricted log likelihood (but for constants), and the variance."""
     squares, freedom, terms = 0.0, 0, 0.0
-    for size, stretches in by_size.items():
-        basis = np.polynomial.legendre.legvander(np.linspace(-1, 1, size), DEGREE)
-        white = _whitened(basis, correlation)
-        q, r = np.linalg.qr(white)
-        data = _whitened(stretches.T, correlation)
-        left = data - q @ (q.T @ data)
-        squares += float(np.sum(left**2))
-        freedom += stretches.shape[0] * (size - basis.shape[1])
-        terms += stretches.shape[0] * (2 * np.sum(np.log(np.abs(np.diag(r)))) - np.log(1 - correlation**2))
+    for group in quiet:
+        colour = colour_at(group.step)
+        n, m = group.values.shape
+        left, lengths = group.restricted(colour)
+        squares += left
+        freedom += group.freedom
+        terms += m * (2 * lengths + (n - 1) * np.log(colour.innovation))
     variance = max(squares / max(freedom, 1), 1e-300)
-    return 0.5 * (freedom * np.log(variance) + terms), float(np.sqrt(variance))
+    return 0.5 * (freedom * np.log(variance) + terms), variance
 
 
-def _whitened(columns: np.ndarray, correlation: float) -> np.ndarray:
-    first = columns[:1] * np.sqrt(1 - correlation**2)
-    return np.concatenate([first, columns[1:] - correlation * columns[:-1]])
+def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, freedom: int) -> float:
+    """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
+    if not at[0]:
+        return float(np.sqrt(2 / freedom))
+    k, width = at.size, 0.02
+    steps = np.eye(k) * width
+    curvature = np.array(
+        [
+            [
+                (objective(at + a + b) - objective(at + a - b) - objective(at - a + b) + objective(at - a - b))
+                / 4
+                / width**2
+                for b in steps
+            ]
+            for a in steps
+        ]
+    )
+
+    def log_density(x: np.ndarray) -> float:
+        colour = _colour(*_numbers(x), 1.0)
+        return float(np.log(colour.density(LOW) / colour.innovation))
+
+    slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])
+    spread = np.linalg.pinv(curvature, hermitian=True)
+    return float(np.sqrt(2 / freedom + max(slope @ spread @ slope, 0.0)))

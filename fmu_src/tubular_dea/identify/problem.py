@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .marginal import Marginal
 from .noise import Noise
-from .response import KernelError, Response
+from .response import Case, KernelError, Response
 
 FAR = 10.0  # of a logarithm: 20 000 times the usual size, or a part of it
 
@@ -55,18 +56,20 @@ class Free:
 class Problem:
     """Residuals of `response` against `records` (each (n,), in SI units) at `free` parameters, the others `fixed`.
 
-    `weights`, one array (n,) a case, lower the say of samples whose inputs are uncertain. `prior` holds the solver's
+    `noise` is that of each output. `weights`, one array (n,) a case, lower the say of samples whose inputs are
+    uncertain; `marginals`, one a case, are each record's own numbers, integrated out. `prior` holds the solver's
     numbers (k,) near their usual ones within about `prior`: so weakly that only directions which the records leave
     open feel it.
     """
 
     response: Response
     records: Sequence[np.ndarray]
-    noise: Noise
+    noise: Mapping[str, Noise]
     free: Sequence[Free]
     fixed: Mapping[str, float]
     weights: Sequence[np.ndarray] | None = None
     prior: float | None = None
+    marginals: Sequence[Marginal] | None = None
 
     @property
     def names(self) -> list[str]:
@@ -97,10 +100,8 @@ class Problem:
         """Values or columns of all cases, whitened, weighted and stacked."""
         parts = []
         for i, (case, part) in enumerate(zip(self.response.cases, columns, strict=True)):
-            white = self.noise.whiten(case.times, part)
-            if self.weights is not None:
-                white *= self.weights[i].reshape(-1, *[1] * (part.ndim - 1))
-            parts.append(white)
+            white = whitened(case, part, self.noise, None if self.weights is None else self.weights[i])
+            parts.append(white if self.marginals is None else self.marginals[i].apply(white))
         return np.concatenate(parts)
 
     def residuals(self, scaled: np.ndarray) -> np.ndarray:
@@ -135,3 +136,18 @@ class Problem:
             held = np.eye(len(self.free), len(self.free) + len(more)) / self.prior
             jacobian = np.concatenate([jacobian, held])
         return self._residual(scaled, outputs), jacobian
+
+
+def whitened(
+    case: Case, values: np.ndarray, noise: Mapping[str, Noise], weight: np.ndarray | None = None
+) -> np.ndarray:
+    """Values (N,) or columns (N, k) of a case in units of each output's noise, weighted."""
+    white = np.concatenate(
+        [
+            noise[reading.output].whiten(reading.times, values[part])
+            for reading, part in zip(case.readings, case.parts(), strict=True)
+        ]
+    )
+    if weight is not None:
+        white *= weight.reshape(-1, *[1] * (values.ndim - 1))
+    return white

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
-from ..kernel import Kernel, KernelError
+from ..kernel import Kernel, KernelError, Trajectory
+from ..processors import processors
 from ..protocol import Protocol
 from .threads import side_by_side
 
@@ -20,30 +22,60 @@ LEAST_STEPS, STEPS_A_SAMPLE = 100_000, 20  # internal steps after which a search
 
 
 @dataclass(frozen=True)
-class Case:
-    """What one experiment asks of the model: inputs, and the times (n,) at which the sensor was read."""
+class Reading:
+    """An output and the times (n,) at which it was read."""
 
-    protocol: Protocol
+    output: str
     times: np.ndarray
 
 
-class Response:
-    """A compiled model on a set of cases; `measured` names the output that the sensor reports."""
+@dataclass(frozen=True)
+class Case:
+    """What one experiment asks of the model: inputs, what was read when, and `own` values of parameters (SI)."""
 
-    def __init__(
-        self,
-        kernel: Kernel,
-        cases: Sequence[Case],
-        measured: str,
-        values: Mapping[str, float] | None = None,
-    ) -> None:
+    protocol: Protocol
+    readings: tuple[Reading, ...]
+    own: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def times(self) -> np.ndarray:
+        """The times of all readings, one after the other, shape (N,)."""
+        return np.concatenate([r.times for r in self.readings])
+
+    @property
+    def outputs(self) -> list[str]:
+        """What was read."""
+        return [r.output for r in self.readings]
+
+    @cached_property
+    def instants(self) -> np.ndarray:
+        """Every time at which anything was read, ascending."""
+        if len(self.readings) == 1:
+            return self.readings[0].times
+        return np.unique(self.times)
+
+    def read(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """What the sensors report, (N,) or (N, m), from values at `instants` by output."""
+        if len(self.readings) == 1:
+            return values[self.readings[0].output]
+        return np.concatenate([values[r.output][np.searchsorted(self.instants, r.times)] for r in self.readings])
+
+    def parts(self) -> list[slice]:
+        """Where each reading stands in the N values."""
+        ends = np.cumsum([0, *(r.times.size for r in self.readings)])
+        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+class Response:
+    """A compiled model on a set of cases."""
+
+    def __init__(self, kernel: Kernel, cases: Sequence[Case], values: Mapping[str, float] | None = None) -> None:
         self.kernel = kernel
         self.cases = list(cases)
-        self.measured = measured
         self.fixed = dict(values or {})
 
     def outputs(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
-        """The measured output of every case, each (n,); `KernelError` where one cannot be computed."""
+        """What is read in every case, each (N,); `KernelError` where it cannot be computed."""
         parameters = self.fixed | dict(values)
         return self._all(lambda case: self._output(case, parameters, tolerance))
 
@@ -52,16 +84,27 @@ class Response:
         parameters = self.fixed | dict(values)
         return [self._output(case, parameters, tolerance) for case in self.cases]
 
+    def trajectories(self, values: Mapping[str, float]) -> list[Trajectory]:
+        """All states and outputs of every case at the instants at which anything was read."""
+        parameters = self.fixed | dict(values)
+        return self._all(lambda case: self.kernel.simulate(case.protocol, case.instants, self._of(case, parameters)))
+
     def _output(self, case: Case, parameters: Mapping[str, float], tolerance: float) -> np.ndarray:
-        """The measured output of a case. A search may come to tubes that burst and ring: they are given up early."""
-        allowed = LEAST_STEPS + STEPS_A_SAMPLE * (case.times.size + case.protocol.time.size)
-        run = self.kernel.simulate(case.protocol, case.times, parameters, tolerance, max_steps=allowed)
-        return run[self.measured]
+        """What is read in a case. A search may come to models that diverge or ring: they are given up early."""
+        allowed = LEAST_STEPS + STEPS_A_SAMPLE * (case.instants.size + case.protocol.time.size)
+        run = self.kernel.simulate(
+            case.protocol, case.instants, self._of(case, parameters), tolerance, max_steps=allowed, wanted=case.outputs
+        )
+        return case.read(run.values)
+
+    def _of(self, case: Case, parameters: Mapping[str, float]) -> dict[str, float]:
+        """The parameters of a case: those that are searched for go before its own."""
+        return {n: v for n, v in case.own.items() if n in self.kernel.defaults} | dict(parameters)
 
     def sensitivities(
         self, values: Mapping[str, float], names: Sequence[str]
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """The outputs, each (n,), and their derivatives with respect to `names`, each (n, len(names)).
+        """What is read, each (N,), and its derivatives with respect to `names`, each (N, len(names)).
 
         The derivatives are exact for the discrete solution (at the integrator's own steps), so that the cost is smooth.
         """
@@ -69,13 +112,29 @@ class Response:
             outputs = self.outputs(values)
             return outputs, [np.empty((y.size, 0)) for y in outputs]
         parameters = self.fixed | dict(values)
+        shares = self._shares(names)
 
         def one(case: Case) -> tuple[np.ndarray, np.ndarray]:
-            run = self.kernel.simulate(case.protocol, case.times, parameters, TOLERANCE, sensitivities=names)
-            return run[self.measured], run.sensitivities[self.measured]
+            of = self._of(case, parameters)
+            mesh = self.kernel.mesh(case.protocol, of, TOLERANCE)
+            runs = side_by_side(lambda share: self._differentiated(case, of, share, mesh), shares)
+            return case.read(runs[0].values), np.column_stack([case.read(run.sensitivities) for run in runs])
 
         pairs = self._all(one)
         return [a for a, _ in pairs], [b for _, b in pairs]
+
+    def _shares(self, names: Sequence[str]) -> list[Sequence[str]]:
+        """The names, divided among the processors where there are fewer cases than processors."""
+        count = min(max(1, processors() // len(self.cases)), len(names))
+        size = -(-len(names) // count)
+        return [names[i : i + size] for i in range(0, len(names), size)]
+
+    def _differentiated(
+        self, case: Case, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
+    ) -> Trajectory:
+        return self.kernel.simulate(
+            case.protocol, case.instants, values, sensitivities=names, mesh=mesh, wanted=case.outputs
+        )
 
     def _all(self, work: Callable[[Case], T]) -> list[T]:
         """`work` of every case; those with most events begin, so that no long one is left over at the end."""
@@ -84,5 +143,4 @@ class Response:
         return [done[i] for i in range(len(self.cases))]
 
 
-
-__all__ = ["Case", "KernelError", "Response"]
+__all__ = ["Case", "KernelError", "Reading", "Response"]

@@ -1,4 +1,4 @@
-"""Work side by side on two cores; and one BLAS thread, as the others would wait spinning on these cores."""
+"""Work side by side on all processors; and one BLAS thread, as the others would wait spinning on these cores."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import ParamSpec, TypeVar, cast
 
 from threadpoolctl import threadpool_limits
 
+from ..processors import processors
+
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
 
-WORKERS = 2
-
 
 def side_by_side(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """`work` of every item, in their order, by WORKERS threads: kernels and numpy run without Python's lock."""
-    with ThreadPoolExecutor(WORKERS) as pool:
+    """`work` of every item, in their order, by a thread a processor: kernels and numpy run without Python's lock."""
+    with ThreadPoolExecutor(processors()) as pool:
         return list(pool.map(work, items))
 
 

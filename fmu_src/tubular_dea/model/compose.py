@@ -123,15 +123,22 @@ class _Renamed:
 
     def parameters(self) -> list[Parameter]:
         switch = self.model.curve.start_switch if self.model.curve else None
-        return [dataclasses.replace(p, quantity=self.quantity(p.quantity)) for p in self.model.parameters
-                if p.quantity.name != switch]  # fmt: skip
+        return [
+            dataclasses.replace(p, quantity=self.quantity(p.quantity))
+            for p in self.model.parameters
+            if p.quantity.name != switch
+        ]
 
     def states(self) -> list[State]:
         return [
-            State(self.quantity(s.quantity), self.expression(s.derivative), self.expression(s.start),
-                  self.expression(s.start))
+            State(
+                self.quantity(s.quantity),
+                self.expression(s.derivative),
+                self.expression(s.start),
+                self.expression(s.start),
+            )
             for s in self.model.states
-        ]  # fmt: skip
+        ]
 
     def definitions(self) -> list[Definition]:
         """All definitions but those that need the fold."""

@@ -12,6 +12,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import sympy
 
@@ -44,7 +45,7 @@ class Quantity:
     display_unit: str | None = None
     type: str = "Real"
 
-    @property
+    @cached_property
     def symbol(self) -> sympy.Symbol:
         """The real sympy symbol of this quantity; equal names give equal symbols."""
         return sympy.Symbol(self.name, real=True)
@@ -55,26 +56,47 @@ class Quantity:
         return low <= value <= (math.inf if self.maximum is None else self.maximum)
 
 
+def sized(
+    name: str,
+    unit: str,
+    description: str,
+    value: float,
+    source: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    display_unit: str | None = None,
+) -> Quantity:
+    """A quantity whose typical size is that of its value."""
+    return Quantity(name, unit, description, value, source, minimum, maximum, abs(value) or 1.0, display_unit)
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """A quantity the user may choose; `tunable` ones may change while the simulation runs."""
+    """A quantity the user may choose; `tunable` ones may change while the simulation runs.
+
+    `start` marks an unknown start value of a state: "each" where every recording has its own, "shared" where all
+    recordings start alike. It is found by fits, and is no property of the plant.
+    """
 
     quantity: Quantity
     tunable: bool = False
+    start: str = ""
 
 
 @dataclass(frozen=True)
 class State:
-    """A continuous state: `derivative` is its rate, `start` its value at rest, both as expressions.
+    """A continuous state: `derivative` is its rate, `start` its value at the start, both as expressions.
 
+    `start` may use inputs, parameters, and states and definitions as they are at the start.
     `equilibrium` is the value it settles to, as an expression in the inputs, the parameters and the unknown of
-    the model's equilibrium curve; it is used to start at equilibrium and to walk along that curve.
+    the model's equilibrium curve; it is used to start at equilibrium and to walk along that curve. A model without
+    a curve needs none.
     """
 
     quantity: Quantity
     derivative: sympy.Expr
     start: sympy.Expr
-    equilibrium: sympy.Expr
+    equilibrium: sympy.Expr | None = None
 
 
 @dataclass(frozen=True)
@@ -91,7 +113,8 @@ class Delay:
 
     `of` names an input (its past may drive the states) or a definition (its past may be put out, but drives no
     state). `by` names the parameter that holds the delay in s; its `maximum` bounds the memory. Before the start
-    everything is taken to have been as it is at the start.
+    everything is taken to have been as it is at the start. A recorded input may be late itself, so that it acts before
+    it is recorded: its delay is negative then. That is for recordings alone; an FMU takes a negative delay for none.
     """
 
     quantity: Quantity
@@ -134,11 +157,23 @@ class EquilibriumCurve:
 
 
 @dataclass(frozen=True)
+class Terminal:
+    """Signals that meet at one physical port: `members` are pairs (name at the port, name of an input or output).
+
+    Where one of them is not put out, there is no such port."""
+
+    name: str
+    description: str
+    members: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
 class Model:
     """A set of ordinary differential equations with named intermediates, declared once.
 
     `definitions` are evaluated in their order; each may use the time, inputs and their rates, parameters,
-    states and earlier definitions. `outputs` are names of states or definitions.
+    states and earlier definitions. `outputs` are names of states or definitions; `sensors` those of them that sensors
+    report: sensitivities are of these where nothing else is asked for.
     """
 
     name: str
@@ -153,10 +188,18 @@ class Model:
     effects: tuple[str, ...] = field(default=())
     delays: tuple[Delay, ...] = ()
     discretes: tuple[Discrete, ...] = ()
+    terminals: tuple[Terminal, ...] = ()
+    sensors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_names(self)
-        _check_order(self)
+        from .checks import check  # the checks read this vocabulary
+
+        check(self)
+
+    @property
+    def title(self) -> str:
+        """The name for people: with the effects that were added."""
+        return f"{self.name} with {', '.join(self.effects)}" if self.effects else self.name
 
     # What is declared --------------------------------------------------------------------------------
 
@@ -230,8 +273,7 @@ class Model:
         """The model with another expression for the definition `name`."""
         self.expression(name)
         changed = tuple(
-            dataclasses.replace(d, expression=expression) if d.quantity.name == name else d
-            for d in self.definitions
+            dataclasses.replace(d, expression=expression) if d.quantity.name == name else d for d in self.definitions
         )
         return dataclasses.replace(self, definitions=changed)
 
@@ -241,8 +283,7 @@ class Model:
             names = [s.quantity.name for s in self.states]
             raise DeclarationError(f"{self.name} has no state {state!r}{nearest(state, names)}")
         changed = tuple(
-            dataclasses.replace(s, derivative=derivative) if s.quantity.name == state else s
-            for s in self.states
+            dataclasses.replace(s, derivative=derivative) if s.quantity.name == state else s for s in self.states
         )
         return dataclasses.replace(self, states=changed)
 
@@ -287,95 +328,3 @@ def nearest(name: str, names: Iterable[str]) -> str:
     if close:
         return f"; did you mean {', '.join(close)}?"
     return f"; there are {', '.join(known)}"
-
-
-def _check_names(model: Model) -> None:
-    """Every quantity is declared once, and every output is a state, a definition or the fold."""
-    fold = [model.curve.fold.name] if model.curve else []
-    seen: set[str] = set()
-    for name in [
-        *(q.name for q in model.inputs),
-        *(p.quantity.name for p in model.parameters),
-        *(s.quantity.name for s in model.states),
-        *fold,
-        *(d.quantity.name for d in model.delays),
-        *(d.quantity.name for d in model.discretes),
-        *(d.quantity.name for d in model.definitions),
-    ]:
-        if name in seen:
-            raise DeclarationError(f"{model.name} declares {name!r} twice; give the second another name")
-        seen.add(name)
-    for name in model.outputs:
-        if name not in seen:
-            raise DeclarationError(f"{model.name} has no quantity {name!r} to put out{nearest(name, seen)}")
-
-
-def _check_order(model: Model) -> None:
-    """Every expression uses only what is declared before it."""
-    fold = [model.curve.fold.symbol] if model.curve else []
-    known = {
-        TIME,
-        *(q.symbol for q in model.inputs),
-        *(rate(q) for q in model.inputs),
-        *(p.quantity.symbol for p in model.parameters),
-        *(s.quantity.symbol for s in model.states),
-        *fold,
-        *(d.quantity.symbol for d in model.delays),
-        *(d.quantity.symbol for d in model.discretes),
-    }
-    for definition in model.definitions:
-        _check_known(model, definition.quantity.name, definition.expression, known)
-        known.add(definition.quantity.symbol)
-    for state in model.states:
-        _check_known(model, f"der({state.quantity.name})", state.derivative, known)
-        if state.quantity.maximum is not None:
-            raise DeclarationError(
-                f"{model.name}: {state.quantity.name} is a state; expected no maximum: it would not be enforced"
-            )
-    for delay in model.delays:
-        _check_delay(model, delay)
-    _check_samples(model)
-
-
-def _check_samples(model: Model) -> None:
-    """Each discrete is sampled from what is known by then."""
-    fixed = {*(q.symbol for q in model.inputs), *(p.quantity.symbol for p in model.parameters)}
-    known = {TIME, *fixed, *(s.quantity.symbol for s in model.states), *(before(d.quantity) for d in model.discretes)}
-    for discrete in model.discretes:
-        _check_known(model, f"the start of {discrete.quantity.name}", discrete.start, fixed)
-        _check_known(model, f"the update of {discrete.quantity.name}", discrete.update, known)
-        known.add(discrete.quantity.symbol)
-
-
-def _check_delay(model: Model, delay: Delay) -> None:
-    """The delayed quantity is there, its delay is a bounded parameter, and a delayed definition drives no state."""
-    inputs = [q.name for q in model.inputs]
-    places = {d.quantity.name: i for i, d in enumerate(model.definitions)}
-    if delay.of not in inputs and delay.of not in places:
-        raise DeclarationError(
-            f"{model.name}: {delay.quantity.name} delays {delay.of!r}; expected an input or a definition"
-            f"{nearest(delay.of, [*inputs, *places])}"
-        )
-    by = model.quantity(delay.by)
-    if by.minimum != 0 or by.maximum is None:
-        raise DeclarationError(f"{model.name}: expected bounds of the delay {by.name} from 0 to some time in s")
-    if delay.of in inputs:
-        return
-    reached: set[sympy.Symbol] = set().union(*(s.derivative.free_symbols for s in model.states))
-    for definition in reversed(model.definitions):
-        if definition.quantity.symbol in reached:
-            reached |= definition.expression.free_symbols
-    if delay.quantity.symbol in reached:
-        raise DeclarationError(
-            f"{model.name}: {delay.quantity.name} drives a state; expected so of delayed inputs only, and "
-            f"{delay.of} is not an input"
-        )
-
-
-def _check_known(model: Model, name: str, expression: sympy.Expr, known: set[sympy.Symbol]) -> None:
-    unknown = sorted(str(s) for s in sympy.sympify(expression).free_symbols - known)
-    if unknown:
-        raise DeclarationError(
-            f"{model.name}: {name} uses {', '.join(unknown)} before it is declared; "
-            "declare it, or place this definition after it"
-        )

@@ -1,7 +1,7 @@
-"""Delayed signals of a model: which inputs and which definitions are late.
+"""Delayed signals of a model: inputs and definitions.
 
-An input that is late is one more input to the equations. A definition that is late, and put out, is that definition
-read earlier: without the delay the model is the same ordinary differential equation.
+A delayed input is one more input to the equations. A delayed definition that is put out is that definition read
+earlier: without the delay the model is the same ordinary differential equation.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ def output_delays(model: Model) -> list[Delay]:
     return [d for d in model.delays if d.of not in inputs]
 
 
-def punctual(model: Model) -> tuple[Model, dict[str, str]]:
-    """The model without the delays of definitions, and for each output that is late the parameter of its delay.
+def undelayed(model: Model) -> tuple[Model, dict[str, str]]:
+    """The model without the delays of definitions, and for each delayed output the parameter of its delay.
 
-    `DeclarationError` where an output mixes what is late with what is not: it is no earlier value of anything.
+    `DeclarationError` where an output mixes what is delayed with what is not: it is no earlier value of anything.
     """
-    late = {_name(d.quantity.name): d for d in output_delays(model)}
-    if not late:
+    delays = {_name(d.quantity.name): d for d in output_delays(model)}
+    if not delays:
         return model, {}
     by = {}
     for name in model.outputs:
-        reached = _leaves(model, _name(name), set(late))
-        delayed = [late[s] for s in reached & late.keys()]
+        reached = _leaves(model, _name(name), set(delays))
+        delayed = [delays[s] for s in reached & delays.keys()]
         if not delayed:
             continue
         variable = {s.quantity.symbol for s in model.states} | {q.symbol for q in model.inputs}
         if len(delayed) > 1 or reached & variable:
-            raise DeclarationError(f"{model.name}: {name} mixes {delayed[0].quantity.name} with what is not late")
+            raise DeclarationError(f"{model.name}: {name} mixes {delayed[0].quantity.name} with what is not delayed")
         by[name] = delayed[0].by
-    now = {d.quantity.symbol: _name(d.of) for d in late.values()}
+    now = {d.quantity.symbol: _name(d.of) for d in delays.values()}
     definitions = tuple(dataclasses.replace(d, expression=d.expression.subs(now)) for d in model.definitions)
     return dataclasses.replace(model, definitions=definitions, delays=tuple(input_delays(model))), by
 

@@ -52,10 +52,6 @@ FAILING = HEALTHY | {
     "aortic_pressure_start": 62 * MMHG,
 }
 
-STIFF = HEALTHY | {
-    "C": 0.6 * ML / MMHG,
-    "Z_c": 0.06 * RESISTANCE,
-    "elements": 3,
-}
+STIFF = HEALTHY | {"C": 0.6 * ML / MMHG, "Z_c": 0.06 * RESISTANCE, "elements": 3}
 
 PATIENTS: dict[str, dict[str, float]] = {"healthy": HEALTHY, "failing": FAILING, "stiff": STIFF}

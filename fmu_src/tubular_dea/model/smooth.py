@@ -50,3 +50,8 @@ def ramp(x: sympy.Expr, width: float) -> sympy.Expr:
     """0 below 0, x - width far above it, with a continuous slope: no drift while x is negative, no kink at 0."""
     above = positive_part(x)
     return above**2 / (above + sympy.Float(width))
+
+
+def root(x: sympy.Expr, width: float) -> sympy.Expr:
+    """The square root to both sides: sqrt(x) far above `width`, -sqrt(-x) far below -`width`, a finite slope at 0."""
+    return x / (x**2 + sympy.Float(width) ** 2) ** sympy.Rational(1, 4)

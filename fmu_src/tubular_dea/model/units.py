@@ -1,55 +1,210 @@
-"""Units: SI inside, customary ones at the edges (XML display units, CSV headers, the command line).
+"""Units: SI inside, customary ones at the edges (XML display units, headings of recordings, the command line).
 
 A unit is written as in Modelica: factors joined by ".", divisors after "/", exponents as trailing digits:
-"Pa.s", "m3/s", "kg/m3". `factor(unit)` is what one such unit is in SI base units.
+"Pa.s", "m3/s", "kg/m3". `factor(unit)` is what one such unit is in SI base units. Laboratories write in other ways,
+which are understood too: "µm", "cm H2O", "L·min^-1", "psig", "seconds", "MBAR".
 """
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
 
 from ..errors import UserError
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 BASE = ("kg", "m", "s", "A", "K")
+Amount = TypeVar("Amount", float, np.ndarray)
 
 
 @dataclass(frozen=True)
 class Unit:
-    """`factor` SI units of the dimension given by the exponents of kg, m, s, A, K."""
+    """`factor` SI units of the dimension given by the exponents of kg, m, s, A, K; zero is at `offset` SI units."""
 
     factor: float
     exponents: tuple[int, ...]
+    offset: float = 0.0
 
 
 _MMHG = 133.322
+_NONE, _MASS, _LENGTH, _VOLUME = (0, 0, 0, 0, 0), (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 3, 0, 0, 0)
+_TIME, _RATE, _CURRENT, _WARMTH = (0, 0, 1, 0, 0), (0, 0, -1, 0, 0), (0, 0, 0, 1, 0), (0, 0, 0, 0, 1)
+_PRESSURE = (1, -1, -2, 0, 0)
+
+# Units and the prefixes that they are used with: no mega where milli is meant by who writes in capitals.
+_PREFIXED = {
+    "g": (Unit(1e-3, _MASS), "umk"),
+    "m": (Unit(1.0, _LENGTH), "numcdk"),
+    "s": (Unit(1.0, _TIME), "num"),
+    "A": (Unit(1.0, _CURRENT), "numk"),
+    "K": (Unit(1.0, _WARMTH), "m"),
+    "Hz": (Unit(1.0, _RATE), "mkM"),
+    "N": (Unit(1.0, (1, 1, -2, 0, 0)), "umk"),
+    "J": (Unit(1.0, (1, 2, -2, 0, 0)), "umk"),
+    "W": (Unit(1.0, (1, 2, -3, 0, 0)), "umk"),
+    "Pa": (Unit(1.0, _PRESSURE), "mhkMG"),
+    "bar": (Unit(1e5, _PRESSURE), "um"),
+    "L": (Unit(1e-3, _VOLUME), "umcd"),
+    "V": (Unit(1.0, (1, 2, -3, -1, 0)), "numk"),
+    "C": (Unit(1.0, (0, 0, 1, 1, 0)), "pnum"),
+    "F": (Unit(1.0, (-1, -2, 4, 2, 0)), "pnum"),
+    "Ohm": (Unit(1.0, (1, 2, -3, -2, 0)), "mkMG"),
+}
+_POWERS = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 
 _NAMED = {
-    "1": Unit(1.0, (0, 0, 0, 0, 0)), "%": Unit(1e-2, (0, 0, 0, 0, 0)), "rad": Unit(1.0, (0, 0, 0, 0, 0)),
-    "kg": Unit(1.0, (1, 0, 0, 0, 0)), "g": Unit(1e-3, (1, 0, 0, 0, 0)),
-    "m": Unit(1.0, (0, 1, 0, 0, 0)), "mm": Unit(1e-3, (0, 1, 0, 0, 0)), "um": Unit(1e-6, (0, 1, 0, 0, 0)),
-    "s": Unit(1.0, (0, 0, 1, 0, 0)), "ms": Unit(1e-3, (0, 0, 1, 0, 0)), "min": Unit(60.0, (0, 0, 1, 0, 0)),
-    "Hz": Unit(1.0, (0, 0, -1, 0, 0)),
-    "A": Unit(1.0, (0, 0, 0, 1, 0)), "mA": Unit(1e-3, (0, 0, 0, 1, 0)), "uA": Unit(1e-6, (0, 0, 0, 1, 0)),
-    "K": Unit(1.0, (0, 0, 0, 0, 1)),
-    "N": Unit(1.0, (1, 1, -2, 0, 0)), "J": Unit(1.0, (1, 2, -2, 0, 0)), "mJ": Unit(1e-3, (1, 2, -2, 0, 0)),
-    "W": Unit(1.0, (1, 2, -3, 0, 0)),
-    "Pa": Unit(1.0, (1, -1, -2, 0, 0)), "kPa": Unit(1e3, (1, -1, -2, 0, 0)), "MPa": Unit(1e6, (1, -1, -2, 0, 0)),
-    "mmHg": Unit(_MMHG, (1, -1, -2, 0, 0)),
-    "L": Unit(1e-3, (0, 3, 0, 0, 0)), "mL": Unit(1e-6, (0, 3, 0, 0, 0)),
-    "V": Unit(1.0, (1, 2, -3, -1, 0)), "kV": Unit(1e3, (1, 2, -3, -1, 0)),
-    "C": Unit(1.0, (0, 0, 1, 1, 0)), "uC": Unit(1e-6, (0, 0, 1, 1, 0)),
-    "F": Unit(1.0, (-1, -2, 4, 2, 0)), "nF": Unit(1e-9, (-1, -2, 4, 2, 0)),
-    "Ohm": Unit(1.0, (1, 2, -3, -2, 0)),
-}  # fmt: skip
+    **{name: unit for name, (unit, _) in _PREFIXED.items()},
+    **{p + name: Unit(_POWERS[p] * unit.factor, unit.exponents) for name, (unit, ps) in _PREFIXED.items() for p in ps},
+    "1": Unit(1.0, _NONE),
+    "%": Unit(1e-2, _NONE),
+    "rad": Unit(1.0, _NONE),
+    "deg": Unit(math.pi / 180, _NONE),
+    "min": Unit(60.0, _TIME),
+    "h": Unit(3600.0, _TIME),
+    "d": Unit(86400.0, _TIME),
+    "bpm": Unit(1 / 60, _RATE),
+    "rpm": Unit(1 / 60, _RATE),
+    "inch": Unit(0.0254, _LENGTH),
+    "mil": Unit(25.4e-6, _LENGTH),
+    "degC": Unit(1.0, _WARMTH, 273.15),
+    "degF": Unit(5 / 9, _WARMTH, 459.67 * 5 / 9),
+    "mmHg": Unit(_MMHG, _PRESSURE),
+    "torr": Unit(101325 / 760, _PRESSURE),
+    "inHg": Unit(25.4 * _MMHG, _PRESSURE),
+    "cmH2O": Unit(98.0665, _PRESSURE),
+    "mmH2O": Unit(9.80665, _PRESSURE),
+    "inH2O": Unit(249.08891, _PRESSURE),
+    "psi": Unit(6894.757293168361, _PRESSURE),
+    "atm": Unit(101325.0, _PRESSURE),
+}
+
+# Other ways of writing them. A gauge reads against the atmosphere, as a transmural pressure is meant.
+_ALSO = {
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "usec": "us",
+    "minute": "min",
+    "minutes": "min",
+    "mins": "min",
+    "hour": "h",
+    "hours": "h",
+    "hr": "h",
+    "hrs": "h",
+    "day": "d",
+    "days": "d",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+    "microsecond": "us",
+    "microseconds": "us",
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "metres": "m",
+    "millimeter": "mm",
+    "millimeters": "mm",
+    "millimetre": "mm",
+    "millimetres": "mm",
+    "micron": "um",
+    "microns": "um",
+    "micrometer": "um",
+    "micrometers": "um",
+    "micrometre": "um",
+    "micrometres": "um",
+    "in": "inch",
+    "inches": "inch",
+    "mils": "mil",
+    "volt": "V",
+    "volts": "V",
+    "kilovolt": "kV",
+    "kilovolts": "kV",
+    "millivolt": "mV",
+    "millivolts": "mV",
+    "amp": "A",
+    "amps": "A",
+    "ampere": "A",
+    "amperes": "A",
+    "microamp": "uA",
+    "microamps": "uA",
+    "milliamp": "mA",
+    "milliamps": "mA",
+    "pascal": "Pa",
+    "pascals": "Pa",
+    "kilopascal": "kPa",
+    "kilopascals": "kPa",
+    "millibar": "mbar",
+    "millibars": "mbar",
+    "bars": "bar",
+    "barg": "bar",
+    "mbarg": "mbar",
+    "psig": "psi",
+    "kpag": "kPa",
+    "mm.hg": "mmHg",
+    "cm.h2o": "cmH2O",
+    "mm.h2o": "mmH2O",
+    "in.hg": "inHg",
+    "in.h2o": "inH2O",
+    "cmwc": "cmH2O",
+    "mmwc": "mmH2O",
+    "cc": "mL",
+    "ccm": "mL/min",
+    "sccm": "mL/min",
+    "lpm": "L/min",
+    "hertz": "Hz",
+    "litre": "L",
+    "liter": "L",
+    "litres": "L",
+    "liters": "L",
+    "beats": "1",
+    "beat": "1",
+    "ohms": "Ohm",
+    "percent": "%",
+    "degree": "deg",
+    "degrees": "deg",
+    "celsius": "degC",
+    "deg.c": "degC",
+    "fahrenheit": "degF",
+    "deg.f": "degF",
+    "kelvin": "K",
+    "hectopascal": "hPa",
+    "rads": "rad",
+    "radian": "rad",
+    "radians": "rad",
+    "vdc": "V",
+    "adc": "A",
+}
+_BY_CASE: dict[str, list[str]] = {}
+for _name in _NAMED:
+    _BY_CASE.setdefault(_name.lower(), []).append(_name)
+_SIGNS = str.maketrans({"μ": "u", "Ω": "Ohm", "°": "deg", "·": ".", "⋅": ".", "×": ".", "*": ".", "^": None, "−": "-"})
 
 QUANTITY_NAMES = {
-    "m": "Length", "m2": "Area", "m3": "Volume", "m3/s": "VolumeFlowRate", "s": "Time", "Pa": "Pressure",
-    "V": "Voltage", "V/m": "ElectricFieldStrength", "A": "Current", "C": "Charge", "F": "Capacitance",
-    "kg": "Mass", "kg/m3": "Density", "Pa.s": "Viscosity", "N": "Force", "J": "Energy", "K": "Temperature",
-}  # fmt: skip
+    "m": "Length",
+    "m2": "Area",
+    "m3": "Volume",
+    "m3/s": "VolumeFlowRate",
+    "s": "Time",
+    "Pa": "Pressure",
+    "V": "Voltage",
+    "V/m": "ElectricFieldStrength",
+    "A": "Current",
+    "C": "Charge",
+    "F": "Capacitance",
+    "kg": "Mass",
+    "kg/m3": "Density",
+    "Pa.s": "Viscosity",
+    "N": "Force",
+    "J": "Energy",
+    "K": "Temperature",
+}
 
 
 class UnitError(UserError, ValueError):
@@ -58,12 +213,25 @@ class UnitError(UserError, ValueError):
 
 def parse(text: str) -> Unit:
     """The unit that `text` names; `UnitError` with the known names if it cannot be read."""
-    value = Unit(1.0, (0,) * len(BASE))
-    numerator, *denominators = text.strip().split("/")
+    plain = _plain(text)
+    single = _named(plain)
+    if single:
+        return single
+    value = Unit(1.0, _NONE)
+    numerator, *denominators = plain.split("/")
     for sign, product in [(1, numerator), *((-1, part) for part in denominators)]:
-        for name in product.split("."):
+        for name in [product] if product.lower() in _ALSO else product.split("."):
             value = _times(value, *_power(name.strip(), text), sign)
     return value
+
+
+def is_unit(text: str) -> bool:
+    """Whether `text` names a unit."""
+    try:
+        parse(text)
+    except UnitError:
+        return False
+    return True
 
 
 def factor(unit: str, expected: str) -> float:
@@ -71,7 +239,33 @@ def factor(unit: str, expected: str) -> float:
     given, wanted = parse(unit), parse(expected)
     if given.exponents != wanted.exponents:
         raise UnitError(f"expected a unit like {expected!r} but was given {unit!r}")
+    if given.offset != wanted.offset:
+        raise UnitError(f"{unit!r} and {expected!r} have zeros of their own: no factor makes one the other")
     return given.factor / wanted.factor
+
+
+def converted(values: Amount, unit: str, expected: str) -> Amount:
+    """`values` in `unit` as they are in `expected`, where a zero may be another: 20 degC are 293.15 K."""
+    given, wanted = parse(unit), parse(expected)
+    if given.offset == wanted.offset or given.exponents != wanted.exponents:
+        return values * factor(unit, expected)
+    return (values * given.factor + (given.offset - wanted.offset)) / wanted.factor
+
+
+def combined(*powers: tuple[str, int]) -> str:
+    """The product of powers of units, written as a unit: ("V/s", 1), ("m", -3) is "V/s/m3". `UnitError` as `parse`."""
+    exponents: dict[str, int] = {}
+    for text, power in powers:
+        parse(text)
+        numerator, *denominators = _plain(text).split("/")
+        for sign, product in [(1, numerator), *((-1, part) for part in denominators)]:
+            for piece in [product] if _named(product) else product.split("."):
+                name, own = _split(piece)
+                exponents[name] = exponents.get(name, 0) + sign * own * power
+    exponents.pop("1", None)
+    above = ".".join(_written(name, e) for name, e in exponents.items() if e > 0)
+    below = "".join(f"/{_written(name, -e)}" for name, e in exponents.items() if e < 0)
+    return f"{above or '1'}{below}"
 
 
 def quantity(text: str, expected: str) -> float:
@@ -83,16 +277,51 @@ def quantity(text: str, expected: str) -> float:
     value = float(match[1]) if match else float("nan")
     if match is None or not math.isfinite(value):
         raise UnitError(f"expected a number with a unit like {expected!r} but was given {text!r}")
-    return value * (factor(match[2], expected) if match[2] else 1.0)
+    return converted(value, match[2], expected) if match[2] else value
+
+
+def _plain(text: str) -> str:
+    """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets around."""
+    plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).strip().replace("..", "")
+    while plain.startswith(("(", "[")) and plain.endswith((")", "]")):
+        plain = plain[1:-1].strip()
+    return re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+
+
+def _written(name: str, exponent: int) -> str:
+    return name if exponent == 1 else f"{name}{exponent}"
+
+
+def _split(name: str) -> tuple[str, int]:
+    """Name and exponent of one factor: m and 3 of "m3"."""
+    if _named(name):
+        return name, 1
+    bare = name.rstrip("-0123456789")
+    return bare, int(name[len(bare) :])
 
 
 def _power(name: str, text: str) -> tuple[Unit, int]:
-    if name in _NAMED:
-        return _NAMED[name], 1
+    unit = _named(name)
+    if unit:
+        return unit, 1
     match = re.fullmatch(r"([A-Za-z%]+)(-?\d+)", name)
-    if not match or match[1] not in _NAMED:
-        raise UnitError(f"cannot read the unit {text!r}: expected a combination of {', '.join(_NAMED)}")
-    return _NAMED[match[1]], int(match[2])
+    unit = _named(match[1]) if match else None
+    if match is None or unit is None or abs(int(match[2])) > 9:
+        close = difflib.get_close_matches(name, _NAMED, n=3)
+        hint = f"did you mean {', '.join(close)}?" if close else "as in Pa.s, mL/min, kV or degC"
+        raise UnitError(f"cannot read the unit {text!r}: expected a known unit or a combination; {hint}")
+    return unit, int(match[2])
+
+
+def _named(name: str) -> Unit | None:
+    """The unit of a name, in any case where that is clear."""
+    if name in _NAMED:
+        return _NAMED[name]
+    also = _ALSO.get(name.lower())
+    if also:
+        return parse(also)
+    same = _BY_CASE.get(name.lower(), [])
+    return _NAMED[same[0]] if len(same) == 1 else None
 
 
 def _times(value: Unit, other: Unit, exponent: int, sign: int) -> Unit:

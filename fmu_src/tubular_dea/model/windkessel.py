@@ -51,7 +51,7 @@ from collections.abc import Mapping
 import sympy
 from sympy import tanh
 
-from .declare import TIME, Definition, Model, Parameter, Quantity, State, nearest
+from .declare import TIME, Definition, Model, Parameter, Quantity, State, nearest, sized
 from .patients import MMHG, PATIENTS, RESISTANCE, PatientError
 from .whole import cycle_fraction, rename
 
@@ -59,56 +59,120 @@ from .whole import cycle_fraction, rename
 R_WAVE_LEAD = 1e-6
 R_WAVE_DURATION = 0.02  # s
 
-TUBE_FLOW = Quantity("tube_flow", "m3/s", "Flow from the aorta into the tube", 0.0,
-                     "the flow conjugate to the wall's work", nominal=1e-4, display_unit="mL/s")  # fmt: skip
+TUBE_FLOW = Quantity(
+    "tube_flow",
+    "m3/s",
+    "Flow from the aorta into the tube",
+    0.0,
+    "the flow conjugate to the wall's work",
+    nominal=1e-4,
+    display_unit="mL/s",
+)
 
 PACE = Quantity("pace", "Hz", "Beats per second, now", 1.25, nominal=1.0, display_unit="1/min")
 
 SIMAAN = "Simaan et al. (2009)"
 
 
-def _real(name: str, unit: str, description: str, value: float, source: str, minimum: float | None = None,
-          maximum: float | None = None, display_unit: str | None = None) -> Quantity:
-    return Quantity(name, unit, description, value, source, minimum, maximum,
-                    nominal=abs(value) or 1.0, display_unit=display_unit)  # fmt: skip
-
-
 ELASTANCE, COMPLIANCE, INERTANCE = "Pa/m3", "m3/Pa", "Pa.s2/m3"
 
 _V = PATIENTS["healthy"]
 QUANTITIES = (
-    _real("heart_rate", "Hz", "Beats per second", _V["heart_rate"], SIMAAN, 0.3, 5.0, "1/min"),
-    _real("E_max", ELASTANCE, "Largest elastance of the ventricle", _V["E_max"], SIMAAN, 1e5, 1e10, "mmHg/mL"),
-    _real("E_min", ELASTANCE, "Elastance of the resting ventricle", _V["E_min"], SIMAAN, 1e5, 1e10, "mmHg/mL"),
-    _real("V_0", "m3", "Volume of the ventricle without pressure", _V["V_0"], SIMAAN, 0.0, 1e-3, "mL"),
-    _real("T_offset", "s", "Time scale of the activation: its constant part", 0.2, SIMAAN, 1e-3, 1.0),
-    _real("T_fraction", "1", "Time scale of the activation: its part of the beat", 0.15, SIMAAN, 0.0, 1.0),
-    _real("filling_pressure", "Pa", "Pressure before the mitral valve", _V["filling_pressure"],
-          "end-diastolic atrial pressure of Simaan's closed loop", 0.0, 1e4, "mmHg"),
-    _real("venous_pressure", "Pa", "Pressure behind the peripheral resistance", _V["venous_pressure"],
-          "as filling_pressure: the loop closes into the atrium", 0.0, 1e4, "mmHg"),
-    _real("R_mitral", "Pa.s/m3", "Resistance of the open mitral valve", _V["R_mitral"], SIMAAN, 1e3, 1e10,
-          "mmHg.s/mL"),
-    _real("R_aortic", "Pa.s/m3", "Resistance of the open aortic valve", _V["R_aortic"], SIMAAN, 1e3, 1e10,
-          "mmHg.s/mL"),
-    _real("R_closed", "Pa.s/m3", "Resistance of a closed valve", 1e4 * RESISTANCE, "tight against R", 1e8, 1e16,
-          "mmHg.s/mL"),
-    _real("valve_width", "Pa", "Pressure over which a valve opens", 0.2 * MMHG, "small against the beat", 1e-2, 1e4,
-          "mmHg"),
-    _real("Z_c", "Pa.s/m3", "Characteristic impedance (3 and 4 elements)", _V["Z_c"], f"{SIMAAN}, R_C", 0.0, 1e10,
-          "mmHg.s/mL"),
-    _real("C", COMPLIANCE, "Compliance of the arteries", _V["C"], f"{SIMAAN}, C_S", 1e-11, 1e-6, "mL/mmHg"),
-    _real("R", "Pa.s/m3", "Peripheral resistance", _V["R"], f"{SIMAAN}, R_S", 1e6, 1e12, "mmHg.s/mL"),
-    _real("L", INERTANCE, "Inertance beside Z_c (4 elements)", _V["L"], "Stergiopulos et al. (1999)", 1e3, 1e12,
-          "mmHg.s2/mL"),
-    _real("ventricular_volume_start", "m3", "Volume of the ventricle at the start", _V["ventricular_volume_start"],
-          "end of diastole", 0.0, 1e-2, "mL"),
-    _real("aortic_pressure_start", "Pa", "Pressure of the arteries at the start", _V["aortic_pressure_start"],
-          "end of diastole", 0.0, 1e5, "mmHg"),
-    _real("phase_start", "1", "Place in the cycle at the start; 0 is the R wave", 0.0, "", 0.0, 1.0),
-)  # fmt: skip
-ELEMENTS = Quantity("elements", "1", "Elements of the windkessel: 2 (R, C), 3 (Z_c) or 4 (L)", 2, "", 2, 4, 1.0,
-                    type="Integer")  # fmt: skip
+    sized("heart_rate", "Hz", "Beats per second", _V["heart_rate"], SIMAAN, 0.3, 5.0, "1/min"),
+    sized("E_max", ELASTANCE, "Largest elastance of the ventricle", _V["E_max"], SIMAAN, 1e5, 1e10, "mmHg/mL"),
+    sized("E_min", ELASTANCE, "Elastance of the resting ventricle", _V["E_min"], SIMAAN, 1e5, 1e10, "mmHg/mL"),
+    sized("V_0", "m3", "Volume of the ventricle without pressure", _V["V_0"], SIMAAN, 0.0, 1e-3, "mL"),
+    sized("T_offset", "s", "Time scale of the activation: its constant part", 0.2, SIMAAN, 1e-3, 1.0),
+    sized("T_fraction", "1", "Time scale of the activation: its part of the beat", 0.15, SIMAAN, 0.0, 1.0),
+    sized(
+        "filling_pressure",
+        "Pa",
+        "Pressure before the mitral valve",
+        _V["filling_pressure"],
+        "end-diastolic atrial pressure of Simaan's closed loop",
+        0.0,
+        1e4,
+        "mmHg",
+    ),
+    sized(
+        "venous_pressure",
+        "Pa",
+        "Pressure behind the peripheral resistance",
+        _V["venous_pressure"],
+        "as filling_pressure: the loop closes into the atrium",
+        0.0,
+        1e4,
+        "mmHg",
+    ),
+    sized("R_mitral", "Pa.s/m3", "Resistance of the open mitral valve", _V["R_mitral"], SIMAAN, 1e3, 1e10, "mmHg.s/mL"),
+    sized("R_aortic", "Pa.s/m3", "Resistance of the open aortic valve", _V["R_aortic"], SIMAAN, 1e3, 1e10, "mmHg.s/mL"),
+    sized(
+        "R_closed",
+        "Pa.s/m3",
+        "Resistance of a closed valve",
+        1e4 * RESISTANCE,
+        "tight against R",
+        1e8,
+        1e16,
+        "mmHg.s/mL",
+    ),
+    sized(
+        "valve_width",
+        "Pa",
+        "Pressure over which a valve opens",
+        0.2 * MMHG,
+        "small against the beat",
+        1e-2,
+        1e4,
+        "mmHg",
+    ),
+    sized(
+        "Z_c",
+        "Pa.s/m3",
+        "Characteristic impedance (3 and 4 elements)",
+        _V["Z_c"],
+        f"{SIMAAN}, R_C",
+        0.0,
+        1e10,
+        "mmHg.s/mL",
+    ),
+    sized("C", COMPLIANCE, "Compliance of the arteries", _V["C"], f"{SIMAAN}, C_S", 1e-11, 1e-6, "mL/mmHg"),
+    sized("R", "Pa.s/m3", "Peripheral resistance", _V["R"], f"{SIMAAN}, R_S", 1e6, 1e12, "mmHg.s/mL"),
+    sized(
+        "L",
+        INERTANCE,
+        "Inertance beside Z_c (4 elements)",
+        _V["L"],
+        "Stergiopulos et al. (1999)",
+        1e3,
+        1e12,
+        "mmHg.s2/mL",
+    ),
+    sized(
+        "ventricular_volume_start",
+        "m3",
+        "Volume of the ventricle at the start",
+        _V["ventricular_volume_start"],
+        "end of diastole",
+        0.0,
+        1e-2,
+        "mL",
+    ),
+    sized(
+        "aortic_pressure_start",
+        "Pa",
+        "Pressure of the arteries at the start",
+        _V["aortic_pressure_start"],
+        "end of diastole",
+        0.0,
+        1e5,
+        "mmHg",
+    ),
+    sized("phase_start", "1", "Place in the cycle at the start; 0 is the R wave", 0.0, "", 0.0, 1.0),
+)
+ELEMENTS = Quantity(
+    "elements", "1", "Elements of the windkessel: 2 (R, C), 3 (Z_c) or 4 (L)", 2, "", 2, 4, 1.0, type="Integer"
+)
 
 TUNABLE = ("heart_rate", "E_max", "E_min", "filling_pressure", "C", "R")
 PARAMETERS = (*(Parameter(q, tunable=q.name in TUNABLE) for q in QUANTITIES), Parameter(ELEMENTS))
@@ -121,9 +185,20 @@ TUBE_WORK = Quantity("tube_work", "J", "Work the aorta has done on the tube", no
 STROKE_WORK = Quantity("ventricular_work", "J", "Work the ventricle has done", nominal=1.0, display_unit="mJ")
 
 OUTPUTS = (
-    "aortic_pressure", "ventricular_pressure", "ventricular_volume", "aortic_flow", "activation", "r_wave",
-    "mitral_flow", "phase", "next_r_wave", "arterial_pressure", "tube_work", "ventricular_work",
-)  # fmt: skip
+    "aortic_pressure",
+    "ventricular_pressure",
+    "ventricular_volume",
+    "aortic_flow",
+    "activation",
+    "r_wave",
+    "mitral_flow",
+    "phase",
+    "next_r_wave",
+    "arterial_pressure",
+    "tube_work",
+    "ventricular_work",
+    "ventricular_energy",
+)
 
 
 def aortic_windkessel(values: Mapping[str, float] | None = None) -> Model:
@@ -190,58 +265,146 @@ def _definitions() -> list[Definition]:
     s = {q.name: q.symbol for q in (TUBE_FLOW, *QUANTITIES, ELEMENTS, PHASE, VOLUME, PRESSURE_C, INERTIAL_FLOW)}
     definitions: list[Definition] = []
 
-    def define(name: str, unit: str, description: str, expression: sympy.Expr, nominal: float = 1.0,
-               display_unit: str | None = None) -> sympy.Symbol:
+    def define(
+        name: str,
+        unit: str,
+        description: str,
+        expression: sympy.Expr,
+        nominal: float = 1.0,
+        display_unit: str | None = None,
+    ) -> sympy.Symbol:
         quantity = Quantity(name, unit, description, nominal=nominal, display_unit=display_unit)
         definitions.append(Definition(quantity, expression))
         return quantity.symbol
 
     one, zero = sympy.Integer(1), sympy.Integer(0)
     cycle = define("cycle", "1", "Place in the cycle, 0 to 1", cycle_fraction(s["phase"]))
-    t_n = define("t_n", "1", "Time in the cycle over the time scale of the activation",
-                 cycle / (s["heart_rate"] * s["T_offset"] + s["T_fraction"]))
+    t_n = define(
+        "t_n",
+        "1",
+        "Time in the cycle over the time scale of the activation",
+        cycle / (s["heart_rate"] * s["T_offset"] + s["T_fraction"]),
+    )
     rise = define("rise", "1", "First Hill curve", (t_n / sympy.Float("0.7")) ** sympy.Float("1.9"))
     fall = define("fall", "1", "Second Hill curve", (t_n / sympy.Float("1.17")) ** sympy.Float("21.9"))
-    activation = define("activation", "1", "Activation of the ventricle: 0 at rest, 1 at its strongest",
-                        sympy.Float("1.55") * rise / (1 + rise) / (1 + fall))
-    elastance = define("elastance", ELASTANCE, "Elastance of the ventricle",
-                       s["E_min"] + (s["E_max"] - s["E_min"]) * activation, 1e8, "mmHg/mL")
-    p_v = define("ventricular_pressure", "Pa", "Pressure of the left ventricle",
-                 elastance * (s["ventricular_volume"] - s["V_0"]), 1e4, "mmHg")
+    activation = define(
+        "activation",
+        "1",
+        "Activation of the ventricle: 0 at rest, 1 at its strongest",
+        sympy.Float("1.55") * rise / (1 + rise) / (1 + fall),
+    )
+    elastance = define(
+        "elastance",
+        ELASTANCE,
+        "Elastance of the ventricle",
+        s["E_min"] + (s["E_max"] - s["E_min"]) * activation,
+        1e8,
+        "mmHg/mL",
+    )
+    p_v = define(
+        "ventricular_pressure",
+        "Pa",
+        "Pressure of the left ventricle",
+        elastance * (s["ventricular_volume"] - s["V_0"]),
+        1e4,
+        "mmHg",
+    )
+    define(
+        "ventricular_energy",
+        "J",
+        "Energy stored in the elastance of the ventricle",
+        p_v * (s["ventricular_volume"] - s["V_0"]) / 2,
+        1.0,
+        "mJ",
+    )
 
     closed = 1 / s["R_closed"]
     drive = define("mitral_drive", "Pa", "Pressure that drives the mitral flow", s["filling_pressure"] - p_v, 1e3)
-    gate = define("mitral_opening", "1", "Opening of the mitral valve, 0 to 1",
-                  (1 + tanh(drive / s["valve_width"])) / 2)
-    define("mitral_flow", "m3/s", "Flow into the ventricle",
-           drive * (closed + (1 / s["R_mitral"] - closed) * gate), 1e-4, "mL/s")
+    gate = define(
+        "mitral_opening", "1", "Opening of the mitral valve, 0 to 1", (1 + tanh(drive / s["valve_width"])) / 2
+    )
+    define(
+        "mitral_flow",
+        "m3/s",
+        "Flow into the ventricle",
+        drive * (closed + (1 / s["R_mitral"] - closed) * gate),
+        1e-4,
+        "mL/s",
+    )
 
-    z = define("Z", "Pa.s/m3", "Impedance in series: Z_c but for 2 elements",
-               s["Z_c"] * sympy.Piecewise((one, s["elements"] > sympy.Float(2.5)), (zero, True)), 1e6, "mmHg.s/mL")
-    drive = define("aortic_drive", "Pa", "Pressure that drives the aortic flow",
-                   p_v - s["arterial_pressure"] + z * (s["tube_flow"] + s["inertial_flow"]), 1e3)
-    gate = define("aortic_opening", "1", "Opening of the aortic valve, 0 to 1",
-                  (1 + tanh(drive / s["valve_width"])) / 2)
-    aortic_flow = define("aortic_flow", "m3/s", "Flow out of the ventricle",
-                         drive * (closed + (1 / (s["R_aortic"] + z) - closed) * gate), 1e-4, "mL/s")
-    define("aortic_pressure", "Pa", "Pressure of the aorta where the tube is",
-           s["arterial_pressure"] + z * (aortic_flow - s["tube_flow"] - s["inertial_flow"]), 1e4, "mmHg")
+    z = define(
+        "Z",
+        "Pa.s/m3",
+        "Impedance in series: Z_c but for 2 elements",
+        s["Z_c"] * sympy.Piecewise((one, s["elements"] > sympy.Float(2.5)), (zero, True)),
+        1e6,
+        "mmHg.s/mL",
+    )
+    drive = define(
+        "aortic_drive",
+        "Pa",
+        "Pressure that drives the aortic flow",
+        p_v - s["arterial_pressure"] + z * (s["tube_flow"] + s["inertial_flow"]),
+        1e3,
+    )
+    gate = define(
+        "aortic_opening", "1", "Opening of the aortic valve, 0 to 1", (1 + tanh(drive / s["valve_width"])) / 2
+    )
+    aortic_flow = define(
+        "aortic_flow",
+        "m3/s",
+        "Flow out of the ventricle",
+        drive * (closed + (1 / (s["R_aortic"] + z) - closed) * gate),
+        1e-4,
+        "mL/s",
+    )
+    define(
+        "aortic_pressure",
+        "Pa",
+        "Pressure of the aorta where the tube is",
+        s["arterial_pressure"] + z * (aortic_flow - s["tube_flow"] - s["inertial_flow"]),
+        1e4,
+        "mmHg",
+    )
 
     ahead = define("cycle_ahead", "1", "Place in the cycle, a little ahead", cycle_fraction(s["phase"] + R_WAVE_LEAD))
-    define("r_wave", "1", "1 for 20 ms from the R wave on, else 0",
-           sympy.Piecewise((one, ahead < R_WAVE_DURATION * s["heart_rate"]), (zero, True)))
-    define("next_r_wave", "s", "Time of the next R wave",
-           TIME + (1 - ahead + sympy.Float(R_WAVE_LEAD)) / s["heart_rate"])
+    define(
+        "r_wave",
+        "1",
+        "1 for 20 ms from the R wave on, else 0",
+        sympy.Piecewise((one, ahead < R_WAVE_DURATION * s["heart_rate"]), (zero, True)),
+    )
+    define(
+        "next_r_wave", "s", "Time of the next R wave", TIME + (1 - ahead + sympy.Float(R_WAVE_LEAD)) / s["heart_rate"]
+    )
     return definitions
 
 
 def _states() -> tuple[State, ...]:
     """Phase, ventricle, compliance, inertance, and the two integrals of power."""
     one, zero = sympy.Integer(1), sympy.Integer(0)
-    s = {n: sympy.Symbol(n, real=True) for n in (
-        "heart_rate", "mitral_flow", "aortic_flow", "aortic_pressure", "ventricular_pressure", "tube_flow", "C", "R",
-        "venous_pressure", "Z_c", "L", "elements", "ventricular_volume_start", "aortic_pressure_start", "phase_start",
-        "arterial_pressure", "inertial_flow")}  # fmt: skip
+    s = {
+        n: sympy.Symbol(n, real=True)
+        for n in (
+            "heart_rate",
+            "mitral_flow",
+            "aortic_flow",
+            "aortic_pressure",
+            "ventricular_pressure",
+            "tube_flow",
+            "C",
+            "R",
+            "venous_pressure",
+            "Z_c",
+            "L",
+            "elements",
+            "ventricular_volume_start",
+            "aortic_pressure_start",
+            "phase_start",
+            "arterial_pressure",
+            "inertial_flow",
+        )
+    }
     has_inertance = sympy.Piecewise((one, s["elements"] > sympy.Float(3.5)), (zero, True))
     into = s["aortic_flow"] - s["tube_flow"]
 
@@ -251,9 +414,12 @@ def _states() -> tuple[State, ...]:
     return (
         state(PHASE, s["heart_rate"], s["phase_start"]),
         state(VOLUME, s["mitral_flow"] - s["aortic_flow"], s["ventricular_volume_start"]),
-        state(PRESSURE_C, (into - (s["arterial_pressure"] - s["venous_pressure"]) / s["R"]) / s["C"],
-              s["aortic_pressure_start"]),
+        state(
+            PRESSURE_C,
+            (into - (s["arterial_pressure"] - s["venous_pressure"]) / s["R"]) / s["C"],
+            s["aortic_pressure_start"],
+        ),
         state(INERTIAL_FLOW, has_inertance * s["Z_c"] / s["L"] * (into - s["inertial_flow"]), zero),
         state(TUBE_WORK, s["aortic_pressure"] * s["tube_flow"], zero),
         state(STROKE_WORK, s["ventricular_pressure"] * (s["aortic_flow"] - s["mitral_flow"]), zero),
-    )  # fmt: skip
+    )

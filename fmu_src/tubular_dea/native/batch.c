@@ -6,6 +6,8 @@
 
 #include "equilibrium.h"
 #include "lanes.h"
+#include "method.h"
+#include "start.h"
 
 #define NX AT_LEAST_ONE(MODEL_NX)
 #define NU AT_LEAST_ONE(MODEL_NU)
@@ -31,10 +33,10 @@ typedef struct {
 typedef struct {
     const Batch *batch;
     Lanes lanes;
-    Trip trips[LANES];
+    Trip trips[WIDTH];
     long next_row;
     int looks_inside, needs_outputs, needs_fold; /* what the probes ask for */
-} Run;
+} BatchRun;
 
 /* Values ------------------------------------------------------------------------------------------------------- */
 
@@ -75,7 +77,7 @@ typedef struct {
     double time, x[NX], u[NU], du[NU], y[NY];
 } Instant;
 
-static void observe(Run *run, int l, double time, Instant *now)
+static void observe(BatchRun *run, int l, double time, Instant *now)
 {
     const Lanes *lanes = &run->lanes;
     Trip *trip = &run->trips[l];
@@ -89,7 +91,7 @@ static void observe(Run *run, int l, double time, Instant *now)
 }
 
 /* The probe's value at the fraction `s` of the step that has just been accepted in lane `l`. */
-static double inside(Run *run, int l, const Probe *probe, double s)
+static double inside(BatchRun *run, int l, const Probe *probe, double s)
 {
     Instant now;
     lanes_interpolate(&run->lanes, l, s, now.x);
@@ -105,7 +107,7 @@ static double time_of(const Probe *probe, const Trip *trip)
 }
 
 /* The largest value of sign * f in the step: of the ends of its parts, and of the parabola through the best three. */
-static double extreme(Run *run, int l, const Probe *probe, const double *f, double sign)
+static double extreme(BatchRun *run, int l, const Probe *probe, const double *f, double sign)
 {
     int best = 0;
     for (int j = 1; j <= PARTS; j++)
@@ -119,7 +121,7 @@ static double extreme(Run *run, int l, const Probe *probe, const double *f, doub
 }
 
 /* The time at which the value passes the threshold between the parts j - 1 and j, by bisection. */
-static double passing(Run *run, int l, const Probe *probe, double sign, int j)
+static double passing(BatchRun *run, int l, const Probe *probe, double sign, int j)
 {
     double low = (j - 1.0) / PARTS, high = (double)j / PARTS;
     for (int i = 0; i < 45; i++) {
@@ -130,7 +132,7 @@ static double passing(Run *run, int l, const Probe *probe, double sign, int j)
     return run->lanes.time[l] + high * run->lanes.h[l];
 }
 
-static double first_passing(Run *run, int l, const Probe *probe, const double *f, double sign)
+static double first_passing(BatchRun *run, int l, const Probe *probe, const double *f, double sign)
 {
     for (int j = 0; j <= PARTS; j++)
         if (sign * (f[j] - probe->threshold) >= 0) return j ? passing(run, l, probe, sign, j) : run->lanes.time[l];
@@ -138,7 +140,7 @@ static double first_passing(Run *run, int l, const Probe *probe, const double *f
 }
 
 /* What a step with the values `f` at the ends of its parts adds to a probe's result. */
-static void collect(Run *run, int l, const Probe *probe, const double *f, double *result)
+static void collect(BatchRun *run, int l, const Probe *probe, const double *f, double *result)
 {
     const double start = run->lanes.time[l], h = run->lanes.h[l], time = time_of(probe, &run->trips[l]);
     const Trip *trip = &run->trips[l];
@@ -165,7 +167,7 @@ static void collect(Run *run, int l, const Probe *probe, const double *f, double
     }
 }
 
-static void look_inside(Run *run, int l)
+static void look_inside(BatchRun *run, int l)
 {
     const Batch *batch = run->batch;
     Instant now[PARTS + 1];
@@ -192,7 +194,7 @@ static void look_inside(Run *run, int l)
 /* A trajectory's life ------------------------------------------------------------------------------------------------ */
 
 /* Inputs from `time` on, and the end of the piece over which they run straight. */
-static void set_piece(Run *run, int l, double time)
+static void set_piece(BatchRun *run, int l, double time)
 {
     const Batch *batch = run->batch;
     Lanes *lanes = &run->lanes;
@@ -220,26 +222,16 @@ static void set_piece(Run *run, int l, double time)
 }
 
 /* The initial states under the inputs of the first piece; 0 where there are none. */
-static int set_start(Run *run, int l)
+static int set_start(BatchRun *run, int l)
 {
-    Lanes *lanes = &run->lanes;
-    const double *p = run->trips[l].p;
     double x[NX], u[NU];
-    for (int i = 0; i < MODEL_NU; i++) u[i] = lanes->u[i][l];
-    model_start(u, p, x);
-#if MODEL_HAS_CURVE
-    if (p[CURVE_SWITCH] != 0) {
-        double unknown;
-        Fold *fold = &run->trips[l].fold;
-        fold_update(fold, u, p);
-        if (!curve_rest(u, p, (CurvePoint){fold->place, fold->load}, &unknown, x)) return 0;
-    }
-#endif
-    for (int i = 0; i < MODEL_NX; i++) lanes->x[i][l] = x[i];
+    for (int i = 0; i < MODEL_NU; i++) u[i] = run->lanes.u[i][l];
+    if (!start_states(u, run->trips[l].p, x)) return 0;
+    for (int i = 0; i < MODEL_NX; i++) run->lanes.x[i][l] = x[i];
     return 1;
 }
 
-static void finish(Run *run, int l, int status)
+static void finish(BatchRun *run, int l, int status)
 {
     const Batch *batch = run->batch;
     Trip *trip = &run->trips[l];
@@ -262,7 +254,7 @@ static void finish(Run *run, int l, int status)
 }
 
 /* Puts the next trajectory that can start into lane `l`; a lane without one keeps its last states and is not looked at. */
-static void begin(Run *run, int l)
+static void begin(BatchRun *run, int l)
 {
     const Batch *batch = run->batch;
     Lanes *lanes = &run->lanes;
@@ -289,7 +281,7 @@ static void begin(Run *run, int l)
 }
 
 /* After an attempt and the move that follows it: on to the next piece or trajectory where one has ended. */
-static void carry_on(Run *run, int l)
+static void carry_on(BatchRun *run, int l)
 {
     const Lanes *lanes = &run->lanes;
     Trip *trip = &run->trips[l];
@@ -303,11 +295,11 @@ static void carry_on(Run *run, int l)
     if (trip->row < 0) return;
     trip->since_below = lanes->below[l] > 0 ? 0 : trip->since_below + 1;
     if (++trip->tries >= run->batch->max_steps) finish(run, l, SOLVER_TOO_MANY_STEPS);
-    else if (!(lanes->wanted[l] > 4e-16 * fabs(lanes->time[l]) && lanes->wanted[l] > 1e-300))
+    else if (is_too_short(lanes->wanted[l], lanes->time[l]))
         finish(run, l, trip->since_below < LATELY ? SOLVER_BELOW_MINIMUM : SOLVER_STEP_TOO_SMALL);
 }
 
-static void survey(Run *run)
+static void survey(BatchRun *run)
 {
     run->needs_fold = run->batch->with_fold;
     for (long k = 0; k < run->batch->n_probes; k++) {
@@ -321,29 +313,29 @@ static void survey(Run *run)
 
 void batch_trajectories(const Batch *batch)
 {
-    Run run;
+    BatchRun run;
     int busy = 1;
     memset(&run, 0, sizeof run);
     run.batch = batch;
     run.lanes.tolerance = batch->tolerance;
     survey(&run);
-    for (int l = 0; l < LANES; l++) {
+    for (int l = 0; l < WIDTH; l++) {
         run.trips[l].row = -1;
         for (int i = 0; i < MODEL_NX; i++) run.lanes.x[i][l] = 1;
         run.lanes.wanted[l] = run.lanes.piece_end[l] = 1;
     }
     while (busy) {
         busy = 0;
-        for (int l = 0; l < LANES; l++) {
+        for (int l = 0; l < WIDTH; l++) {
             if (run.trips[l].row < 0) begin(&run, l);
             busy |= run.trips[l].row >= 0;
         }
         if (!busy) break;
         lanes_attempt(&run.lanes, run.looks_inside);
-        for (int l = 0; l < LANES; l++)
+        for (int l = 0; l < WIDTH; l++)
             if (run.looks_inside && run.trips[l].row >= 0 && run.lanes.accepted[l] > 0) look_inside(&run, l);
         lanes_move(&run.lanes);
-        for (int l = 0; l < LANES; l++)
+        for (int l = 0; l < WIDTH; l++)
             if (run.trips[l].row >= 0) carry_on(&run, l);
     }
 }
@@ -358,7 +350,7 @@ void batch_rest(long n, const double *p, const double *u, long n_probes, const P
         double x[NX], y[NY], unknown;
         Fold fold = {0};
         fold_update(&fold, u, p);
-        const int found = curve_rest(u, p, (CurvePoint){fold.place, fold.load}, &unknown, x);
+        const int found = curve_rest(u, p, &unknown, x);
         if (found) model_outputs(0, x, u, du, p, &fold.load, y);
         for (long k = 0; k < n_probes; k++) {
             const int fold_only = probes[k].source == SOURCE_FOLD || probes[k].source == SOURCE_FOLD_PLACE;

@@ -77,11 +77,29 @@ CurvePoint curve_fold_near(const double *u, const double *p, double place)
     return fold;
 }
 
-int curve_rest(const double *u, const double *p, CurvePoint fold, double *unknown, double *x)
+/* Along the branch from its lower end, until the load is reached: where it is, only what lies before it is looked at. */
+static int bracket(const double *u, const double *p, double *left, double *right)
 {
-    double load, rise;
-    if (!(surplus(CURVE_LOWER, u, p) > 0) || !(surplus(fold.unknown, u, p) <= 0)) return 0;
-    *unknown = zero(surplus, CURVE_LOWER, fold.unknown, u, p);
+    const double width = (CURVE_UPPER - CURVE_FOLD_LOWER) / SCAN;
+    *left = CURVE_LOWER;
+    for (int i = 0; i <= SCAN; i++, *left = *right) {
+        double load, rise, x[AT_LEAST_ONE_STATE];
+        *right = CURVE_FOLD_LOWER + i * width;
+        model_equilibrium(*right, u, p, &load, &rise, x);
+        if (!(rise > 0)) { /* the fold is on the way here */
+            if (i > 0) *right = zero(slope, *left, *right, u, p);
+            return surplus(*right, u, p) <= 0;
+        }
+        if (u[CURVE_LOAD] - load <= 0) return 1;
+    }
+    return 0;
+}
+
+int curve_rest(const double *u, const double *p, double *unknown, double *x)
+{
+    double load, rise, left, right;
+    if (!(surplus(CURVE_LOWER, u, p) > 0) || !bracket(u, p, &left, &right)) return 0;
+    *unknown = zero(surplus, left, right, u, p);
     model_equilibrium(*unknown, u, p, &load, &rise, x);
     return 1;
 }

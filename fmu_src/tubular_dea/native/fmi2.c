@@ -327,6 +327,12 @@ fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2S
 
 /* Model exchange ------------------------------------------------------------------------------------------------ */
 
+#define FMI(name) fmi2##name
+#define FMI_HANDLE fmi2Component
+#define FMI_GET_DERIVATIVES fmi2GetDerivatives
+#define FMI_NOMINALS_MODES (INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED)
+#include "exchange.h"
+
 fmi2Status fmi2EnterEventMode(fmi2Component c)
 {
     ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME | EVENT);
@@ -342,57 +348,10 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
     return fmi2OK;
 }
 
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
-    instance->now.mode = CONTINUOUS_TIME;
-    return fmi2OK;
-}
-
-fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
-{
-    (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    if (enterEventMode) *enterEventMode = fmi2False;
-    if (terminateSimulation) *terminateSimulation = fmi2False;
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, EVENT | CONTINUOUS_TIME);
-    return STATUS(instance_set_time(instance, time));
-}
-
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    return STATUS(instance_set_states(instance, x, nx));
-}
-
-fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_derivatives(instance, derivatives, nx));
-}
-
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni)
 {
     (void)indicators;
     ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     if (ni == 0) return fmi2OK;
     return STATUS(instance_report(instance, STATUS_ERROR, "%s: expected 0 values but was given %zu", __func__, ni));
-}
-
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_states(instance, x, nx));
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t nx)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_nominals(instance, nominal, nx));
 }

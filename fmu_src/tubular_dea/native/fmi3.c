@@ -383,6 +383,12 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 
 /* Model exchange ------------------------------------------------------------------------------------------------ */
 
+#define FMI(name) fmi3##name
+#define FMI_HANDLE fmi3Instance
+#define FMI_GET_DERIVATIVES fmi3GetContinuousStateDerivatives
+#define FMI_NOMINALS_MODES (INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED)
+#include "exchange.h"
+
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
                                     fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
@@ -403,58 +409,11 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
     return fmi3OK;
 }
 
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, EVENT);
-    me->now.mode = CONTINUOUS_TIME;
-    return fmi3OK;
-}
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
-{
-    (void)noSetFMUStatePriorToCurrentPoint;
-    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    if (enterEventMode) *enterEventMode = fmi3False;
-    if (terminateSimulation) *terminateSimulation = fmi3False;
-    return fmi3OK;
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, EVENT | CONTINUOUS_TIME);
-    return STATUS(instance_set_time(me, time));
-}
-
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[], size_t nContinuousStates)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    return STATUS(instance_set_states(me, continuousStates, nContinuousStates));
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_derivatives(me, derivatives, nContinuousStates));
-}
-
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
 {
     (void)eventIndicators;
     ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
     return STATUS(check_sizes(me, __func__, 0, nEventIndicators));
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_states(me, continuousStates, nContinuousStates));
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
-{
-    ALLOW_ONLY(MODEL_EXCHANGE, INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED);
-    return STATUS(instance_get_nominals(me, nominals, nContinuousStates));
 }
 
 static fmi3Status count(Instance *me, const char *function, size_t *n, size_t value)

@@ -8,6 +8,7 @@
 
 #include "delay.h"
 #include "equilibrium.h"
+#include "start.h"
 
 #define NU AT_LEAST_ONE(MODEL_NU)
 #define DEFAULT_TOLERANCE 1e-6
@@ -236,6 +237,20 @@ Status instance_above_minima(Instance *instance, const char *what, const double 
     return STATUS_OK;
 }
 
+static Status no_rest_state(Instance *instance, const double *u)
+{
+#if MODEL_HAS_CURVE
+    instance_update_fold(instance);
+    instance_report(instance, STATUS_ERROR,
+                    "no rest state to start at: expected a load between that of the lower end of the curve and the fold "
+                    "at %.6g, but the load was %.6g; lower the load, change the other inputs, or do not start at equilibrium",
+                    instance->fold, u[CURVE_LOAD]);
+#else
+    (void)instance, (void)u;
+#endif
+    return STATUS_ERROR;
+}
+
 /* Initial states from parameters and inputs, while in initialization mode. */
 Status instance_update_start(Instance *instance)
 {
@@ -246,20 +261,7 @@ Status instance_update_start(Instance *instance)
 #if MODEL_ND
     model_sample_start(u, now->p, now->p + MODEL_NP - MODEL_ND);
 #endif
-    model_start(u, now->p, now->x);
-#if MODEL_HAS_CURVE
-    if (now->p[CURVE_SWITCH] != 0) {
-        double unknown;
-        instance_update_fold(instance);
-        const CurvePoint fold = {instance->fold_unknown, instance->fold};
-        if (!curve_rest(u, now->p, fold, &unknown, now->x))
-            return instance_report(instance, STATUS_ERROR,
-                                   "no rest state to start at: expected a load between that of the lower end of the "
-                                   "curve and the fold at %.6g, but the load was %.6g; lower the load or the voltage, "
-                                   "or do not start at equilibrium",
-                                   instance->fold, u[CURVE_LOAD]);
-    }
-#endif
+    if (!start_states(u, now->p, now->x)) return no_rest_state(instance, u);
     if (instance_above_minima(instance, "start value of", now->x, STATUS_ERROR) != STATUS_OK) return STATUS_ERROR;
     instance->start_is_stale = 0;
     instance->outputs_are_stale = 1;

@@ -41,7 +41,7 @@ static int sample(void *context, const Step *step)
     while (recorder->next < recorder->n_samples) {
         const double time = recorder->samples[recorder->next];
         if (time > end || (time >= recorder->piece_end && !recorder->last_piece)) break;
-        step_interpolate(step, time, x);
+        step_within(step, (time - step->time) / step->h, x); /* 1 at the end, to the last bit */
         record(recorder, time, x);
     }
     return 0;
@@ -54,26 +54,23 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y};
-    int status = SOLVER_OK;
+    int status;
     const long first = piece_first(n_points, points);
     long last = n_points - 2;
-    while (last > first && points[last + 1] <= points[last]) last--;
+    while (last > first && piece_is_jump(points, last)) last--;
     solver.p = p;
     solver.tolerance = tolerance;
     solver.max_steps = max_steps;
     solver.observer = sample;
     solver.context = &recorder;
     *reached = time;
-    Instance *start = piece_start(p, u + first * MODEL_NU, time, state, &status);
-    if (!start) return status;
-    instance_free(start);
-    status = SOLVER_OK;
+    status = piece_start(p, u + first * MODEL_NU, state);
     for (long k = first; k <= last && status == SOLVER_OK; k++) {
-        if (points[k + 1] <= points[k]) continue;
+        if (piece_is_jump(points, k)) continue;
         piece_inputs(&solver.inputs, points, u, k);
         recorder.piece_end = points[k + 1];
         recorder.last_piece = k == last;
-        if (!(h > 0)) h = solver_first_step(&solver, time, state, points[k + 1] - time);
+        if (!(h > 0)) h = points[k + 1] - time;
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
         status = solver_advance(&solver, &time, points[k + 1], state, &h);
     }

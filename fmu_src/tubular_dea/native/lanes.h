@@ -1,4 +1,4 @@
-/* LANES trajectories that take their steps at the same time, each with its own time, step size, inputs and parameters.
+/* WIDTH trajectories that take their steps at the same time, each with its own time, step size, inputs and parameters.
  *
  * The arithmetic of one lane never looks at another lane, so a trajectory comes out the same to the last bit whichever
  * lane it is in and whatever is in the others. The loops over lanes are written for the compiler to turn into vector
@@ -9,9 +9,9 @@
 
 #include "rosenbrock.h"
 
-#define LANES 8
+#define WIDTH 8
 
-typedef double Lane[LANES];
+typedef double Lane[WIDTH];
 
 typedef struct {
     /* Set by the caller: where each trajectory stands, and the end of its piece, over which inputs run straight. */

@@ -66,7 +66,7 @@ typedef struct {
     const int *events; /* signals that announce the time of the next event */
     int n_watched;
     const int *watched; /* signals whose growing alternation is divergence */
-} Plan;
+} MasterSettings;
 
 typedef enum {
     MASTER_GOING,    /* the rows given are full; call again */
@@ -81,8 +81,8 @@ typedef enum {
 typedef struct Master Master;
 
 /* `scale` has one typical size for each signal. Slaves are initialised and in step mode. NULL without memory. */
-MASTER_EXPORT Master *master_new(const Plan *plan, int n_slaves, const Slave *slaves, int n_tables, const Table *tables,
-                                 int n_signals, const double *scale);
+MASTER_EXPORT Master *master_new(const MasterSettings *settings, int n_slaves, const Slave *slaves, int n_tables,
+                                 const Table *tables, int n_signals, const double *scale);
 
 /* Steps until the stop time or until `capacity` rows are filled: time, step, iterations, error, then all signals. */
 MASTER_EXPORT MasterStatus master_run(Master *master, double *rows, long capacity, long *n_rows, int *where);

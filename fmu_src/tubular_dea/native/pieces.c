@@ -1,11 +1,20 @@
+#define MODEL_SOLVER
 #include "pieces.h"
 
+#include <math.h>
 #include <string.h>
+
+#include "start.h"
+
+int piece_is_jump(const double *points, long k)
+{
+    return points[k + 1] - points[k] <= 1e-15 * fabs(points[k + 1]);
+}
 
 long piece_first(long n_points, const double *points)
 {
     long first = 0;
-    while (first < n_points - 2 && points[first + 1] <= points[first]) first++;
+    while (first < n_points - 2 && piece_is_jump(points, first)) first++;
     return first;
 }
 
@@ -21,18 +30,8 @@ void piece_inputs(Inputs *inputs, const double *points, const double *u, long k)
     }
 }
 
-Instance *piece_start(const double *p, const double *u, double time, double *x, int *status)
+int piece_start(const double *p, const double *u, double *x)
 {
-    char problem[PROBLEM_SIZE];
-    *status = NO_REST_STATE;
-    Instance *instance = instance_create("kernel", MODEL_GUID, CO_SIMULATION, problem);
-    if (!instance) return NULL;
-    memcpy(instance->now.p, p, MODEL_NP * sizeof *p);
-    for (int i = 0; i < MODEL_NU; i++) instance->now.u[i][0] = u[i];
-    instance->now.time = time;
-    instance_enter_initialization(instance);
-    if (instance_get_states(instance, x, MODEL_NX) == STATUS_OK) return instance;
-    if (instance_above_minima(instance, "", instance->now.x, STATUS_ERROR) != STATUS_OK) *status = SOLVER_BELOW_MINIMUM;
-    instance_free(instance);
-    return NULL;
+    if (!start_states(u, p, x)) return NO_REST_STATE;
+    return model_below(x) ? SOLVER_BELOW_MINIMUM : SOLVER_OK;
 }

@@ -1,16 +1,13 @@
-/* Rodas5P: a stiffly accurate, L-stable Rosenbrock method of order 5 with an embedded order 4, in eight stages.
+/* The integrator of one trajectory: Rodas5P with steps of its own choice (attempt.h, method.h).
  *
- * G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within the Julia
- * Differential Equations package", BIT Numerical Mathematics 63:27, 2023. It uses the model's exact Jacobian and its
- * exact derivative along time, so that inputs which move during a step cost nothing in order.
- *
- * Of the family (RODAS, RODASP, Rodas4P2, Rodas5) it needs the fewest stages for an error of 1e-6 in the stretch, in
- * steps, ramps and the snap-through alike: two thirds of RODAS, with half as many steps.
- */
+ * It uses the model's exact Jacobian and its exact derivative along time, so that inputs which move during a step cost
+ * nothing in order. */
 #ifndef ROSENBROCK_H
 #define ROSENBROCK_H
 
-#include "model.h"
+#include "model.h" /* first: its names are the user's, and method.h defines some */
+
+#include "method.h"
 
 #define INPUT_ORDER 3                             /* highest input derivative that is used */
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)       /* C has no arrays of size zero */
@@ -27,8 +24,6 @@ typedef struct {
     double x[AT_LEAST_ONE(MODEL_NX)], x_new[AT_LEAST_ONE(MODEL_NX)];
     double bend[3][AT_LEAST_ONE(MODEL_NX)]; /* off the straight line; set only where there is an observer */
 } Step;
-
-#define LATELY 10 /* attempts: where one of the last ones came to a state's minimum, that is why there is no step */
 
 typedef enum {
     SOLVER_OK,
@@ -57,15 +52,18 @@ void inputs_at(const Inputs *inputs, double time, double *u, double *du);
 /* The same polynomials, expanded about `time`. */
 void inputs_move(Inputs *inputs, double time);
 
-/* A step that resolves the fastest motion at (time, x) under the present inputs, at most `limit`: where inputs or
- * states have jumped, the step size of before says nothing. */
-double solver_first_step(const Solver *solver, double time, const double *x, double limit);
-
 /* From `*time` to `end`; `x` and `*time` are advanced as far as the integration came, `*h` is the step size to go
- * on with. */
+ * on with. Where it begins, inputs or states may have jumped: its first step resolves the fastest motion, and is at most
+ * `*h`. */
 SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h);
 
-/* The solution inside an accepted step that was handed to an observer (order 4 in between, exact at both ends). */
+/* The solution inside an accepted step that was handed to an observer (order 4 in between, exact at both ends), at a
+ * time, or at a fraction of the step. */
 void step_interpolate(const Step *step, double time, double *x);
+static inline void step_within(const Step *step, double f, double *x)
+{
+    for (int i = 0; i < MODEL_NX; i++)
+        x[i] = within(f, step->x[i], step->x_new[i], step->bend[0][i], step->bend[1][i], step->bend[2][i]);
+}
 
 #endif

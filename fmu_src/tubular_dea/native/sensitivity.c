@@ -5,6 +5,7 @@
 #include "delay.h"
 #include "equilibrium.h"
 #include "instance.h"
+#include "start.h"
 
 #define NX AT_LEAST_ONE(MODEL_NX)
 #define NU AT_LEAST_ONE(MODEL_NU)
@@ -16,30 +17,6 @@ typedef struct {
     double time, x[NX], u[NU], du[NU], p[NP], fold;
     double dx[NX], y[NY];
 } Tangent;
-
-#if MODEL_HAS_CURVE
-/* Rest states move with inputs and parameters along the curve: the implicit function theorem. */
-static void rest_tangent(const Instance *instance, const double *u, Tangent *v)
-{
-    double load, rise, x[NX], v_load, v_x[NX];
-    const double unknown = instance->now.x[CURVE_UNKNOWN], *p = instance->now.p;
-    model_equilibrium(unknown, u, p, &load, &rise, x);
-    model_equilibrium_tangent(unknown, u, p, 0, v->u, v->p, &v_load, v_x);
-    model_equilibrium_tangent(unknown, u, p, (v->u[CURVE_LOAD] - v_load) / rise, v->u, v->p, &v_load, v->x);
-}
-#endif
-
-/* How the states at the start move with inputs and parameters. */
-static void start_tangent(const Instance *instance, const double *u, Tangent *v)
-{
-#if MODEL_HAS_CURVE
-    if (instance->now.p[CURVE_SWITCH] != 0) {
-        rest_tangent(instance, u, v);
-        return;
-    }
-#endif
-    model_start_tangent(u, instance->now.p, v->u, v->p, v->x);
-}
 
 #if MODEL_DELAYS
 /* Delayed inputs move with the inputs where nothing is delayed yet, else along time; and with their delays. */
@@ -85,7 +62,7 @@ static void push_forward(Instance *instance, Tangent *v)
     double v_x[NX];
     model_equilibrium_tangent(instance->fold_unknown, u, now->p, 0, v->u, v->p, &v->fold, v_x);
 #endif
-    if (now->mode == INITIALIZATION) start_tangent(instance, u, v);
+    if (now->mode == INITIALIZATION) start_tangent(u, now->p, now->x, v->u, v->p, v->x);
     model_tangent(now->time, now->x, u, du, now->p, &instance->fold, v->time, v->x, v->u, v->du, v->p, &v->fold, v->dx,
                   v->y);
 #if MODEL_DELAYS
@@ -117,19 +94,25 @@ static void seed(Tangent *v, const Variable *variable, double value)
     else v->time += value;
 }
 
-static const char *name_of(unsigned vr) { return vr < MODEL_VARIABLES ? model_variables[vr].name : "no variable"; }
+static const char *name_of(unsigned vr) 
+{
+    const Variable *v = model_variable(vr);
+    return v ? v->name : "no variable";
+}
 
 static int is_unknown(unsigned vr)
 {
-    const Kind kind = vr < MODEL_VARIABLES ? model_variables[vr].kind : TIME;
+    const Variable *v = model_variable(vr);
+    const Kind kind = v ? v->kind : TIME;
     return kind != TIME && kind != INPUT && kind != PARAMETER;
 }
 
 /* At initialization, states follow from inputs and parameters, and time stands still. */
 static int is_known(const Instance *instance, unsigned vr)
 {
-    if (vr >= MODEL_VARIABLES || model_variables[vr].type != TYPE_REAL) return 0;
-    const Kind kind = model_variables[vr].kind;
+    const Variable *v = model_variable(vr);
+    if (!v || v->type != TYPE_REAL) return 0;
+    const Kind kind = v->kind;
     return kind == INPUT || kind == PARAMETER ||
            (instance->now.mode != INITIALIZATION && (kind == STATE || kind == TIME));
 }
@@ -176,9 +159,9 @@ Status instance_directional(Instance *instance, const unsigned *unknown, size_t 
     if (status != STATUS_OK) return status;
     Tangent v;
     memset(&v, 0, sizeof v);
-    for (size_t k = 0; k < n_known; k++) seed(&v, &model_variables[known[k]], seeds[k]);
+    for (size_t k = 0; k < n_known; k++) seed(&v, model_variable(known[k]), seeds[k]);
     push_forward(instance, &v);
-    for (size_t i = 0; i < n_unknown; i++) sensitivity[i] = tangent_of(&v, &model_variables[unknown[i]]);
+    for (size_t i = 0; i < n_unknown; i++) sensitivity[i] = tangent_of(&v, model_variable(unknown[i]));
     return check_finite(instance, unknown, n_unknown, sensitivity);
 }
 
@@ -192,10 +175,10 @@ Status instance_adjoint(Instance *instance, const unsigned *unknown, size_t n_un
     for (size_t k = 0; k < n_known; k++) {
         Tangent v;
         memset(&v, 0, sizeof v);
-        seed(&v, &model_variables[known[k]], 1);
+        seed(&v, model_variable(known[k]), 1);
         push_forward(instance, &v);
         sensitivity[k] = 0;
-        for (size_t i = 0; i < n_unknown; i++) sensitivity[k] += seeds[i] * tangent_of(&v, &model_variables[unknown[i]]);
+        for (size_t i = 0; i < n_unknown; i++) sensitivity[k] += seeds[i] * tangent_of(&v, model_variable(unknown[i]));
     }
     return check_finite(instance, known, n_known, sensitivity);
 }
@@ -208,7 +191,7 @@ Status instance_get_output_derivatives(Instance *instance, const unsigned *vr, s
     if (n > 0 && (!vr || !order || !value))
         return instance_report(instance, STATUS_ERROR, "output derivatives: expected arrays of %zu values but was given NULL", n);
     for (size_t i = 0; i < n; i++) {
-        const Variable *v = vr[i] < MODEL_VARIABLES ? &model_variables[vr[i]] : NULL;
+        const Variable *v = model_variable(vr[i]);
         if (!v || (v->kind != OUTPUT && v->kind != STATE && v->kind != FOLD))
             return instance_report(instance, STATUS_ERROR,
                                    "output derivatives: expected an output but was given value reference %u (%s)", vr[i],
@@ -228,6 +211,6 @@ Status instance_get_output_derivatives(Instance *instance, const unsigned *vr, s
         v.du[i] = instance->now.u[i][2];
     }
     push_forward(instance, &v);
-    for (size_t i = 0; i < n; i++) value[i] = tangent_of(&v, &model_variables[vr[i]]);
+    for (size_t i = 0; i < n; i++) value[i] = tangent_of(&v, model_variable(vr[i]));
     return check_finite(instance, vr, n, value);
 }

@@ -1,4 +1,5 @@
 /* Co-simulation: one communication step. */
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -130,7 +131,7 @@ static SolverStatus run(Instance *instance, Solver *solver, double end)
         memcpy(solver->inputs.u, now->u, sizeof solver->inputs.u);
         delay_drive(instance, &solver->inputs);
         solver->max_steps = MAX_STEPS - solver->steps - solver->rejected;
-        if (!(now->h > 0)) now->h = solver_first_step(solver, now->time, now->x, stop - now->time);
+        if (!(now->h > 0)) now->h = stop - now->time;
         outcome = solver_advance(solver, &now->time, stop, now->x, &now->h);
         if (outcome != SOLVER_OK || now->time >= end) return outcome;
         inputs_move(&solver->inputs, now->time);
@@ -146,6 +147,8 @@ static void take_sample(Instance *instance)
     double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)], sampled[MODEL_ND];
     instance_inputs(instance, u, du);
     model_sample(now->time, now->x, u, now->p, sampled);
+    for (int i = 0; i < MODEL_ND; i++) /* what decays comes to zero, not to denormal numbers, which are slow */
+        if (fabs(sampled[i]) < DBL_MIN) sampled[i] = 0;
     memcpy(now->p + MODEL_NP - MODEL_ND, sampled, sizeof sampled);
 #else
     (void)instance;

@@ -15,40 +15,55 @@
 
 #include "gradients.h"
 #include "pieces.h"
-#include "rodas5p.h"
+#include "start.h"
 
-#define NX AT_LEAST_ONE(MODEL_NX)
-#define NU AT_LEAST_ONE(MODEL_NU)
-#define NQ AT_LEAST_ONE(MODEL_NQ)
-#define NJ AT_LEAST_ONE(MODEL_NJ)
-#define NL AT_LEAST_ONE(MODEL_NL)
 #define NP AT_LEAST_ONE(GRADIENTS_NP)
-#define DIFFERENCE 1e-6 /* of the columns' sizes, for J' */
-#define WIDTH 8         /* columns that are worked on at once */
 
-typedef double Wide[WIDTH]; /* one value of each of these columns */
+/* The step itself: the method in one lane, with a right side that keeps its derivatives of every stage. */
+typedef struct {
+    const Inputs *inputs;
+    const double *gradients; /* prepared parameters of model_gradients */
+    struct Taken *taken;
+} Source;
+
+#define WIDTH 1
+typedef double Lane[WIDTH];
+static inline void source_inputs(const Source *source, int l, double time, double *u, double *du)
+{
+    (void)l;
+    inputs_at(source->inputs, time, u, du);
+}
+static inline void keep(const Source *source, int s, double time, const double *x, const double *u, const double *du,
+                        double *dx);
+#define RIGHT_HAND_SIDE(source, s, time, x, u, du, q, dx) ((void)(q), keep(source, s, time, x, u, du, dx))
+#include "attempt.h"
+
+#define DIFFERENCE 1e-6 /* of the columns' sizes, for J' */
+#define COLUMNS_WIDE 8  /* columns that are worked on at once */
+
+typedef double Wide[COLUMNS_WIDE]; /* one value of each of these columns */
 
 #if defined(__clang__)
 #define EVERY_COLUMN(l) \
     _Pragma("clang loop vectorize(enable) vectorize_width(8) interleave(disable) unroll(disable)") \
-    for (int l = 0; l < WIDTH; l++)
+    for (int l = 0; l < COLUMNS_WIDE; l++)
 #else
-#define EVERY_COLUMN(l) for (int l = 0; l < WIDTH; l++)
+#define EVERY_COLUMN(l) for (int l = 0; l < COLUMNS_WIDE; l++)
 #endif
 
 /* Columns side by side; those of a last incomplete block are idle (their parameter and input are -1). */
 typedef struct {
-    int parameter[WIDTH], input[WIDTH], column[WIDTH];
+    int parameter[COLUMNS_WIDE], input[COLUMNS_WIDE], column[COLUMNS_WIDE];
     int n_forced, forced_entry[NP], forced_column[NP]; /* entries of P, and the column here that they force */
     Wide size, up[NQ], down[NQ]; /* prepared parameters, a difference up and down */
     Wide x[NX], k[STAGES][NX], bend[3][NX], x_new[NX];
 } Block;
 
 /* The step that is differentiated. */
-typedef struct {
-    double time, h, u[NU], du[NU];
-    double x[STAGES][NX], k[STAGES][NX], J[STAGES][NJ], P[STAGES][NP], L[NL];
-    double x_new[NX], bend[3][NX];
+typedef struct Taken {
+    double time, h, u[NU], du[NU], x[NX], x_new[NX], bend[3][NX];
+    double J[STAGES][NJ], P[STAGES][NP]; /* of the state derivatives, at the stages */
+    Work work;
 } Taken;
 
 typedef struct {
@@ -58,38 +73,31 @@ typedef struct {
     Inputs inputs;
     double prepared[NQ], gradients[AT_LEAST_ONE(GRADIENTS_NQ)];
     double *x, *y, *x_tangent, *observed_tangent, *observed_rate;
-} Run;
+} TangentRun;
 
 /* Starts ------------------------------------------------------------------------------------------------------ */
 
-static unsigned reference_of(Kind kind, int index)
-{
-    unsigned vr = 0;
-    while (model_variables[vr].kind != kind || model_variables[vr].index != index) vr++;
-    return vr;
-}
-
 /* The start states, and how they move with the columns of the blocks; SOLVER_OK or why there are none. */
-static int start(const double *p, const double *u, double time, double *x, Block *blocks, long n_blocks)
+static int start(const double *p, const double *u, double *x, Block *blocks, long n_blocks)
 {
-    int found = 1, status;
-    Instance *instance = piece_start(p, u, time, x, &status);
-    if (!instance) return status;
-    for (long b = 0; found && b < n_blocks; b++)
-        for (int l = 0; l < WIDTH; l++)
-            for (int i = 0; i < MODEL_NX && blocks[b].parameter[l] >= 0; i++) {
-                const unsigned known = reference_of(PARAMETER, blocks[b].parameter[l]), unknown = reference_of(STATE, i);
-                const double one = 1;
-                double moved = 0;
-                found &= instance_directional(instance, &unknown, 1, &known, 1, &one, &moved) == STATUS_OK;
-                blocks[b].x[i][l] = moved;
-            }
-    instance_free(instance);
-    return found ? SOLVER_OK : NO_REST_STATE;
+    const int status = piece_start(p, u, x);
+    for (long c = 0; status == SOLVER_OK && c < n_blocks * COLUMNS_WIDE; c++) {
+        Block *block = &blocks[c / COLUMNS_WIDE];
+        double v_u[NU] = {0}, v_p[AT_LEAST_ONE(MODEL_NP)] = {0}, v_x[NX];
+        const int l = (int)(c % COLUMNS_WIDE), parameter = block->parameter[l];
+        if (parameter < 0) continue;
+        v_p[parameter] = 1;
+        start_tangent(u, p, x, v_u, v_p, v_x);
+        for (int i = 0; i < MODEL_NX; i++) {
+            if (!isfinite(v_x[i])) return NO_REST_STATE; /* at the fold itself */
+            block->x[i][l] = v_x[i];
+        }
+    }
+    return status;
 }
 
 /* The parameters of one column moved by `by`, as the solver wants them. */
-static void prepare_moved(const Run *run, int parameter, double by, int l, Wide q[NQ])
+static void prepare_moved(const TangentRun *run, int parameter, double by, int l, Wide q[NQ])
 {
     double p[AT_LEAST_ONE(MODEL_NP)], prepared[NQ];
     memcpy(p, run->p, MODEL_NP * sizeof *p);
@@ -98,13 +106,13 @@ static void prepare_moved(const Run *run, int parameter, double by, int l, Wide 
     for (int i = 0; i < MODEL_NQ; i++) q[i][l] = prepared[i];
 }
 
-static void prepare(Run *run, const int *columns, const double *sizes)
+static void prepare(TangentRun *run, const int *columns, const double *sizes)
 {
     model_prepare(run->p, run->prepared);
     model_prepare_gradients(run->p, run->gradients);
-    for (long c = 0; c < run->n_blocks * WIDTH; c++) {
-        Block *block = &run->blocks[c / WIDTH];
-        const int l = (int)(c % WIDTH), column = c < run->n_columns ? columns[c] : -1;
+    for (long c = 0; c < run->n_blocks * COLUMNS_WIDE; c++) {
+        Block *block = &run->blocks[c / COLUMNS_WIDE];
+        const int l = (int)(c % COLUMNS_WIDE), column = c < run->n_columns ? columns[c] : -1;
         const int parameter = column < 0 ? -1 : COLUMN_PARAMETER[column];
         block->column[l] = column;
         block->parameter[l] = parameter;
@@ -122,41 +130,28 @@ static void prepare(Run *run, const int *columns, const double *sizes)
 
 /* One step ----------------------------------------------------------------------------------------------------- */
 
-/* Takes the step from `x`. */
-static SolverStatus take(const Run *run, double time, double h, const double *x, Taken *s)
+static inline void keep(const Source *source, int s, double time, const double *x, const double *u, const double *du,
+                        double *dx)
 {
-    double b[NX], pivot[NX], unused[NJ], dx_dt[NX], u[NU], du[NU];
-    const double inverse_h = 1 / h, shift = inverse_h * (1 / GAMMA);
+    model_gradients(time, x, u, du, source->gradients, dx, source->taken->J[s], source->taken->P[s]);
+}
+
+/* Takes the step from `x`. */
+static SolverStatus take(const TangentRun *run, double time, double h, const double *x, Taken *s)
+{
+    double dx[NX], error;
+    Start start;
+    const Source source = {&run->inputs, run->gradients, s};
+    const Tried trial = {&s->time, &s->h, (const Lane *)s->x, (const Lane *)run->prepared};
     s->time = time;
     s->h = h;
+    memcpy(s->x, x, sizeof s->x);
     inputs_at(&run->inputs, time, s->u, s->du);
-    model_linearise(time, x, s->u, s->du, run->prepared, b, unused, dx_dt);
-    for (int stage = 0; stage < STAGES; stage++) {
-        double *at = s->x[stage];
-        for (int i = 0; i < MODEL_NX; i++) {
-            at[i] = x[i];
-            for (int j = 0; j < stage; j++) at[i] += A[stage][j] * s->k[j][i];
-        }
-        if (model_below(at)) return SOLVER_BELOW_MINIMUM;
-        inputs_at(&run->inputs, time + ALPHA[stage] * h, u, du);
-        model_gradients(time + ALPHA[stage] * h, at, u, du, run->gradients, b, s->J[stage], s->P[stage]);
-        if (stage == 0) {
-            model_factorise(shift, s->J[0], s->L, pivot);
-            for (int i = 0; i < MODEL_NX; i++)
-                if (!(fabs(pivot[i]) > 1e-9 * shift)) return SOLVER_STEP_TOO_SMALL;
-        }
-        for (int i = 0; i < MODEL_NX; i++) {
-            double sum = 0;
-            for (int j = 0; j < stage; j++) sum += C[stage][j] * s->k[j][i];
-            b[i] += sum * inverse_h + DELTA[stage] * h * dx_dt[i];
-        }
-        model_solve(s->L, b, s->k[stage]);
-    }
-    for (int i = 0; i < MODEL_NX; i++) {
-        s->x_new[i] = s->x[STAGES - 1][i] + s->k[STAGES - 1][i];
-        if (!isfinite(s->x_new[i])) return SOLVER_STEP_TOO_SMALL;
-    }
-    return model_below(s->x_new) ? SOLVER_BELOW_MINIMUM : SOLVER_OK;
+    linearise(&source, &trial, 1, &start);
+    keep(&source, 0, time, x, s->u, s->du, dx);
+    attempt(&source, &trial, &start, &s->work, (Lane *)s->x_new, &error);
+    if (error < 0) return SOLVER_BELOW_MINIMUM;
+    return error < INFINITY ? SOLVER_OK : SOLVER_STEP_TOO_SMALL;
 }
 
 /* J and df/dt at a place `sign` sizes along the columns. */
@@ -169,7 +164,7 @@ static inline void linearise_moved(const Taken *s, const Block *block, const Wid
     memcpy(du, s->du, sizeof du);
     memcpy(q, prepared, sizeof q);
     for (int i = 0; i < MODEL_NX; i++)
-        EVERY_COLUMN(l) x[i][l] = s->x[0][i] + sign * block->size[l] * block->x[i][l];
+        EVERY_COLUMN(l) x[i][l] = s->x[i] + sign * block->size[l] * block->x[i][l];
     for (int i = 0; i < MODEL_NU; i++)
         EVERY_COLUMN(l) u[i][l] = s->u[i] - (i == block->input[l] ? sign * block->size[l] * s->du[i] : 0);
     EVERY_COLUMN(l) {
@@ -209,81 +204,62 @@ static void forcing(const Taken *s, const Block *block, int stage, Wide b[NX])
     }
 }
 
-static void differentiate(const Taken *s, Block *block)
+/* Stage s of the columns of a block: the stage's sums over derivatives, with J' k and the forcing among the derivatives. */
+INLINED void differentiate_stage(const Taken *taken, const Wide start[NX], const Wide J[NJ], const Wide dx_dt[NX], Block *block,
+                                 Wide at[NX], const int s)
 {
-    Wide x0[NX], x[NX], k[STAGES][NX], J[NJ], dx_dt[NX], force[NX];
     double J_here[NJ], k_here[NX], L[NL];
-    const double h = s->h, inverse_h = 1 / h;
-    second(s, block, J, dx_dt);
-    memcpy(x0, block->x, sizeof x0);
-    memcpy(L, s->L, sizeof L);
+    Wide force[NX];
+    const double h = taken->h, inverse_h = 1 / h;
+    forcing(taken, block, s, force);
+    memcpy(J_here, taken->J[s], sizeof J_here);
+    memcpy(k_here, taken->work.k[s], sizeof k_here);
+    memcpy(L, taken->work.L, sizeof L);
+    EVERY_COLUMN(l) {
+        double x[NX], entries[NJ], b[NX], first[NX], other[NX], slope[NX];
+        for (int i = 0; i < MODEL_NX; i++)
+            x[i] = s ? stage_place(s, start[i][l], at[i][l], &block->k[0][i][l], NX * COLUMNS_WIDE) : start[i][l];
+        for (int e = 0; e < MODEL_NJ; e++) entries[e] = J[e][l];
+        model_multiply(J_here, x, first);
+        model_multiply(entries, k_here, other);
+        for (int i = 0; i < MODEL_NX; i++) {
+            const double right = force[i][l] + first[i] + other[i];
+            b[i] = stage_right(s, right, dx_dt[i][l], &block->k[0][i][l], NX * COLUMNS_WIDE, h, inverse_h);
+        }
+        model_solve(L, b, slope);
+        for (int i = 0; i < MODEL_NX; i++) block->k[s][i][l] = slope[i];
+        for (int i = 0; i < MODEL_NX; i++) at[i][l] = x[i];
+    }
+}
 
-    /* Written out stage by stage, so that a column's work stays in registers. */
-#define STAGE(stage)                                                            \
-    do {                                                                        \
-        forcing(s, block, stage, force);                                        \
-        memcpy(J_here, s->J[stage], sizeof J_here);                             \
-        memcpy(k_here, s->k[stage], sizeof k_here);                             \
-        EVERY_COLUMN(l) {                                                       \
-            double at[NX], entries[NJ], b[NX], first[NX], other[NX], slope[NX]; \
-            for (int i = 0; i < MODEL_NX; i++) {                                \
-                at[i] = x0[i][l];                                               \
-                b[i] = 0;                                                       \
-                for (int j = 0; j < stage; j++) {                               \
-                    at[i] += A[stage][j] * k[j][i][l];                          \
-                    b[i] += C[stage][j] * k[j][i][l];                           \
-                }                                                               \
-                x[i][l] = at[i];                                                \
-            }                                                                   \
-            for (int e = 0; e < MODEL_NJ; e++) entries[e] = J[e][l];            \
-            model_multiply(J_here, at, first);                                  \
-            model_multiply(entries, k_here, other);                             \
-            for (int i = 0; i < MODEL_NX; i++)                                  \
-                b[i] = b[i] * inverse_h + force[i][l] + DELTA[stage] * h * dx_dt[i][l] + first[i] + other[i]; \
-            model_solve(L, b, slope);                                           \
-            for (int i = 0; i < MODEL_NX; i++) k[stage][i][l] = slope[i];       \
-        }                                                                       \
-    } while (0)
-
-    STAGE(0);
-    STAGE(1);
-    STAGE(2);
-    STAGE(3);
-    STAGE(4);
-    STAGE(5);
-    STAGE(6);
-    STAGE(7);
-#undef STAGE
+static void differentiate(const Taken *taken, Block *block)
+{
+    Wide start[NX], at[NX], J[NJ], dx_dt[NX];
+    second(taken, block, J, dx_dt);
+    memcpy(start, block->x, sizeof start);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 0);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 1);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 2);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 3);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 4);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 5);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 6);
+    differentiate_stage(taken, start, J, dx_dt, block, at, 7);
     for (int i = 0; i < MODEL_NX; i++)
-        EVERY_COLUMN(l) block->x_new[i][l] = x[i][l] + k[STAGES - 1][i][l];
-    memcpy(block->k, k, sizeof k);
+        EVERY_COLUMN(l) block->x_new[i][l] = at[i][l] + block->k[STAGES - 1][i][l];
 }
 
 /* Samples ------------------------------------------------------------------------------------------------------ */
 
-/* Value at the fraction `f` of a step from its ends and bends, as step_interpolate has it. */
-static double within(double f, double left, double right, double b0, double b1, double b2)
-{
-    return left * (1 - f) + f * (right + (1 - f) * (b0 + f * (b1 + f * b2)));
-}
-
-static void bend(Taken *s, Block *blocks, long n_blocks)
+static void bend_columns(Block *block)
 {
     for (int d = 0; d < 3; d++)
-        for (int i = 0; i < MODEL_NX; i++) {
-            s->bend[d][i] = 0;
-            for (int j = 0; j < STAGES; j++) s->bend[d][i] += DENSE[d][j] * s->k[j][i];
-            for (long b = 0; b < n_blocks; b++)
-                for (int l = 0; l < WIDTH; l++) {
-                    double sum = 0;
-                    for (int j = 0; j < STAGES; j++) sum += DENSE[d][j] * blocks[b].k[j][i][l];
-                    blocks[b].bend[d][i][l] = sum;
-                }
-        }
+        for (int i = 0; i < MODEL_NX; i++)
+            EVERY_COLUMN(l) block->bend[d][i][l] = weighted(0, DENSE[d], STAGES, &block->k[0][i][l], NX * COLUMNS_WIDE);
 }
 
 /* Writes the next sample from states `x` and the tangents v[column * MODEL_NX + state]. */
-static void record(Run *run, double time, const double *x, const double *v)
+static void record(TangentRun *run, double time, const double *x, const double *v)
 {
     double u[NU], du[NU], observed[AT_LEAST_ONE(OBSERVED)], Y[AT_LEAST_ONE(OBSERVED_N)];
     const double fold = 0;
@@ -307,8 +283,8 @@ static void record(Run *run, double time, const double *x, const double *v)
     }
     memset(out, 0, run->n_columns * OBSERVED * sizeof *out);
     for (long c = 0; c < run->n_columns; c++) {
-        const Block *block = &run->blocks[c / WIDTH];
-        const int l = (int)(c % WIDTH);
+        const Block *block = &run->blocks[c / COLUMNS_WIDE];
+        const int l = (int)(c % COLUMNS_WIDE);
         for (int e = 0; e < OBSERVED_N; e++) {
             const int of = OBSERVED_COLUMN[e];
             if (of < MODEL_NX) out[c * OBSERVED + OBSERVED_ROW[e]] += Y[e] * v[c * MODEL_NX + of];
@@ -319,22 +295,22 @@ static void record(Run *run, double time, const double *x, const double *v)
 }
 
 /* At the present states, before or after a step. */
-static void record_here(Run *run, double time, const double *x, double *v)
+static void record_here(TangentRun *run, double time, const double *x, double *v)
 {
     for (long c = 0; c < run->n_columns; c++)
-        for (int i = 0; i < MODEL_NX; i++) v[c * MODEL_NX + i] = run->blocks[c / WIDTH].x[i][c % WIDTH];
+        for (int i = 0; i < MODEL_NX; i++) v[c * MODEL_NX + i] = run->blocks[c / COLUMNS_WIDE].x[i][c % COLUMNS_WIDE];
     record(run, time, x, v);
 }
 
-static void record_within(Run *run, const Taken *s, double time, double *v)
+static void record_within(TangentRun *run, const Taken *s, double time, double *v)
 {
     double x[NX];
     const double f = (time - s->time) / s->h;
     for (int i = 0; i < MODEL_NX; i++)
-        x[i] = within(f, s->x[0][i], s->x_new[i], s->bend[0][i], s->bend[1][i], s->bend[2][i]);
+        x[i] = within(f, s->x[i], s->x_new[i], s->bend[0][i], s->bend[1][i], s->bend[2][i]);
     for (long c = 0; c < run->n_columns; c++) {
-        const Block *b = &run->blocks[c / WIDTH];
-        const int l = (int)(c % WIDTH);
+        const Block *b = &run->blocks[c / COLUMNS_WIDE];
+        const int l = (int)(c % COLUMNS_WIDE);
         for (int i = 0; i < MODEL_NX; i++)
             v[c * MODEL_NX + i] =
                 within(f, b->x[i][l], b->x_new[i][l], b->bend[0][i][l], b->bend[1][i][l], b->bend[2][i][l]);
@@ -344,14 +320,15 @@ static void record_within(Run *run, const Taken *s, double time, double *v)
 
 /* The run ------------------------------------------------------------------------------------------------------ */
 
-static int step_to(Run *run, double time, double end, double *x, double *v)
+static int step_to(TangentRun *run, double time, double end, double *x, double *v)
 {
     Taken s;
     const SolverStatus status = take(run, time, end - time, x, &s);
     if (status != SOLVER_OK) return status;
     for (long b = 0; b < run->n_blocks; b++) differentiate(&s, &run->blocks[b]);
     if (run->next < run->n_samples && run->samples[run->next] < end) {
-        bend(&s, run->blocks, run->n_blocks);
+        bends(&s.work, (Lane(*)[NX])s.bend);
+        for (long b = 0; b < run->n_blocks; b++) bend_columns(&run->blocks[b]);
         while (run->next < run->n_samples && run->samples[run->next] < end)
             record_within(run, &s, run->samples[run->next], v);
     }
@@ -360,16 +337,36 @@ static int step_to(Run *run, double time, double end, double *x, double *v)
     return SOLVER_OK;
 }
 
+/* Where a delayed signal jumps, a longer delay lets what was before act a little longer. */
+static void jump(TangentRun *run, double time, const double *before, const double *after, const double *x)
+{
+    const double still[NU] = {0}, fold = 0;
+    for (long c = 0; c < run->n_columns; c++) {
+        Block *block = &run->blocks[c / COLUMNS_WIDE];
+        const int l = (int)(c % COLUMNS_WIDE), input = block->input[l];
+        if (input < 0 || before[input] == after[input]) continue;
+        double u[NU], longer[NX], now[NX];
+        memcpy(u, after, MODEL_NU * sizeof *u);
+        model_derivatives(time, x, u, still, run->p, &fold, now);
+        u[input] = before[input];
+        model_derivatives(time, x, u, still, run->p, &fold, longer);
+        for (int i = 0; i < MODEL_NX; i++) block->x[i][l] += longer[i] - now[i];
+    }
+}
+
 /* Through all pieces; samples at the end of a piece belong to the next one. */
-static int walk(Run *run, long n_points, const double *points, const double *u, long n_mesh, const double *mesh,
+static int walk(TangentRun *run, long n_points, const double *points, const double *u, long n_mesh, const double *mesh,
                 double *x, double *v, double *reached)
 {
+    const double *last = NULL; /* inputs at the end of the piece before */
     long m = 0;
     for (long k = 0; k < n_points - 1; k++) {
         const double end = points[k + 1];
         double time = points[k];
-        if (!(end > time)) continue;
+        if (piece_is_jump(points, k)) continue;
         piece_inputs(&run->inputs, points, u, k);
+        if (last) jump(run, time, last, u + k * MODEL_NU, x);
+        last = u + (k + 1) * MODEL_NU;
         while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v);
         while (time < end) {
             const double closest = 1e-9 * (end - points[k]);
@@ -390,11 +387,11 @@ int kernel_tangents(const double *p, long n_points, const double *points, const 
                     double *observed_rate, double *reached)
 {
     double state[NX];
-    Run run = {0};
+    TangentRun run = {0};
     int status = -2;
     const long first = piece_first(n_points, points);
     run.p = p, run.samples = samples, run.n_samples = n_samples, run.n_columns = n_columns;
-    run.n_blocks = (n_columns + WIDTH - 1) / WIDTH;
+    run.n_blocks = (n_columns + COLUMNS_WIDE - 1) / COLUMNS_WIDE;
     run.x = x, run.y = y, run.x_tangent = x_tangent, run.observed_tangent = observed_tangent;
     run.observed_rate = observed_rate;
     run.blocks = calloc(AT_LEAST_ONE((size_t)run.n_blocks), sizeof *run.blocks);
@@ -402,7 +399,7 @@ int kernel_tangents(const double *p, long n_points, const double *points, const 
     *reached = points[0];
     if (run.blocks && v) {
         prepare(&run, columns, sizes);
-        status = start(p, u + first * MODEL_NU, points[0], state, run.blocks, run.n_blocks);
+        status = start(p, u + first * MODEL_NU, state, run.blocks, run.n_blocks);
         if (status == SOLVER_OK)
             status = walk(&run, n_points, points, u, n_mesh, mesh, state, v, reached);
     }
@@ -437,11 +434,11 @@ long kernel_mesh(const double *p, long n_points, const double *points, const dou
     solver.p = p, solver.tolerance = tolerance, solver.max_steps = MAX_STEPS;
     solver.observer = note, solver.context = &notes;
     *reached = time;
-    status = start(p, u + first * MODEL_NU, time, x, NULL, 0);
+    status = piece_start(p, u + first * MODEL_NU, x);
     for (long k = first; k < n_points - 1 && status == SOLVER_OK; k++) {
-        if (points[k + 1] <= points[k]) continue;
+        if (piece_is_jump(points, k)) continue;
         piece_inputs(&solver.inputs, points, u, k);
-        if (!(h > 0)) h = solver_first_step(&solver, time, x, points[k + 1] - time);
+        if (!(h > 0)) h = points[k + 1] - time;
         status = solver_advance(&solver, &time, points[k + 1], x, &h);
     }
     *reached = time;

@@ -8,9 +8,9 @@
 
 static Status known_reference(Instance *instance, const char *function, unsigned vr)
 {
-    if (vr < MODEL_VARIABLES) return STATUS_OK;
-    return instance_report(instance, STATUS_ERROR, "%s: unknown value reference %u; expected 0 to %d", function, vr,
-                           MODEL_VARIABLES - 1);
+    if (model_variable(vr)) return STATUS_OK;
+    return instance_report(instance, STATUS_ERROR, "%s: unknown value reference %u; expected 1 to %d", function, vr,
+                           MODEL_VARIABLES);
 }
 
 static Status right_type(Instance *instance, const char *function, const Variable *v, Type type)
@@ -59,8 +59,8 @@ Status instance_get(Instance *instance, const char *function, Type type, const u
                                  function, n);
     for (size_t i = 0; i < n && status == STATUS_OK; i++) {
         status = known_reference(instance, function, vr[i]);
-        if (status == STATUS_OK) status = right_type(instance, function, &model_variables[vr[i]], type);
-        if (status == STATUS_OK) status = value_of(instance, &model_variables[vr[i]], &value[i]);
+        if (status == STATUS_OK) status = right_type(instance, function, model_variable(vr[i]), type);
+        if (status == STATUS_OK) status = value_of(instance, model_variable(vr[i]), &value[i]);
     }
     return status;
 }
@@ -113,14 +113,14 @@ Status instance_set(Instance *instance, const char *function, Type type, const u
     for (size_t i = 0; i < n && status == STATUS_OK; i++) {
         status = known_reference(instance, function, vr[i]);
         if (status != STATUS_OK) break;
-        const Variable *v = &model_variables[vr[i]];
+        const Variable *v = model_variable(vr[i]);
         status = right_type(instance, function, v, type);
         if (status == STATUS_OK) status = settable(instance, function, v);
         if (status == STATUS_OK) status = in_range(instance, function, v, value[i]);
     }
     if (status != STATUS_OK) return status;
     for (size_t i = 0; i < n; i++) {
-        const Variable *v = &model_variables[vr[i]];
+        const Variable *v = model_variable(vr[i]);
         if (v->kind == INPUT) {
             instance_drop_spent(instance, v->index);
             instance->now.u[v->index][0] = value[i];
@@ -143,7 +143,7 @@ Status instance_set_input_derivatives(Instance *instance, const unsigned *vr, si
     for (size_t i = 0; i < n && status == STATUS_OK; i++) {
         status = known_reference(instance, function, vr[i]);
         if (status != STATUS_OK) break;
-        const Variable *v = &model_variables[vr[i]];
+        const Variable *v = model_variable(vr[i]);
         if (v->kind != INPUT)
             status = instance_report(instance, STATUS_ERROR, "%s: %s is not an input", function, v->name);
         else if (order[i] < 1 || order[i] > INPUT_ORDER)
@@ -158,7 +158,7 @@ Status instance_set_input_derivatives(Instance *instance, const unsigned *vr, si
     if (n == 0) return STATUS_OK;
     for (int i = 0; i < MODEL_NU; i++) instance_drop_spent(instance, i);
     instance->now.marks &= ~SPENT;
-    for (size_t i = 0; i < n; i++) instance->now.u[model_variables[vr[i]].index][order[i]] = value[i];
+    for (size_t i = 0; i < n; i++) instance->now.u[model_variable(vr[i])->index][order[i]] = value[i];
     instance->outputs_are_stale = 1;
     return STATUS_OK;
 }

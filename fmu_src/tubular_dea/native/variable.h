@@ -6,7 +6,6 @@ typedef enum { TIME, INPUT, OUTPUT, STATE, DERIVATIVE, PARAMETER, FOLD, SAMPLED 
 typedef enum { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN } Type;
 typedef enum { CONTINUOUS, DISCRETE, TUNABLE, FIXED } Variability;
 
-/* The value reference of a variable is its place in `model_variables`. */
 typedef struct {
     const char *name;
     const char *unit;

@@ -7,176 +7,133 @@ from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from plotly.subplots import make_subplots
 
-from ..cosim.beats import last_beats
+from ..cosim.beats import beats
+from ..cosim.course import Course
 from ..cosim.master import Run
 from ..files import write_atomically
-from ..model.units import factor
-from .figures import COLOURS, legend_above, png
+from .figures import png, sized
 from .page import Page
+from .rhythm import GREY, ML, MMHG, Panel, Trace, panels, window
 
-SHOWN_BEATS = 3
-MMHG, ML, MICRO = factor("Pa", "mmHg"), factor("m3", "mL"), 1e-6
-GREY = "#9aa5b1"
-ENERGIES = {"into the electrodes": COLOURS[2], "to the blood": COLOURS[1]}
+HEADER = ("figure, over the assisted beats", "without", "with, mean ± sd", "worst", "change")
+MARKS = {"triangle": ("triangle-down", "v"), "cross": ("x", "x")}  # as plotly and as matplotlib call them
+PULSE = "rgba(200, 64, 47, 0.12)"
 
-Curves = dict[str, tuple[np.ndarray, np.ndarray]]  # legend name -> (x, y)
+Loops = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 def write(
     out: Path,
     runs: Mapping[str, Run],
-    table: Sequence[tuple[str, str, str, str]],
-    title: str,
+    course: Course,
     notes: Sequence[str],
     limits: Mapping[str, float],
+    ecg: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> list[Path]:
     """Write report.html, pressure_volume_loops.png and beats.png to `out`; `runs` are "without assist", "with assist".
 
-    `limits` may hold `electric_field` [V/m] and `snap_through_margin` [Pa].
+    `limits` may hold `electric_field` [V/m] and `snap_through_margin` [Pa]; `ecg` is time [s] and signal [mV].
     """
-    page = Page(title, notes[0])
-    for note in notes[1:]:
+    page = Page("The assisted heart", course.verdict.text)
+    for note in notes:
         page.text(note)
     page.heading("With and without assist")
-    page.table(["the last whole beat", "without", "with", "change"], table)
+    page.table(HEADER, course.rows())
+    page.heading("The whole run")
+    page.table(["what", "how much"], course.counts())
     page.heading("Pressure and volume of the left ventricle")
-    loops = pressure_volume(runs)
-    page.figure(_plotly_loops(loops), "One beat each; the area is the stroke work.")
-    panels = beats(runs, limits)
-    page.heading("The last beats")
-    page.figure(
-        _plotly_panels(panels), "Time since the start of the beats shown. Drag to zoom, double-click to go back."
-    )
+    loops = pressure_volume(runs, course.judged[-1])
+    page.figure(plotly_loops(loops), "One beat each; the area is the stroke work.")
+    made = panels(runs, window(runs["with assist"], course), limits, ecg)
+    page.heading("Beats over time")
+    page.figure(plotly_panels(made), "Shaded: pulses. Drag to zoom, double-click to go back.")
     paths = [out / "pressure_volume_loops.png", out / "beats.png"]
-    write_atomically(paths[0], _png_loops(loops))
-    write_atomically(paths[1], _png_panels(panels))
+    write_atomically(paths[0], png(draw_loops(loops)))
+    write_atomically(paths[1], png(draw_panels(made)))
     return [page.write(out / "report.html"), *paths]
 
 
-def pressure_volume(runs: Mapping[str, Run]) -> Curves:
-    """Loops of the last beat: volume [mL], pressure [mmHg]."""
-    loops = {}
-    for name, run in runs.items():
-        rows = last_beats(run)
-        loops[name] = (run["heart.ventricular_volume"][rows] * ML, run["heart.ventricular_pressure"][rows] * MMHG)
-    return loops
-
-
-def beats(runs: Mapping[str, Run], limits: Mapping[str, float]) -> list[tuple[str, Curves]]:
-    """Panels over time [s] of the last beats: (axis label, curves)."""
-    wanted = (
-        ("pressure [mmHg]", "heart.aortic_pressure", MMHG, "aortic, "),
-        ("displacement [mm]", "tube.radial_displacement", 1e3, ""),
-        ("tube flow [mL/s]", "tube.tube_flow", ML, ""),
-        ("voltage [kV]", "scheduler.voltage", 1e-3, ""),
-        ("field [V/um]", "tube.electric_field", MICRO, ""),
-        ("margin to snap-through [mmHg]", "tube.snap_through_margin", MMHG, ""),
-    )
-    panels: list[tuple[str, Curves]] = []
-    for label, variable, scale, prefix in wanted:
-        curves: Curves = {}
-        for name, run in runs.items():
-            rows = last_beats(run, min(SHOWN_BEATS, _whole_beats(run)))
-            time = run.time[rows] - run.time[rows][0]
-            curves[prefix + name] = (time, run[variable][rows] * scale)
-            if variable == "heart.aortic_pressure":
-                curves[f"ventricular, {name}"] = (time, run["heart.ventricular_pressure"][rows] * scale)
-        limit = limits.get(variable.partition(".")[2])
-        if limit is not None:
-            curves["limit"] = (time[[0, -1]], np.full(2, limit * scale))
-        panels.append((label, curves))
-    panels.append(("energy [mJ]", _energies(runs["with assist"])))
-    return panels
-
-
-def _energies(run: Run) -> Curves:
-    """What has gone into the electrodes and come out to the blood, since the start of the beats shown [mJ]."""
-    rows = last_beats(run, min(SHOWN_BEATS, _whole_beats(run)))
-    time = run.time[rows] - run.time[rows][0]
-    voltage, charge = run["scheduler.voltage"][rows], run["tube.charge"][rows]
-    electrical = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
-    given = run["heart.tube_work"][rows]
+def pressure_volume(runs: Mapping[str, Run], number: int) -> Loops:
+    """Loops of one beat by its number: volume [mL], pressure [mmHg]."""
+    shown = {name: beats(run)[number] for name, run in runs.items()}
     return {
-        "into the electrodes": (time, electrical * 1e3),
-        "to the blood": (time, (given[0] - given) * 1e3),
+        name: (beat["heart.ventricular_volume"] * ML, beat["heart.ventricular_pressure"] * MMHG)
+        for name, beat in shown.items()
     }
 
 
-def _whole_beats(run: Run) -> int:
-    from ..cosim.beats import r_wave_rows
+def loop_colours(names: Sequence[str]) -> dict[str, str]:
+    """Grey for the first run, which has no assist; then one colour each."""
+    from .figures import COLOURS
 
-    return max(1, r_wave_rows(run).size - 1)
-
-
-def _style(name: str) -> tuple[str, str, float]:
-    """Colour, dash and width of a curve: without assist grey, limits dashed, the ventricle thin."""
-    if name in ENERGIES:
-        return ENERGIES[name], "solid", 2.0
-    if name == "limit":
-        return "#1b2733", "dash", 1.0
-    colour = COLOURS[0] if "with assist" in name else GREY
-    return colour, "solid", 1.0 if name.startswith("ventricular") else 2.0
+    return {name: GREY if i == 0 else COLOURS[(i - 1) % len(COLOURS)] for i, name in enumerate(names)}
 
 
-def _plotly_loops(loops: Curves) -> go.Figure:
-    figure = go.Figure()
+def plotly_loops(loops: Loops) -> go.Figure:
+    """Pressure over volume, to zoom."""
+    figure, colours = go.Figure(), loop_colours(list(loops))
     for name, (x, y) in loops.items():
-        figure.add_trace(go.Scattergl(x=x, y=y, name=name, line={"color": _style(name)[0], "width": 2}))
-    figure.update_layout(xaxis_title="volume [mL]", yaxis_title="pressure [mmHg]", height=480)
-    return figure
+        figure.add_trace(go.Scatter(x=x, y=y, name=name, line={"color": colours[name], "width": 2}))
+    return figure.update_layout(xaxis_title="volume [mL]", yaxis_title="pressure [mmHg]", height=480)
 
 
-def _plotly_panels(panels: Sequence[tuple[str, Curves]]) -> go.Figure:
-    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.025)
-    named: set[str] = set()
-    for row, (label, curves) in enumerate(panels, start=1):
-        for name, (x, y) in curves.items():
-            colour, dash, width = _style(name)
-            figure.add_trace(
-                go.Scattergl(x=x, y=y, name=name, mode="lines", showlegend=name not in named,
-                             line={"color": colour, "dash": dash, "width": width}),
-                row=row, col=1,
-            )  # fmt: skip
-        named |= set(curves)
-        figure.update_yaxes(title_text=label.replace(" [", "<br>["), row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
-    figure.update_layout(height=210 * len(panels), legend={"orientation": "h", "y": 1.005, "yanchor": "bottom"})
-    return figure
-
-
-def _png_loops(loops: Curves) -> bytes:
-    figure = Figure(figsize=(6.5, 5), layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.subplots()
+def draw_loops(loops: Loops, figure: Figure | None = None) -> Figure:
+    """Pressure over volume, as a picture, in `figure` if it is given."""
+    figure = sized(figure, 7.5, 5)
+    axis, colours = figure.subplots(), loop_colours(list(loops))
     for name, (x, y) in loops.items():
-        axis.plot(x, y, color=_style(name)[0], linewidth=2, label=name)
+        axis.plot(x, y, color=colours[name], linewidth=2, label=name)
     axis.set_xlabel("volume [mL]")
     axis.set_ylabel("pressure [mmHg]")
     axis.grid(alpha=0.3)
     axis.spines[["top", "right"]].set_visible(False)
-    legend_above(axis)
-    return png(figure)
+    axis.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, fontsize=8)
+    return figure
 
 
-def _png_panels(panels: Sequence[tuple[str, Curves]]) -> bytes:
-    figure = Figure(figsize=(9, 1 + 1.6 * len(panels)), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(len(panels), 1, sharex=True)
-    named: set[str] = set()
-    for axis, (label, curves) in zip(axes, panels, strict=True):
-        for name, (x, y) in curves.items():
-            colour, dash, width = _style(name)
-            shown = None if name in named else name
-            axis.plot(x, y, color=colour, linestyle="--" if dash == "dash" else "-", linewidth=width, label=shown)
-        if not named >= set(curves):
-            legend_above(axis)
-        named |= set(curves)
-        axis.set_ylabel(label.replace(" [", "\n["))
+def plotly_panels(made: Sequence[Panel]) -> go.Figure:
+    """Panels over a common time, each with a legend of its own to its right, clear of the toolbar."""
+    figure = make_subplots(rows=len(made), cols=1, shared_xaxes=True, vertical_spacing=0.02)
+    for row, panel in enumerate(made, start=1):
+        legend = "legend" if row == 1 else f"legend{row}"
+        for name, curve in panel.curves.items():
+            figure.add_trace(_trace(name, curve, legend), row=row, col=1)
+        for begin, end in panel.spans:
+            figure.add_vrect(x0=begin, x1=end, fillcolor=PULSE, line_width=0, row=row, col=1)
+        axis = figure.layout["yaxis" if row == 1 else f"yaxis{row}"]
+        placed = {"x": 1.01, "xanchor": "left", "y": axis.domain[1], "yanchor": "top", "font": {"size": 11}}
+        figure.update_layout({legend: placed})
+        figure.update_yaxes(title_text=panel.label.replace(" [", "<br>["), row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(made), col=1)
+    return figure.update_layout(height=190 * len(made))
+
+
+def _trace(name: str, curve: Trace, legend: str) -> go.Scatter:
+    how: dict[str, object] = {
+        "mode": "lines",
+        "line": {"color": curve.colour, "width": curve.width, "dash": "dash" if curve.dash else "solid"},
+    }
+    if curve.mark:
+        how = {"mode": "markers", "marker": {"color": curve.colour, "symbol": MARKS[curve.mark][0], "size": 9}}
+    return go.Scatter(x=curve.time, y=curve.values, name=name, legend=legend, **how)
+
+
+def draw_panels(made: Sequence[Panel], figure: Figure | None = None) -> Figure:
+    """The same as a picture, in `figure` if it is given."""
+    figure = sized(figure, 11, 1 + 1.6 * len(made))
+    axes = figure.subplots(len(made), 1, sharex=True)
+    for axis, panel in zip(axes, made, strict=True):
+        for name, c in panel.curves.items():
+            style = {"marker": MARKS[c.mark][1], "linestyle": ""} if c.mark else {"linestyle": "--" if c.dash else "-"}
+            axis.plot(c.time, c.values, color=c.colour, linewidth=c.width, label=name, **style)
+        for begin, end in panel.spans:
+            axis.axvspan(begin, end, color="#c8402f", alpha=0.1, linewidth=0)
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
+        axis.set_ylabel(panel.label.replace(" [", "\n["))
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     axes[-1].set_xlabel("time [s]")
-    return png(figure)
+    return figure

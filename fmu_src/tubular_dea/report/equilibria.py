@@ -98,8 +98,10 @@ def snap_boundary(plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown
     if not inside.any():
         return None
     drawn = {load_axis: fold[inside], other_axis: level[inside]}
-    beyond = {load_axis: np.r_[np.clip(fold, ends.min(), ends.max()), np.full(2, ends.max())],
-              other_axis: np.r_[level, level[[-1, 0]]]}  # fmt: skip
+    beyond = {
+        load_axis: np.r_[np.clip(fold, ends.min(), ends.max()), np.full(2, ends.max())],
+        other_axis: np.r_[level, level[[-1, 0]]],
+    }
     x, y, *area = (part[axis.name] * labels[axis.name].scale for part in (drawn, beyond) for axis in (first, second))
     return Boundary("snap-through", x, y, tuple(area) if plan.study == "rest" else ())
 

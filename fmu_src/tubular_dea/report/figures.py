@@ -13,10 +13,33 @@ from matplotlib.figure import Figure
 COLOURS = ("#c8402f", "#2a6f97", "#e8a200", "#3a7d44", "#7b4f9d", "#5b6b7a")
 
 
-def time_panels(time: np.ndarray, panels: Sequence[tuple[str, Mapping[str, np.ndarray]]], title: str = "") -> bytes:
-    """One panel under another over a common time axis [s]: (axis label with unit, curves by legend name)."""
-    figure = Figure(figsize=(9, 1.2 + 1.7 * len(panels)), layout="constrained")
-    FigureCanvasAgg(figure)
+Panels = Sequence[tuple[str, Mapping[str, np.ndarray]]]  # of each: axis label with unit, curves by legend name
+
+
+class Picture(Figure):
+    """A figure without a window, which a notebook shows as it is."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
+
+
+def sized(figure: Figure | None, width: float, height: float) -> Figure:
+    """A picture of that size [inches], or the caller's own figure as it is."""
+    if figure is not None:
+        return figure
+    drawn = Picture(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(drawn)
+    return drawn
+
+
+def time_panels(time: np.ndarray, panels: Panels, title: str = "") -> bytes:
+    """`panels_figure` as the bytes of a PNG file."""
+    return png(panels_figure(time, panels, title))
+
+
+def panels_figure(time: np.ndarray, panels: Panels, title: str = "", figure: Figure | None = None) -> Figure:
+    """One panel under another over a common time axis [s], in `figure` if it is given."""
+    figure = sized(figure, 9, 1.2 + 1.7 * len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for number, (axis, (label, curves)) in enumerate(zip(axes, panels, strict=True)):
         for offset, (name, values) in enumerate(curves.items()):
@@ -32,7 +55,7 @@ def time_panels(time: np.ndarray, panels: Sequence[tuple[str, Mapping[str, np.nd
     axes[-1].set_xlim(time[0], time[-1])
     if title:
         figure.suptitle(title)
-    return png(figure)
+    return figure
 
 
 def legend_above(axis: Axes) -> None:

@@ -1,4 +1,4 @@
-"""Where a model fails: its residual as the pressure that would explain it, over stretch, rate and voltage."""
+"""Where a model fails: its residual over what it answers and over an input, rising and falling apart."""
 
 from __future__ import annotations
 
@@ -7,36 +7,54 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..discover.engine import Discovery
-from ..discover.inputs_noise import input_gains
-from .parts import thinned
-
-LEAST_GAIN = 0.1  # of the largest: where pressure hardly moves the tube, no pressure explains anything
+from ..identify.adjust import with_own
+from .parts import shown_unit, thinned
 
 
 def latent_map(found: Discovery) -> go.Figure:
-    """The latent force in colour over stretch and voltage; stretching and returning apart."""
-    drawn = make_subplots(rows=1, cols=2, subplot_titles=("stretching", "returning"), shared_yaxes=True)
-    stretch, speed, voltage, left = (np.concatenate(columns) for columns in zip(*_runs(found), strict=True))
+    """The residual of the first output in colour over answer and input; rising and falling answers apart."""
+    plant = found.study.plant
+    signal = next((s for s in plant.inputs if s.held), plant.inputs[0])
+    y_scale, y_unit = shown_unit(plant.quantity(plant.outputs[0].name))
+    u_scale, u_unit = shown_unit(plant.quantity(signal.name))
+    drawn = make_subplots(rows=1, cols=2, subplot_titles=("rising", "falling"), shared_yaxes=True)
+    answer, rate, driven, left = (np.concatenate(columns) for columns in zip(*_runs(found, signal.name), strict=True))
     limit = float(np.quantile(np.abs(left), 0.98)) or 1.0
-    for column, rising in ((1, speed >= 0), (2, speed < 0)):
-        drawn.add_trace(go.Scattergl(
-            x=stretch[rising], y=voltage[rising] / 1e3, mode="markers",
-            marker={"color": left[rising], "colorscale": "RdBu", "cmin": -limit, "cmax": limit, "size": 6,
-                    "showscale": column == 2, "colorbar": {"title": "Pa"}},
-            customdata=np.column_stack([speed[rising], left[rising]]),
-            hovertemplate="%{x:.3f}, %{y:.2f} kV, rate %{customdata[0]:.3f}/s: %{customdata[1]:.0f} Pa<extra></extra>",
-        ), row=1, col=column)  # fmt: skip
-    drawn.update_xaxes(title="lambda_2").update_yaxes(title="voltage [kV]", col=1)
+    for column, chosen in ((1, rate >= 0), (2, rate < 0)):
+        drawn.add_trace(
+            go.Scattergl(
+                x=answer[chosen] / y_scale,
+                y=driven[chosen] / u_scale,
+                mode="markers",
+                marker={
+                    "color": left[chosen] / y_scale,
+                    "colorscale": "RdBu",
+                    "cmin": -limit / y_scale,
+                    "cmax": limit / y_scale,
+                    "size": 6,
+                    "showscale": column == 2,
+                    "colorbar": {"title": y_unit},
+                },
+                hovertemplate=f"%{{x:.4g}} {y_unit}, %{{y:.4g}} {u_unit}: %{{marker.color:.3g}} {y_unit}"
+                "<extra></extra>",
+            ),
+            row=1,
+            col=column,
+        )
+    reading = plant.outputs[0].name.replace("_", " ")
+    drawn.update_xaxes(title=f"{reading} [{y_unit}]")
+    drawn.update_yaxes(title=f"{signal.name} [{u_unit}]", col=1)
     return drawn.update_layout(showlegend=False, height=420)
 
 
-def _runs(found: Discovery) -> list[tuple[np.ndarray, ...]]:
-    """Stretch, rate, voltage and latent pressure of every piece, averaged over blocks."""
-    kernel, values = found.study.compiled.kernel(found.chosen.ids), found.chosen.fitted.values
-    gains = input_gains(found.study, found.base.fitted.values)["pressure"]
+def _runs(found: Discovery, name: str) -> list[tuple[np.ndarray, ...]]:
+    """Answer, its rate, input and residual of every piece's first output, averaged over blocks."""
+    study, option = found.study, found.named
     made = []
-    for piece, gain in zip(found.study.pieces, gains, strict=True):
-        run = kernel.simulate(piece.case.protocol, piece.case.times, found.study.geometry | values)
-        left = (piece.record - run[found.study.measured]) / np.maximum(gain, LEAST_GAIN * float(np.max(gain)))
-        made.append(tuple(thinned(v) for v in (run["lambda_2"], run["lambda_2_rate"], run["voltage"], left)))
+    answers = study.response(option.ids, study.pieces).outputs(option.fitted.values)
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        part, times = piece.case.parts()[0], piece.case.readings[0].times
+        left = (piece.record - with_own(study, piece, answer))[part]
+        driven = piece.case.protocol.at(times)[name]
+        made.append(tuple(thinned(v) for v in (answer[part], np.gradient(answer[part], times), driven, left)))
     return made

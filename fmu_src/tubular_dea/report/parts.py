@@ -9,6 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..model.declare import Quantity
+from ..model.units import factor
 from .figures import COLOURS
 
 POINTS = 700  # drawn of each record: averages over as many blocks
@@ -55,6 +57,12 @@ def parameter_row(name: str, p: Mapping[str, Any], *others: float) -> list[str]:
     scale, unit = readable(p["value"], p["unit"])
     low, high = ("open" if e is None else f"{e / scale:.4g}" for e in p["ci95"])
     return [name, f"{p['value'] / scale:.4g}", f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
+
+
+def shown_unit(quantity: Quantity) -> tuple[float, str]:
+    """Factor and name of the unit in which a quantity is shown: the customary one where it has one."""
+    unit = quantity.display_unit or quantity.unit
+    return factor(unit, quantity.unit), unit
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:

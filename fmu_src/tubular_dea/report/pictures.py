@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, legend_above, png
+from .figures import COLOURS, legend_above, sized
 
 BOUNDARY = "#1b2733"
 NOTHING = "#dde3e8"  # where there is no value
@@ -38,9 +37,9 @@ class Map:
     labels: tuple[str, str, str]
     boundary: Boundary | None = None
 
-    def png(self) -> bytes:
-        """Drawn with matplotlib."""
-        figure, axis = _axes()
+    def draw(self, figure: Figure | None = None) -> Figure:
+        """Drawn with matplotlib, in `figure` if it is given."""
+        figure, axis = _axes(figure)
         z = np.ma.masked_invalid(self._drawn())
         mesh = axis.pcolormesh(self.x, self.y, z, shading="nearest", cmap="viridis", rasterized=True)
         axis.set_facecolor(NOTHING)
@@ -50,7 +49,7 @@ class Map:
             axis.plot(self.boundary.x, self.boundary.y, color=BOUNDARY, linewidth=2, label=self.boundary.name)
             legend_above(axis)
         axis.set(xlabel=self.labels[0], ylabel=self.labels[1], xlim=_ends(self.x), ylim=_ends(self.y))
-        return png(figure)
+        return figure
 
     def plotly(self) -> go.Figure:
         """Drawn with plotly."""
@@ -62,8 +61,14 @@ class Map:
                 figure.add_scatter(
                     x=x, y=y, fill="toself", fillcolor=NOTHING, mode="none", showlegend=False, hoverinfo="skip"
                 )
-            figure.add_scatter(x=self.boundary.x, y=self.boundary.y, name=self.boundary.name, mode="lines",
-                               showlegend=True, line={"color": BOUNDARY, "width": 3})  # fmt: skip
+            figure.add_scatter(
+                x=self.boundary.x,
+                y=self.boundary.y,
+                name=self.boundary.name,
+                mode="lines",
+                showlegend=True,
+                line={"color": BOUNDARY, "width": 3},
+            )
         figure.update_xaxes(title=self.labels[0], range=_ends(self.x))
         figure.update_yaxes(title=self.labels[1], range=_ends(self.y))
         return figure.update_layout(plot_bgcolor=NOTHING, legend={"orientation": "h", "y": 1, "yanchor": "bottom"})
@@ -101,9 +106,9 @@ class Curves:
     lines: tuple[Line, ...]
     labels: tuple[str, str]
 
-    def png(self) -> bytes:
-        """Drawn with matplotlib."""
-        figure, axis = _axes()
+    def draw(self, figure: Figure | None = None) -> Figure:
+        """Drawn with matplotlib, in `figure` if it is given."""
+        figure, axis = _axes(figure)
         for line in self.lines:
             style = {"linestyle": "none", "marker": "o"} if line.marks else {"linestyle": "--" if line.dashed else "-"}
             axis.plot(line.x, line.y, color=COLOURS[line.colour % len(COLOURS)], label=line.name or None, **style)
@@ -111,7 +116,7 @@ class Curves:
             legend_above(axis)
         axis.grid(alpha=0.3)
         axis.set(xlabel=self.labels[0], ylabel=self.labels[1])
-        return png(figure)
+        return figure
 
     def plotly(self) -> go.Figure:
         """Drawn with plotly."""
@@ -138,9 +143,9 @@ class Bars:
     base: float = 0.0
     stacked: bool = False
 
-    def png(self) -> bytes:
-        """Drawn with matplotlib."""
-        figure, axis = _axes(1.4 + 0.45 * len(self.factors) * (1 if self.stacked else 1.4))
+    def draw(self, figure: Figure | None = None) -> Figure:
+        """Drawn with matplotlib, in `figure` if it is given."""
+        figure, axis = _axes(figure, 1.4 + 0.45 * len(self.factors) * (1 if self.stacked else 1.4))
         place = np.arange(len(self.factors), dtype=float)[::-1]
         width = 0.7 if self.stacked else 0.8 / len(self.groups)
         for k, (name, start, end, error) in enumerate(self.groups):
@@ -151,7 +156,7 @@ class Bars:
         legend_above(axis)
         axis.set_xlabel(self.label)
         axis.grid(alpha=0.3, axis="x")
-        return png(figure)
+        return figure
 
     def plotly(self) -> go.Figure:
         """Drawn with plotly."""
@@ -175,14 +180,14 @@ class Histogram:
     marks: tuple[float, ...]
     label: str
 
-    def png(self) -> bytes:
-        """Drawn with matplotlib."""
-        figure, axis = _axes()
+    def draw(self, figure: Figure | None = None) -> Figure:
+        """Drawn with matplotlib, in `figure` if it is given."""
+        figure, axis = _axes(figure)
         axis.stairs(self.counts, self.edges, fill=True, color=COLOURS[1])
         for mark in self.marks:
             axis.axvline(mark, color=COLOURS[0], linewidth=1.2)
         axis.set(xlabel=self.label, ylabel="rows")
-        return png(figure)
+        return figure
 
     def plotly(self) -> go.Figure:
         """Drawn with plotly."""
@@ -196,9 +201,8 @@ class Histogram:
 Picture = Map | Curves | Bars | Histogram
 
 
-def _axes(height: float = 4.6) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(7.6, height), layout="constrained")
-    FigureCanvasAgg(figure)
+def _axes(figure: Figure | None, height: float = 4.6) -> tuple[Figure, Any]:
+    figure = sized(figure, 7.6, height)
     axis = figure.subplots()
     axis.spines[["top", "right"]].set_visible(False)
     return figure, axis

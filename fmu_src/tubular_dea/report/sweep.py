@@ -14,10 +14,11 @@ from ..model.declare import Model
 from ..sweep.axes import Axis, Joint, Levels, Normal
 from ..sweep.plan import Plan
 from ..sweep.rows import failures
-from ..sweep.sensitivity import Indices, Spread, Tornado, sobol_indices, spread, tornado
+from ..sweep.sensitivity import Distribution, Indices, Tornado, sobol_indices, spread, tornado
 from ..sweep.shown import Shown, shown
 from ..sweep.store import Store
 from .equilibria import equilibrium_curves, snap_boundary
+from .figures import png
 from .page import Page
 from .pictures import Bars, Curves, Histogram, Line, Map, Picture
 
@@ -26,19 +27,27 @@ MANY = 24  # outputs beyond these are in the table, not in pictures
 
 def write_report(store: Store, plan: Plan) -> list[Path]:
     """Write DIR/report.html, DIR/*.png and, for sampled designs, DIR/statistics.json; returns their paths."""
-    numeric = [w.column for w in plan.outputs]
-    values = {name: store.column(name) for name in numeric}
-    pictures = list(_pictures(plan, values))
-    written = [write_atomically(store.folder / f"{p.name}.png", p.png()) for p in pictures]
+    values = _values(store, plan)
+    drawn = list(_pictures(plan, values))
+    written = [write_atomically(store.folder / f"{p.name}.png", png(p.draw())) for p in drawn]
     page = Page(plan.name, f"{plan.design.rows} rows ({plan.design.kind.replace('_', ' ')}), model {plan.model.name}.")
     _describe(page, store, plan, shown(plan))
     statistics = _statistics(plan, values)
     if statistics:
         written.append(write_atomically(store.folder / "statistics.json", _json(statistics)))
         _spreads(page, statistics, shown(plan))
-    for picture in pictures:
+    for picture in drawn:
         page.figure(picture.plotly(), picture.caption)
     return [*written, page.write(store.folder / "report.html")]
+
+
+def pictures(store: Store, plan: Plan) -> list[Picture]:
+    """The pictures of the report, in its order."""
+    return list(_pictures(plan, _values(store, plan)))
+
+
+def _values(store: Store, plan: Plan) -> dict[str, np.ndarray]:
+    return {w.column: store.column(w.column) for w in plan.outputs}
 
 
 # Words and numbers ----------------------------------------------------------------------------------------------------
@@ -69,7 +78,7 @@ def _over(axis: Axis, labels: dict[str, Shown]) -> str:
     return f"{way.scale * axis.low:g} to {way.scale * axis.high:g} {way.unit}".rstrip() + notes
 
 
-def _statistics(plan: Plan, values: dict[str, np.ndarray]) -> list[Indices | Tornado | Spread]:
+def _statistics(plan: Plan, values: dict[str, np.ndarray]) -> list[Indices | Tornado | Distribution]:
     design = plan.design
     if design.kind == "one_at_a_time":
         return [tornado(design, name, v) for name, v in values.items()]
@@ -82,16 +91,19 @@ def _statistics(plan: Plan, values: dict[str, np.ndarray]) -> list[Indices | Tor
     return [*spreads, *indices]
 
 
-def _json(statistics: list[Indices | Tornado | Spread]) -> bytes:
-    plain = [{"kind": type(s).__name__.lower()} | {k: v.tolist() if isinstance(v, np.ndarray) else v
-                                                   for k, v in asdict(s).items()} for s in statistics]  # fmt: skip
+def _json(statistics: list[Indices | Tornado | Distribution]) -> bytes:
+    plain = [
+        {"kind": type(s).__name__.lower()}
+        | {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(s).items()}
+        for s in statistics
+    ]
     return (json.dumps(plain, indent=1) + "\n").encode()
 
 
-def _spreads(page: Page, statistics: list[Indices | Tornado | Spread], labels: dict[str, Shown]) -> None:
+def _spreads(page: Page, statistics: list[Indices | Tornado | Distribution], labels: dict[str, Shown]) -> None:
     rows = []
     for s in statistics:
-        if isinstance(s, Spread):
+        if isinstance(s, Distribution):
             scale = labels[s.column].scale
             rows.append(
                 (labels[s.column].label, s.count, *(f"{scale * v:.6g}" for v in (s.mean, s.deviation, *s.quantiles)))
@@ -200,7 +212,7 @@ def _sobol_bars(s: Indices, label: Shown) -> Bars:
     return Bars(f"sobol_{s.column}", caption, s.factors, groups, "share of the variance")
 
 
-def _histogram(s: Spread, values: np.ndarray, label: Shown) -> Histogram:
+def _histogram(s: Distribution, values: np.ndarray, label: Shown) -> Histogram:
     counts, edges = np.histogram(
         values[np.isfinite(values)] * label.scale, bins=min(60, max(10, int(np.sqrt(s.count))))
     )

@@ -106,8 +106,10 @@ def _range(name: str, given: Mapping[str, Any], quantities: Quantities, place: s
         (step,) = _numbers([given["step"]], unit, place)
         parts = (high - low) / step if step > 0 else 0.0
         if count is not None or log or not parts >= 1 or abs(parts - round(parts)) > 1e-6:
-            raise PlanError(f"{place}: expected a step that divides {high - low:g} {unit}, without count or log, "
-                            f"but was given {step:g} {unit}")  # fmt: skip
+            raise PlanError(
+                f"{place}: expected a step that divides {high - low:g} {unit}, without count or log, "
+                f"but was given {step:g} {unit}"
+            )
         count = round(parts) + 1
     if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < 2):
         raise PlanError(f"{place}: expected a count of at least 2 but was given {count!r}")
@@ -135,8 +137,10 @@ def _file(name: str, path: Path, quantities: Quantities, place: str) -> Levels:
     for text in header:
         column = text.partition("[")[0].strip()
         if column not in cells and column != name:
-            raise PlanError(f"{place}: {path}: {quantities.name} has no parameter {column!r}"
-                            f"{nearest(column, quantities.parameters)}")  # fmt: skip
+            raise PlanError(
+                f"{place}: {path}: {quantities.name} has no parameter {column!r}"
+                f"{nearest(column, quantities.parameters)}"
+            )
     if len(table) < 2 or not cells:
         raise PlanError(f"{place}: {path}: expected a header with parameters and at least one line of numbers")
     points, labels = [], []
@@ -161,8 +165,10 @@ def _patients(name: str, given: Mapping[str, Any], quantities: Quantities, place
     keys = list(dict.fromkeys(key for patient in names for key in PATIENTS[patient]))
     unknown = [f"{prefix}{key}" for key in keys if f"{prefix}{key}" not in quantities.parameters]
     if unknown or not names:
-        raise PlanError(f"{place}: {quantities.name} has no parameter {unknown[:1]}; name the part that is the heart, "
-                        f'for example {{ patients = ["healthy"], part = "heart" }}')  # fmt: skip
+        raise PlanError(
+            f"{place}: {quantities.name} has no parameter {unknown[:1]}; name the part that is the heart, "
+            f'for example {{ patients = ["healthy"], part = "heart" }}'
+        )
     defaults = {key: float(quantities.parameters[f"{prefix}{key}"].value or 0.0) for key in keys}
     table = tuple(tuple(float({**defaults, **PATIENTS[p]}[key]) for key in keys) for p in names)
     columns = tuple((f"{prefix}{key}", quantities.parameters[f"{prefix}{key}"].unit) for key in keys)
@@ -175,8 +181,10 @@ def _calibration(path: Path, quantities: Quantities, place: str) -> Joint:
         raise PlanError(f"{place}: {path} has no covariance; expected one from `tubular-dea identify` or `close-loop`")
     for column, _ in joint.columns:
         if column not in quantities.parameters:
-            raise PlanError(f"{place}: {quantities.name} has no parameter {column!r}"
-                            f"{nearest(column, quantities.parameters)}; give the same model.json as model")  # fmt: skip
+            raise PlanError(
+                f"{place}: {quantities.name} has no parameter {column!r}"
+                f"{nearest(column, quantities.parameters)}; give the same model.json as model"
+            )
     return joint
 
 

@@ -6,7 +6,6 @@ worker are under way, so that memory does not grow with the sweep.
 
 from __future__ import annotations
 
-import os
 import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
@@ -16,10 +15,11 @@ from queue import SimpleQueue
 from typing import Any
 
 from ..errors import UserError
-from .extra import load
+from ..extra import load
+from ..processors import processors
 from .parts import Part, Piece, part, task
 from .plan import Plan
-from .rows import Study
+from .rows import PreparedPlan
 
 AHEAD = 2  # pieces a thread, or tasks a worker, that are under way
 QUIET = {  # half of what Dask does while it waits: profiles, its own clock, what the disks do; nothing here reads them
@@ -38,23 +38,27 @@ class Threads:
     """Threads of this process; the compiled model runs without Python's lock."""
 
     def __init__(self, workers: int | None = None) -> None:
-        self.workers = workers or _processors()
+        self.workers = workers or processors()
 
     def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
         """The parts, in the order in which they are finished."""
-        study = Study(plan)
-        workers = self.workers if study.threads else 1
+        prepared = PreparedPlan(plan)
+        workers = self.workers if prepared.threads else 1
         waiting = iter(pieces)
         with ThreadPoolExecutor(workers) as pool:
             under_way: set[Future[Part]] = set()
             try:
                 while True:
                     fresh = islice(waiting, AHEAD * workers - len(under_way))
-                    under_way |= {pool.submit(part, study, *piece) for piece in fresh}
+                    under_way |= {pool.submit(part, prepared, *piece) for piece in fresh}
                     if not under_way:
                         return
                     done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
                     yield from sorted((future.result() for future in done), key=lambda made: made.start)
+            except KeyboardInterrupt:  # what is under way is finished and handed over
+                pool.shutdown(wait=True, cancel_futures=True)
+                yield from (future.result() for future in under_way if future.done() and not future.cancelled())
+                raise
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
 
@@ -71,7 +75,7 @@ class Cluster:
         A task is several pieces, as many as take TASK_SECONDS, and fewer towards the end: what Dask asks for each
         task is then little beside its work.
         """
-        distributed = load("distributed", "a cluster")
+        distributed = load("distributed", "a cluster", "sweep")
         content, fingerprint = pickle.dumps(plan), plan.fingerprint
         waiting, each = list(pieces), float("inf")  # the seconds a piece takes
         finished: SimpleQueue[Any] = SimpleQueue()  # as_completed of Dask may sleep for 0.1 s beside a result
@@ -105,25 +109,20 @@ def backend(
     if local_cluster is None and scheduler is None:
         yield Threads(workers)
         return
-    distributed = load("distributed", "a cluster")
+    distributed = load("distributed", "a cluster", "sweep")
     if scheduler is not None:
         try:
             client = distributed.Client(scheduler, timeout=timeout)
         except (OSError, ValueError, TimeoutError) as problem:
-            raise BackendError(f"--scheduler {scheduler}: it cannot be reached: {problem}") from None
+            raise BackendError(
+                f"the scheduler {scheduler} cannot be reached: {problem}; give its address, or none"
+            ) from None
         with client:
             yield Cluster(client)
         return
     with (
-        load("dask", "a cluster").config.set(QUIET),
+        load("dask", "a cluster", "sweep").config.set(QUIET),
         distributed.LocalCluster(n_workers=local_cluster, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield Cluster(client)
-
-
-def _processors() -> int:
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:
-        return os.cpu_count() or 1

@@ -12,6 +12,7 @@ from scipy.stats import qmc
 
 from .axes import Axis, Columns
 from .expression import PlanError
+from .saltelli import saltelli
 
 KINDS = ("grid", "random", "latin_hypercube", "sobol", "sobol_indices", "one_at_a_time")
 WHOLE = ("latin_hypercube", "sobol_indices")  # drawn as a whole, and so held in memory
@@ -75,8 +76,10 @@ class Design:
         if self.kind == "sobol":
             return self._sobol(start, stop)
         first = start // BLOCK
-        blocks = [np.random.default_rng([self.seed, b]).random((BLOCK, self.dimensions))
-                  for b in range(first, -(-stop // BLOCK))]  # fmt: skip
+        blocks = [
+            np.random.default_rng([self.seed, b]).random((BLOCK, self.dimensions))
+            for b in range(first, -(-stop // BLOCK))
+        ]
         return np.concatenate(blocks)[start - first * BLOCK : stop - first * BLOCK]
 
     def _sobol(self, start: int, stop: int) -> np.ndarray:
@@ -92,8 +95,6 @@ class Design:
         if self.kind == "latin_hypercube":
             return qmc.LatinHypercube(self.dimensions, seed=self.seed).random(self.points)
         if self.kind == "sobol_indices":
-            from .sensitivity import saltelli
-
             return saltelli(self.dimensions, self.points, self.seed)
         middle = np.full((self.rows, self.dimensions), 0.5)
         tails = [axis.tails for axis in self.axes for _ in range(axis.dimensions)]

@@ -17,8 +17,11 @@ from ..model.units import quantity
 Values = Mapping[str, np.ndarray | float]
 
 _OPERATORS: dict[type, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-}  # fmt: skip
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
 
 
 class PlanError(UserError, ValueError):

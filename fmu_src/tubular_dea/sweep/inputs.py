@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
+from ..kernel.batch import Breakpoints
 from ..model.units import NUMBER
 from ..protocol import read_csv
-from .batch import Breakpoints
 from .expression import Number, PlanError, Values, number
 
 FORMS = (

@@ -1,4 +1,4 @@
-"""The models a plan may name: the package's own, a calibrated `model.json`, or an FMU made elsewhere."""
+"""The models a plan may name: the package's own, a plant's file, a calibrated `model.json`, an FMU made elsewhere."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files import FileError, read_whole
 from ..model.compose import compose
 from ..model.dea import tubular_dea
 from ..model.declare import Model, nearest
-from ..model.effects import with_effects
-from ..model.saved import ModelFileError, load
+from ..model.effect import with_effects as added
 from ..model.windkessel import aortic_windkessel
+from ..plants.effects import with_effects
+from ..plants.load import PlantError, load_plant
+from ..plants.saved import ModelFileError, load
 from .axes import Joint
 from .expression import PlanError
 
 
 @dataclass(frozen=True)
-class ForeignFmu:
+class ExternalFmu:
     """An FMU as it is: its name and its bytes, so that any worker can run it."""
 
     name: str
@@ -29,12 +32,15 @@ class ForeignFmu:
     def __repr__(self) -> str:
         from hashlib import sha256
 
-        return f"ForeignFmu({self.name!r}, {sha256(self.content).hexdigest()})"
+        return f"ExternalFmu({self.name!r}, {sha256(self.content).hexdigest()})"
 
 
-def assisted_heart() -> Model:
-    """The tube on the aorta behind the ventricle, as one system of equations; its input is `tube_voltage`."""
-    parts = {"tube": tubular_dea(), "heart": aortic_windkessel()}
+def assisted_heart(tube: Model | None = None) -> Model:
+    """The tube on the aorta behind the ventricle, as one system of equations; its input is `tube_voltage`.
+
+    `tube` takes the place of the paper's.
+    """
+    parts = {"tube": tube or tubular_dea(), "heart": aortic_windkessel()}
     wires = [("heart.aortic_pressure", "tube.pressure"), ("tube.tube_flow", "heart.tube_flow")]
     return compose("AssistedHeart", parts, wires)
 
@@ -46,25 +52,44 @@ MODELS: dict[str, Callable[[], Model]] = {
 }
 
 
-def resolve(given: object, effects: tuple[str, ...], folder: Path) -> Model | ForeignFmu:
-    """The model that a plan names; `PlanError` with what there is otherwise."""
-    if isinstance(given, Model | ForeignFmu):
+def resolve(given: object, effects: tuple[str, ...], folder: Path, tube: object = None) -> Model | ExternalFmu:
+    """The model that a plan names; `PlanError` with what there is otherwise.
+
+    `tube` is a file with the tube of the assisted heart.
+    """
+    if tube is not None:
+        if given != "AssistedHeart" or not isinstance(tube, str):
+            raise PlanError(f'tube: expected a model.json beside model = "AssistedHeart" but was given {tube!r}')
+        return assisted_heart(with_effects(calibrated(folder / tube)[0], effects))
+    if isinstance(given, Model | ExternalFmu):
         return given
     if not isinstance(given, str):
         raise PlanError(f"model: expected a name or a file but was given {given!r}")
     if given in MODELS:
         return with_effects(MODELS[given](), effects)
     path = folder / given
+    if ".py" in path.name:
+        return _of_plant(str(path), effects)
     if path.suffix == ".json":
         return with_effects(calibrated(path)[0], effects)
     if path.suffix == ".fmu":
         if effects:
             raise PlanError(f"effects: {given} is an FMU made elsewhere; effects go into the package's own models")
         try:
-            return ForeignFmu(path.name, path.read_bytes())
-        except OSError as problem:
-            raise PlanError(f"model: {path}: cannot be read: {problem.strerror}") from None
-    raise PlanError(f"model: there is no {given!r}{nearest(given, MODELS)}, or a model.json or .fmu file")
+            return ExternalFmu(path.name, read_whole(path))
+        except FileError as problem:
+            raise PlanError(f"model: {problem}") from None
+    also = "or a model.json, FILE.py[:NAME] or .fmu file"
+    raise PlanError(f"model: there is no {given!r}{nearest(given, MODELS)}, {also}")
+
+
+def _of_plant(file: str, effects: tuple[str, ...]) -> Model:
+    """The model of a plant's file, with effects of its catalogue."""
+    try:
+        plant = load_plant(file)
+    except PlantError as problem:
+        raise PlanError(f"model: {problem}") from None
+    return added(plant.model, effects, plant.catalogue)
 
 
 def calibrated(path: Path) -> tuple[Model, Joint | None]:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .extra import load
-from .rows import Rows, Study
+from ..extra import load
+from .rows import PreparedPlan, Rows
 
 Piece = tuple[int, int]
 
@@ -29,10 +29,10 @@ class Part:
     data: bytes
 
 
-def part(study: Study, start: int, stop: int) -> Part:
+def part(prepared: PreparedPlan, start: int, stop: int) -> Part:
     """The part of rows `start` to `stop`: the same bytes whoever computes it."""
-    rows = study.rows(start, stop)
-    return Part(start, stop, int(np.count_nonzero(rows["status"])), parquet(study.plan.columns, rows))
+    rows = prepared.rows(start, stop)
+    return Part(start, stop, int(np.count_nonzero(rows["status"])), parquet(prepared.plan.columns, rows))
 
 
 def parquet(units: Mapping[str, str], rows: Rows) -> bytes:
@@ -47,7 +47,9 @@ def parquet(units: Mapping[str, str], rows: Rows) -> bytes:
 
 def arrow() -> tuple[Any, Any]:
     """pyarrow and its Parquet module."""
-    return load("pyarrow", "a sweep's result table"), load("pyarrow.parquet", "a sweep's result table")
+    return load("pyarrow", "a sweep's result table", "sweep"), load(
+        "pyarrow.parquet", "a sweep's result table", "sweep"
+    )
 
 
 def _type(pa: Any, name: str, unit: str) -> Any:
@@ -62,13 +64,13 @@ _LOCK = threading.Lock()
 
 
 @lru_cache(maxsize=4)
-def _study(fingerprint: str, content: bytes) -> Study:
-    return Study(pickle.loads(content))
+def _prepared(fingerprint: str, content: bytes) -> PreparedPlan:
+    return PreparedPlan(pickle.loads(content))
 
 
 def task(fingerprint: str, content: bytes, pieces: Sequence[Piece]) -> tuple[list[Part], float]:
     """The parts of a pickled plan, and the seconds they took: what a worker runs. It compiles the model once."""
     begin = perf_counter()
     with _LOCK:
-        study = _study(fingerprint, content)
-    return [part(study, *piece) for piece in pieces], perf_counter() - begin
+        prepared = _prepared(fingerprint, content)
+    return [part(prepared, *piece) for piece in pieces], perf_counter() - begin

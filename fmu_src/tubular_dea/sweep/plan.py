@@ -3,7 +3,8 @@
 ::
 
     name = "Displacement over pressure and voltage"
-    model = "TubularDEA"                    # AssistedHeart, AorticWindkessel, a model.json, an FMU made elsewhere
+    model = "TubularDEA"                    # AssistedHeart, AorticWindkessel, model.json, tanks.py[:NAME], any FMU
+    tube = "closed/model.json"              # of an AssistedHeart, where it is not the paper's
     study = "rest"                          # or "trajectory"
     outputs = ["radial_displacement", "snap_through_margin"]
 
@@ -41,17 +42,18 @@ from typing import Any
 
 from ..emit.variables import guid
 from ..errors import UserError
+from ..files import FileError, read_whole
 from ..model.declare import Model, nearest
 from .axes import units
 from .axis_tables import axis
 from .design import KINDS, Design, design
 from .expression import Number, PlanError, number
 from .inputs import Template, template
-from .models import ForeignFmu, resolve
+from .models import ExternalFmu, resolve
 from .quantities import Quantities
 from .wanted import Wanted, spelled_out, wanted
 
-TABLES = ("name", "model", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
+TABLES = ("name", "model", "tube", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
 RESERVED = ("row", "status", "message")
 
 
@@ -60,7 +62,7 @@ class Plan:
     """A checked plan; everything it refers to is inside, so that any worker can carry out any part of it."""
 
     name: str
-    model: Model | ForeignFmu
+    model: Model | ExternalFmu
     study: str
     design: Design
     fixed: tuple[tuple[str, float], ...]
@@ -86,10 +88,9 @@ class Plan:
 def read_plan(path: Path) -> Plan:
     """The plan in a TOML file; files it names are taken relative to it. `PlanError` says what to mend."""
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-    except OSError as problem:
-        raise PlanError(f"{path}: cannot be read: {problem.strerror}") from None
+        content = tomllib.loads(read_whole(path).decode())
+    except FileError as problem:
+        raise PlanError(str(problem)) from None
     except (ValueError, RecursionError) as problem:
         raise PlanError(f"{path}: {problem}") from None
     try:
@@ -101,15 +102,17 @@ def read_plan(path: Path) -> Plan:
 def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
     """A plan from the tables of the TOML form; `model` may also be a `Model`. Raises `PlanError`."""
     _known("the plan", content, TABLES)
-    model = resolve(content.get("model", "TubularDEA"), tuple(content.get("effects", ())), folder)
+    model = resolve(content.get("model", "TubularDEA"), tuple(content.get("effects", ())), folder, content.get("tube"))
     quantities = Quantities.of(model)
     study = _one_of("study", content.get("study", "trajectory"), ("trajectory", "rest"))
     run, scheme = _table(content, "run", ("stop", "tolerance")), _table(content, "design", ("kind", "points", "seed"))
     axes = [axis(name, given, quantities, folder) for name, given in _table(content, "vary").items()]
     kind = _one_of("[design] kind", scheme.get("kind", "grid"), KINDS)
     made = design(kind, axes, _whole(scheme, "points", 0), _whole(scheme, "seed", 1))
-    given = {name: template(name, text, quantities.input_unit(name), folder)
-             for name, text in _table(content, "inputs").items()}  # fmt: skip
+    given = {
+        name: template(name, text, quantities.input_unit(name), folder)
+        for name, text in _table(content, "inputs").items()
+    }
     inputs = _complete_inputs(given, made, quantities)
     stop = number(run.get("stop", 1.0), "s", "[run] stop")
     if stop.constant is not None and not stop.constant > 0:
@@ -218,8 +221,10 @@ def _check(plan: Plan, quantities: Quantities) -> None:
     for name, unit in varied.items():
         if unit and name not in quantities.parameters and name not in quantities.inputs and name not in used:
             known = [*quantities.parameters, *quantities.inputs]
-            raise PlanError(f"[vary] {name}: {quantities.name} has no such parameter or input, and no input uses "
-                            f"{{{name}}}{nearest(name, known)}")  # fmt: skip
+            raise PlanError(
+                f"[vary] {name}: {quantities.name} has no such parameter or input, and no input uses "
+                f"{{{name}}}{nearest(name, known)}"
+            )
     if plan.study == "rest" and any(t.kind != "level" for _, t in plan.inputs):
         raise PlanError("[inputs]: expected constant inputs for rest states, not steps, ramps, pulses or records")
     quantities.check_study(plan.study, plan.outputs)

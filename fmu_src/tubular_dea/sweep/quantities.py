@@ -9,7 +9,8 @@ from ..errors import UserError
 from ..model.declare import Model, Quantity, nearest
 from ..model.units import quantity
 from .expression import PlanError
-from .models import ForeignFmu
+from .models import ExternalFmu
+from .unpacked import declared
 from .wanted import Wanted
 
 
@@ -24,12 +25,11 @@ class Quantities:
     has_curve: bool
 
     @staticmethod
-    def of(model: Model | ForeignFmu) -> Quantities:
+    def of(model: Model | ExternalFmu) -> Quantities:
         """Those of a model."""
-        if isinstance(model, ForeignFmu):
-            from .foreign import quantities
-
-            return quantities(model)
+        if isinstance(model, ExternalFmu):
+            found = declared(model)
+            return Quantities(model.name, found.parameters, found.inputs, found.variables, False)
         variables = model.quantities()
         parameters = {p.quantity.name: p.quantity for p in model.parameters}
         inputs = {q.name: q for q in model.inputs}

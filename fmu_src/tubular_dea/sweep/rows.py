@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .batch import MESSAGES, Batch, Results, message
+from ..kernel.batch import MESSAGES, Batch, Results, message
 from .expression import Values
-from .models import ForeignFmu
+from .models import ExternalFmu
 from .plan import Plan
 from .quantities import Quantities
 
@@ -22,17 +22,17 @@ TEXTS = {
 Rows = dict[str, np.ndarray]
 
 
-class Study:
+class PreparedPlan:
     """A plan made ready: its model compiled for what is wanted."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.probes = [probe for w in plan.outputs for probe in w.probes]
         self.quantities = Quantities.of(plan.model)
-        if isinstance(plan.model, ForeignFmu):
-            from .foreign import ForeignRows
+        if isinstance(plan.model, ExternalFmu):
+            from .external import ExternalRows
 
-            self.engine: Batch | ForeignRows = ForeignRows(plan.model, self.probes)
+            self.engine: Batch | ExternalRows = ExternalRows(plan.model, self.probes)
         else:
             self.engine = Batch(plan.model, self.probes)
 
@@ -58,8 +58,9 @@ class Study:
         results = compute(n, parameters, values, problems)
         return self._table(start, n, varied, results, problems)
 
-    def _trajectories(self, n: int, parameters: dict[str, np.ndarray | float], values: Values,
-                      problems: _Problems) -> Results:  # fmt: skip
+    def _trajectories(
+        self, n: int, parameters: dict[str, np.ndarray | float], values: Values, problems: _Problems
+    ) -> Results:
         plan = self.plan
         stop = plan.stop(values)
         problems.add(UNDEFINED, "stop", ~(np.isfinite(stop) & (stop > 0)))

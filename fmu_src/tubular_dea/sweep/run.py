@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tqdm import tqdm
-
+from ..progress import progress_bar
 from .backends import Cluster, Threads
 from .plan import Plan
 from .store import Store
 
 
-def carry_out(plan: Plan, folder: Path, backend: Threads | Cluster | None = None) -> Store:
-    """The results of `plan` in `folder`; parts that are there already stay. Shows progress on a terminal.
+def carry_out(plan: Plan, folder: Path, backend: Threads | Cluster | None = None, shown: bool = True) -> Store:
+    """The results of `plan` in `folder`; parts that are there already stay. Progress is `shown`.
 
     Started again after it was interrupted, it goes on where it was. Raises `StoreError` for a folder that holds
     another plan's results.
@@ -21,9 +20,8 @@ def carry_out(plan: Plan, folder: Path, backend: Threads | Cluster | None = None
     missing = store.missing()
     done = store.manifest.rows - sum(stop - start for start, stop in missing)
     failed = 0
-    with tqdm(
-        total=store.manifest.rows, initial=done, unit="row", unit_scale=True, disable=None, desc=plan.name
-    ) as bar:
+    rows = store.manifest.rows
+    with progress_bar(total=rows, initial=done, unit="row", unit_scale=True, desc=plan.name, disable=not shown) as bar:
         if missing:
             for part in (backend or Threads()).run(plan, missing):
                 store.write(part)

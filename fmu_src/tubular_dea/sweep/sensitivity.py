@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..extra import load
 from .axes import Axis, Joint
 from .design import Design
-from .extra import load
+from .saltelli import problem
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Tornado:
 
 
 @dataclass(frozen=True)
-class Spread:
+class Distribution:
     """One output of a sampled design: mean, deviation and quantiles (5, 50, 95 %) of the rows that succeeded."""
 
     column: str
@@ -56,25 +57,14 @@ def factors(axes: tuple[Axis, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _problem(dimensions: int) -> dict[str, object]:
-    return {"num_vars": dimensions, "names": [f"x{i}" for i in range(dimensions)], "bounds": [[0.0, 1.0]] * dimensions}
-
-
-def saltelli(dimensions: int, points: int, seed: int) -> np.ndarray:
-    """Saltelli's design in the unit cube, shape (points * (dimensions + 2), dimensions)."""
-    sample = load("SALib.sample.sobol", "a design for Sobol indices")
-    drawn = sample.sample(_problem(dimensions), points, calc_second_order=False, seed=seed)
-    return np.asarray(drawn, float)
-
-
 def sobol_indices(design: Design, column: str, values: np.ndarray) -> Indices | None:
     """The indices of one output over the whole design; None where rows failed or nothing varies."""
     if not np.all(np.isfinite(values)) or np.ptp(values) <= 1e-12 * np.max(np.abs(values)):
         return None
-    analyze = load("SALib.analyze.sobol", "Sobol indices")
+    analyze = load("SALib.analyze.sobol", "Sobol indices", "sweep")
     centred = (values - values.mean()) / values.std()  # the estimates are the same, with less rounding
     found = analyze.analyze(
-        _problem(design.dimensions), centred, calc_second_order=False, conf_level=0.95, seed=design.seed
+        problem(design.dimensions), centred, calc_second_order=False, conf_level=0.95, seed=design.seed
     )
     first, first_interval, total, total_interval = (
         np.asarray(found[k], float) for k in ("S1", "S1_conf", "ST", "ST_conf")
@@ -87,12 +77,12 @@ def tornado(design: Design, column: str, values: np.ndarray) -> Tornado:
     return Tornado(column, factors(design.axes), float(values[0]), values[1::2], values[2::2])
 
 
-def spread(column: str, values: np.ndarray) -> Spread | None:
+def spread(column: str, values: np.ndarray) -> Distribution | None:
     """Mean, deviation and quantiles of one output; None where fewer than two rows have it."""
     good = values[np.isfinite(values)]
     if good.size < 2:
         return None
     low, middle, high = np.quantile(good, [0.05, 0.5, 0.95])
-    return Spread(
+    return Distribution(
         column, good.size, float(good.mean()), float(good.std(ddof=1)), (float(low), float(middle), float(high))
     )

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import UserError
+from ..extra import load
 from ..files import is_unfinished, write_atomically
-from .extra import load
 from .parts import Part, arrow
 from .plan import Plan
 from .rows import Rows
 
-FORMAT = 1
+FORMAT = 2
 PARTS = 64  # a sweep has at most so many, and at least half of them, between the limits below
 SMALLEST_PART, LARGEST_PART = 64, 16384
 
@@ -63,7 +63,7 @@ class Store:
         if path.exists():
             _same(_manifest(path), mine, folder)
         elif folder.exists() and any(entry for entry in folder.iterdir() if not is_unfinished(entry)):
-            raise StoreError(f"{folder}: it is not empty and holds no sweep; give another --out, or empty it")
+            raise StoreError(f"{folder}: it is not empty and holds no sweep; give another folder, or empty it")
         else:
             check_room(plan, folder)
             write_atomically(path, (json.dumps(asdict(mine), indent=1) + "\n").encode())
@@ -76,9 +76,13 @@ class Store:
 
     @property
     def pieces(self) -> list[tuple[int, int]]:
-        """First row and end of every part there will be."""
-        rows, part = self.manifest.rows, self.manifest.part
-        return [(start, min(start + part, rows)) for start in range(0, rows, part)]
+        """First row and end of every part there will be: small ones first, so that there soon is something to keep."""
+        found: list[tuple[int, int]] = []
+        start, size = 0, min(SMALLEST_PART, self.manifest.part)
+        while start < self.manifest.rows:
+            found.append((start, min(start + size, self.manifest.rows)))
+            start, size = start + size, min(2 * size, self.manifest.part)
+        return found
 
     def missing(self) -> list[tuple[int, int]]:
         """The parts that are not there, or not whole."""
@@ -128,9 +132,11 @@ def check_room(plan: Plan, folder: Path) -> None:
         raise StoreError(f"{plan.design.rows:.3g} rows need about {sizes}; take fewer points")
     available = _memory()
     if plan.design.memory > 0.8 * available:
-        raise StoreError(f"[design] {plan.design.kind}: drawing {plan.design.rows:.3g} rows needs about "
-                         f"{plan.design.memory / 1e9:.3g} GB of memory, and {available / 1e9:.3g} GB are available; "
-                         f"take fewer points, or random or sobol, which need none")  # fmt: skip
+        raise StoreError(
+            f"[design] {plan.design.kind}: drawing {plan.design.rows:.3g} rows needs about "
+            f"{plan.design.memory / 1e9:.3g} GB of memory, and {available / 1e9:.3g} GB are available; "
+            f"take fewer points, or random or sobol, which need none"
+        )
 
 
 def check_cube(plan: Plan) -> None:
@@ -141,7 +147,7 @@ def check_cube(plan: Plan) -> None:
 
 def cube(store: Store, plan: Plan) -> Any:
     """The results of a grid as an xarray Dataset, one dimension for each axis; `StoreError` for other designs."""
-    xarray = load("xarray", "a cube")
+    xarray = load("xarray", "a cube", "sweep")
     check_cube(plan)
     shape, axes = plan.design.shape, plan.design.axes
     names = [axis.name for axis in axes]
@@ -162,7 +168,7 @@ def cube(store: Store, plan: Plan) -> Any:
 
 def write_cube(store: Store, plan: Plan) -> Path:
     """The cube as DIR/cube.zarr."""
-    load("zarr", "a cube")
+    load("zarr", "a cube", "sweep")
     made = cube(store, plan)
     path = store.folder / "cube.zarr"
     fresh, old = path.with_suffix(".zarr.new"), path.with_suffix(".zarr.old")
@@ -181,11 +187,11 @@ def _manifest(path: Path) -> Manifest:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content.get("format") != FORMAT:
             raise StoreError(
-                f"{path}: expected format {FORMAT} but found {content.get('format')!r}; give another --out"
+                f"{path}: expected format {FORMAT} but found {content.get('format')!r}; give another folder"
             )
         return Manifest(**content)
     except (OSError, ValueError, TypeError, AttributeError) as problem:
-        raise StoreError(f"{path}: cannot be read as a sweep's manifest: {problem}; give another --out") from None
+        raise StoreError(f"{path}: cannot be read as a sweep's manifest: {problem}; give another folder") from None
 
 
 def _same(found: Manifest, mine: Manifest, folder: Path) -> None:
@@ -197,8 +203,10 @@ def _same(found: Manifest, mine: Manifest, folder: Path) -> None:
     if list(found.columns) != list(mine.columns):
         differences.append(f"columns {', '.join(found.columns)} there")
     what = f" ({'; '.join(differences)})" if differences else ""
-    raise StoreError(f"{folder}: it holds the results of another plan, {found.name!r}{what}; give another --out. "
-                     f"Nothing was overwritten")  # fmt: skip
+    raise StoreError(
+        f"{folder}: it holds the results of another plan, {found.name!r}{what}; give another folder. "
+        f"Nothing was overwritten"
+    )
 
 
 def _memory() -> float:

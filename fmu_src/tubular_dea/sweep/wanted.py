@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .batch import Probe, Results
+from ..kernel.batch import Probe, Results
 from .expression import Number, PlanError, Values, number
 
 FORMS = (
@@ -119,8 +119,13 @@ def _at(words: list[str], units: Units) -> Wanted | None:
     if len(words) < 3 or words[1] != "at":
         return None
     text = " ".join(words[2:])
-    return Wanted(f"{words[0]}_at_{_slug(text)}", units(words[0]), "", (Probe("at", words[0]),),
-                  time=number(text, "s", f"outputs: {' '.join(words)}"))  # fmt: skip
+    return Wanted(
+        f"{words[0]}_at_{_slug(text)}",
+        units(words[0]),
+        "",
+        (Probe("at", words[0]),),
+        time=number(text, "s", f"outputs: {' '.join(words)}"),
+    )
 
 
 def _window(words: list[str], units: Units) -> Wanted | None:
@@ -131,8 +136,15 @@ def _window(words: list[str], units: Units) -> Wanted | None:
     kinds = {"swing": ("max", "min"), "change": ("final", "at")}.get(kind, (kind,))
     probes = tuple(Probe(k, name) for k in kinds)
     time = number(text, "s", f"outputs: {' '.join(words)}") if window else None
-    return Wanted(f"{kind}_{name}", units(name), "", probes, "difference" if len(probes) == 2 else "", time,
-                  window == "over the last")  # fmt: skip
+    return Wanted(
+        f"{kind}_{name}",
+        units(name),
+        "",
+        probes,
+        "difference" if len(probes) == 2 else "",
+        time,
+        window == "over the last",
+    )
 
 
 def _slug(text: str) -> str:

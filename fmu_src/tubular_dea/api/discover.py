@@ -1,0 +1,221 @@
+"""From recordings to the effect that the model lacks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..discover import engine, outcome
+from ..files import working_folder, write_atomically
+from ..identify.fit import uncertainty
+from ..model.declare import Model
+from ..plants.saved import as_json
+from . import tables
+from .given import AnyPlant, whole
+from .identify import ParameterEstimate
+from .recordings import Data, folder_of, recordings_of
+from .work import steps
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from .build import Platforms
+
+STEPS = 24  # of the bar, about: how many refits there are depends on the data
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the model lacks: where it acts (`channel`), what cannot be told from it (`equivalent`).
+
+    `evidence` is the log evidence over the model without it, `explained` its share of what was not noise, `parameters`
+    are its own.
+    """
+
+    id: str
+    channel: str
+    equivalent: tuple[str, ...]
+    evidence: float
+    explained: float
+    parameters: Mapping[str, ParameterEstimate]
+
+
+@dataclass(frozen=True, repr=False)
+class DiscoveryResult:
+    """What a discovery came to: `model` with the named effects at the identified values, `content` as in result.json.
+
+    `discovery` holds everything that was tried.
+    """
+
+    model: Model
+    discovery: engine.Discovery
+    content: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<DiscoveryResult: {self.verdict}: {self.headline}>"
+
+    @property
+    def verdict(self) -> str:
+        """``"no_effect"``, ``"effect_found"``, ``"ambiguous"``, ``"partly_explained"`` or ``"unexplained"``."""
+        return self.discovery.verdict
+
+    @property
+    def headline(self) -> str:
+        """The verdict in a sentence."""
+        from ..report.close_loop import headline
+
+        return headline(self.discovery)
+
+    @property
+    def effects(self) -> tuple[FoundEffect, ...]:
+        """The effects that are named, in the order in which they were found."""
+        return tuple(_effect(e) for e in self.content["effects"])
+
+    @property
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """The model's own parameters, refitted beside the effects, by name."""
+        return {name: ParameterEstimate.of(p) for name, p in self.content["base_parameters"].items()}
+
+    @property
+    def errors(self) -> dict[str, Any]:
+        """Errors of the model as ``published``, ``recalibrated`` and ``after``, with those on held-out experiments."""
+        return dict(self.content["error"])
+
+    @property
+    def next_experiment(self) -> str:
+        """One sentence: what to measure next, and why."""
+        return str(self.content["next_experiment"])
+
+    def lines(self) -> list[str]:
+        """Verdict and errors, in words."""
+        from ..report.close_loop import error_lines
+
+        said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
+        if not self.discovery.named.ids:
+            said.append("model.json and the FMU carry the recalibrated base model only")
+        return said
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a parameter: those of the named effects, then the model's own. Needs the extra `tables`."""
+        rows = [
+            {"parameter": name, "effect": effect, "value": e.value, "stderr": e.stderr}
+            | {"low": e.ci95[0], "high": e.ci95[1], "unit": e.unit}
+            for effect, own in [*((f.id, f.parameters) for f in self.effects), ("", self.parameters)]
+            for name, e in own.items()
+        ]
+        return tables.table(rows, "parameter")
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain values, as result.json has it."""
+        return dict(self.content)
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """What the model leaves of every experiment, before and after; drawn into `figure` if it is given."""
+        from ..report.residuals import residuals
+
+        return residuals(self.discovery, figure)
+
+    def report(self, out: str | Path, platforms: Platforms = "host") -> list[Path]:
+        """Write result.json, report.html, lab.html, model.json and the FMU to the folder `out`; returns their paths.
+
+        Everything is made before the first file is written. `platforms` are those of the FMU, as in `build_fmu`.
+        """
+        from ..lab.opened import closed_loop
+        from ..lab.page import page
+        from ..report import close_loop
+        from .build import build_fmu
+
+        out, found = Path(out), self.discovery
+        recordings, before = found.recordings, found.base.fitted.values
+        called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
+        lab = page(closed_loop(recordings, self.model, before, called))
+        covariance = uncertainty(found.named.fitted, self.model)
+        written = close_loop.report(found, self.to_dict())
+        with working_folder("the FMU") as folder:
+            fmu = build_fmu(self.model, folder / f"{self.model.name}.fmu", platforms=platforms).read_bytes()
+        saved = as_json(self.model, f"identified from {recordings.source}", covariance, recordings.plant)
+        paths = [write_atomically(out / "fmi2" / f"{self.model.name}.fmu", fmu)]
+        paths.append(write_atomically(out / "model.json", saved.encode()))
+        paths.append(written.write(out / "report.html"))
+        paths.append(write_atomically(out / "lab.html", lab.encode("utf-8")))
+        text = json.dumps(self.content, indent=2, allow_nan=False) + "\n"
+        return [*paths, write_atomically(out / "result.json", text.encode())]
+
+
+def discover(
+    data: Data,
+    plant: AnyPlant = "tube",
+    *,
+    hold_out: Sequence[str] | None = None,
+    seed: int | None = None,
+    progress: bool = False,
+) -> DiscoveryResult:
+    """The effect that a model lacks, from recordings; or that it lacks none, or what cannot be told.
+
+    Parameters
+    ----------
+    data : str, Path or Recordings
+        A folder of recordings, or what `read_recordings` has read.
+    plant : Plant, str or Path
+        What was recorded, where `data` is a folder.
+    hold_out : sequence of str, optional
+        Experiments that take part in no fit (default: chosen).
+    seed : int, optional
+        Of the search's starts and the bootstrap; the same recordings and seed give the same result.
+    progress : bool
+        Show a bar on standard error.
+
+    Returns
+    -------
+    DiscoveryResult
+        The verdict, the named effects with their parameters, errors before and after, and the model with the effects.
+
+    Raises
+    ------
+    UserError
+        For recordings or arguments that cannot be used, and for too few samples.
+
+    Examples
+    --------
+    An aorta whose flow probe is late, recorded three times. What the probe may do to the flow is asked for alone:
+
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> import tubular_dea as td
+    >>> aorta = td.load_plant("aorta")
+    >>> probe = replace(aorta, places=aorta.places[:1], own={})
+    >>> late = td.add_effects(probe, ["flow_delay"], flow_delay="30 ms", p_C_start="75 mmHg")
+    >>> noise, tables = np.random.default_rng(1), {}
+    >>> for name, peak in {"low": 2e-4, "middle": 3e-4, "high": 4e-4}.items():
+    ...     flow = [0, peak, 0, 0, 1.5 * peak, 0, 0, peak, 0, 0]
+    ...     run = td.simulate(late, td.Protocol.of([0, 0.1, 0.3, 0.9, 1.0, 1.3, 1.7, 1.8, 2.0, 3.0], flow=flow))
+    ...     read = run["pressure"] + 30 * noise.standard_normal(run.time.size)
+    ...     tables[name] = {"time [s]": run.time, "flow [m3/s]": run["flow"], "pressure [Pa]": read}
+    >>> found = td.discover(td.read_recordings(tables, probe))
+    >>> found.effects[0].id, found.effects[0].channel
+    ('flow_delay', 'flow probe')
+    >>> f"{1e3 * found.effects[0].parameters['flow_delay'].value:.0f} ms"
+    '30 ms'
+    """
+    chosen = engine.SEED if seed is None else whole(seed, 0, "seed")
+    recordings = recordings_of(data, plant)
+    with steps(progress, STEPS) as tell:
+        found = engine.discover(recordings, tell, chosen, hold_out)
+        tell("model and report")
+        return DiscoveryResult(outcome.final_model(found), found, outcome.result(found))
+
+
+def _effect(content: Mapping[str, Any]) -> FoundEffect:
+    parameters = {name: ParameterEstimate.of(p) for name, p in content["parameters"].items()}
+    return FoundEffect(
+        content["id"],
+        content["channel"],
+        tuple(content["equivalent"]),
+        content["evidence"],
+        content["explained"],
+        parameters,
+    )

@@ -1,0 +1,128 @@
+"""Arguments as people give them, in numbers: "5.5 kV" or 5500.0, a plant by its name or file, settings by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from ..emit.tables import shown
+from ..errors import ArgumentError, UserError
+from ..model.declare import Model, Quantity, nearest
+from ..model.units import UnitError, quantity
+from ..plants.load import load_plant as named_plant
+from ..plants.plant import Plant
+from ..plants.saved import load as saved
+
+Amount: TypeAlias = float | str  # a number in SI, or a text with a unit
+AnyPlant: TypeAlias = Plant | str | Path
+AnyModel: TypeAlias = Model | Plant | str | Path
+
+
+def amount(given: Amount, unit: str, argument: str) -> float:
+    """A number in `unit` (SI) from a number or a text such as "5.5 kV"; `ArgumentError` names the argument."""
+    try:
+        value = quantity(given, unit) if isinstance(given, str) else float(given)
+    except (UnitError, TypeError, ValueError) as problem:
+        raise ArgumentError(argument, f": {problem}") from None
+    if not math.isfinite(value):
+        raise ArgumentError(argument, f": expected a finite number but was given {value:g}")
+    return value
+
+
+def plant_of(plant: AnyPlant) -> Plant:
+    """The plant itself, a shipped one by name, or that of a FILE.py[:NAME]."""
+    return plant if isinstance(plant, Plant) else named_plant(str(plant))
+
+
+def model_of(model: AnyModel, plant: AnyPlant | None = None) -> Model:
+    """The model itself, a plant's, one by a plant's name or file, or that of a model.json (of `plant`)."""
+    if isinstance(model, Model):
+        return model
+    if isinstance(model, Plant):
+        return model.model
+    if str(model).endswith(".json"):
+        return saved(Path(model), None if plant is None else plant_of(plant))
+    return plant_of(model).model
+
+
+def tube_of(tube: AnyModel) -> Model:
+    """The model of a tube; `ArgumentError` for another one."""
+    model, expected = model_of(tube), named_plant("tube").name
+    if model.name != expected:
+        where = f" {tube}" if isinstance(tube, str | Path) else ""
+        raise ArgumentError("tube", f"{where}: expected a tube ({expected}) but it holds {model.name}")
+    return model
+
+
+def parameters_of(model: Model, given: Mapping[str, Amount] | None, argument: str = "parameters") -> dict[str, float]:
+    """Parameters of one model by name, each in SI or as a text with a unit, checked against the declaration."""
+    return {name: _value(argument, name, _declared(argument, model, name, name, v), v) for name, v in _items(given)}
+
+
+def settings_of(
+    parts: Mapping[str, Model], given: Mapping[str, Amount] | None, argument: str = "settings"
+) -> dict[str, float]:
+    """The same of a system, by "part.name"."""
+    values = {}
+    for full, value in _items(given):
+        part, _, name = full.partition(".")
+        if part not in parts:
+            raise ArgumentError(
+                argument,
+                f" {full}={value}: expected {', '.join(parts)}, a dot, a parameter and a value, as in "
+                "heart.C=1.2mL/mmHg",
+            )
+        values[full] = _value(argument, full, _declared(argument, parts[part], name, full, value), value)
+    return values
+
+
+def whole(value: int, least: int, argument: str) -> int:
+    """A whole number from `least` on; `ArgumentError` for anything less."""
+    if value < least:
+        raise ArgumentError(argument, f": expected at least {least} but was given {value}")
+    return value
+
+
+def _items(given: Mapping[str, Amount] | None) -> list[tuple[str, Amount]]:
+    return list((given or {}).items())
+
+
+def _declared(argument: str, model: Model, name: str, full: str, value: Amount) -> Quantity:
+    declared = {p.quantity.name: p.quantity for p in model.parameters}
+    if name not in declared:
+        raise ArgumentError(
+            argument, f" {full}={value}: {model.name} has no parameter {name!r}{nearest(name, declared)}"
+        )
+    return declared[name]
+
+
+def _value(argument: str, full: str, q: Quantity, given: Amount) -> float:
+    where = f" {full}={given}"
+    try:
+        value = _number(given, q)
+    except (UserError, TypeError, ValueError) as problem:
+        example = f"{full}={shown(q).replace(' ', '')}"
+        raise ArgumentError(argument, f"{where}: {problem}; for example {example}") from None
+    if not math.isfinite(value) or not q.allows(value):
+        allowed = f"{'-inf' if q.minimum is None else q.minimum} to {'inf' if q.maximum is None else q.maximum}"
+        unit = "" if q.unit == "1" else f" {q.unit}"
+        raise ArgumentError(argument, f"{where}: expected {allowed}{unit} but was given {value:g}")
+    if q.type == "Integer" and value != int(value):
+        raise ArgumentError(argument, f"{where}: expected a whole number but was given {value:g}")
+    return value
+
+
+def _number(given: Amount, q: Quantity) -> float:
+    if not isinstance(given, str):
+        return float(given)
+    return _truth(given) if q.type == "Boolean" else quantity(given, q.unit)
+
+
+def _truth(text: str) -> float:
+    """1.0 for "true" or "1", 0.0 for "false" or "0"."""
+    known = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
+    if text.strip().lower() not in known:
+        raise UnitError(f"expected true or false but was given {text!r}")
+    return known[text.strip().lower()]

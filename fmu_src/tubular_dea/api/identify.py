@@ -1,0 +1,265 @@
+"""Parameters from recordings."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import ArgumentError
+from ..files import write_atomically
+from ..identify import procedure
+from ..identify.adjust import adjusted, with_own
+from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
+from ..identify.misfit import misfit
+from ..identify.problem import Problem
+from ..identify.study import Study, study
+from ..model.declare import Model, nearest
+from ..plants.plant import Plant
+from ..plants.saved import as_json
+from . import tables
+from .given import Amount, AnyPlant, parameters_of, whole
+from .recordings import Data, recordings_of
+from .work import steps
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """An identified parameter in `unit`: its value, standard error, and 95 % interval (infinite where it is open)."""
+
+    value: float
+    stderr: float
+    ci95: tuple[float, float]
+    unit: str
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> ParameterEstimate:
+        """From the form it has in parameters.json and result.json, where an open end is null."""
+        low, high = content["ci95"]
+        ends = (-math.inf if low is None else low, math.inf if high is None else high)
+        return cls(content["value"], content["stderr"], ends, content["unit"])
+
+
+def estimates_table(estimates: Mapping[str, ParameterEstimate]) -> pandas.DataFrame:
+    """One row a parameter: value, stderr, low and high end of the 95 % interval, unit."""
+    rows = [
+        {"parameter": n, "value": e.value, "stderr": e.stderr, "low": e.ci95[0], "high": e.ci95[1], "unit": e.unit}
+        for n, e in estimates.items()
+    ]
+    return tables.table(rows, "parameter")
+
+
+@dataclass(frozen=True, repr=False)
+class IdentificationResult:
+    """Identified parameters: `model` at their values, the `study` they were found in, the `fit`.
+
+    `content` is what parameters.json says, in SI units.
+    """
+
+    model: Model
+    study: Study
+    fit: Fit
+    content: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<IdentificationResult: {self.study.plant.name}, {self.verdict}, fit {self.fit_percent:.2f} %>"
+
+    @property
+    def verdict(self) -> str:
+        """``"adequate"``, or ``"misfit"`` where more than noise is left."""
+        return str(self.content["verdict"])
+
+    @property
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """The identified parameters by name."""
+        return {name: ParameterEstimate.of(p) for name, p in self.content["parameters"].items()}
+
+    @property
+    def fit_percent(self) -> float:
+        """Goodness of fit, 100 (1 - |y - yhat| / |y - mean(y)|)."""
+        return float(self.content["fit_percent"])
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error of the first output, in its SI unit."""
+        return float(self.content["rmse"])
+
+    def lines(self) -> list[str]:
+        """The parameters and how well they fit, in words."""
+        said = [f"{name:8s} {p.value:.6g} +- {p.stderr:.2g} {p.unit}" for name, p in self.parameters.items()]
+        return [*said, *self.remarks(), f"fit {self.fit_percent:.2f} %, error {self.rmse:.3g} {self.content['unit']}"]
+
+    def remarks(self) -> list[str]:
+        """What has to be known of the values."""
+        said = []
+        if not self.content["converged"]:
+            said.append("the search has not converged: give more starts, or another start")
+        if self.content["undetermined"]:
+            said.append(f"not determined by these recordings: {', '.join(self.content['undetermined'])}")
+        if self.verdict == "misfit":
+            said.append(
+                f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times the noise "
+                f"of {self.content['noise_floor']:.3g} {self.content['unit']}, so the intervals are too narrow"
+            )
+        return said
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a parameter: value, stderr, low and high end of the 95 % interval, unit. Needs the extra `tables`."""
+        return estimates_table(self.parameters)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain values, as parameters.json has it."""
+        return dict(self.content)
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """The experiment with the largest misfit: record, model and residual; drawn into `figure` if it is given."""
+        from ..report.fit import worst_fit
+
+        return worst_fit(self.study, self.fit, self.content["per_experiment"], figure)
+
+    def report(self, out: str | Path) -> list[Path]:
+        """Write parameters.json, model.json and fit.png to the folder `out`; returns their paths."""
+        from ..report.figures import png
+
+        saved = as_json(self.model, "identified", uncertainty(self.fit, self.model), self.study.plant)
+        content = {
+            "fit.png": png(self.plot()),
+            "model.json": saved.encode(),
+            "parameters.json": (json.dumps(self.content, indent=2, allow_nan=False) + "\n").encode(),
+        }
+        return [write_atomically(Path(out) / name, data) for name, data in content.items()]
+
+
+def identify(
+    data: Data,
+    plant: AnyPlant = "tube",
+    *,
+    start: str | Mapping[str, Amount] | None = None,
+    staged: bool = False,
+    free: Sequence[str] | None = None,
+    starts: int = 3,
+    seed: int = 0,
+    profile: bool = False,
+    progress: bool = False,
+) -> IdentificationResult:
+    """The model's parameters from recordings, all of them jointly, with their intervals.
+
+    Parameters
+    ----------
+    data : str, Path or Recordings
+        A folder of recordings, or what `read_recordings` has read.
+    plant : Plant, str or Path
+        What was recorded, where `data` is a folder.
+    start : str or mapping of str to float or str, optional
+        Values to begin with: the plant's by name, such as ``"table-2"``, or some of one's own (default: as declared).
+    staged : bool
+        Begin with the plant's stages, as the paper does (always done from named starting values).
+    free : sequence of str, optional
+        The parameters to identify (default: all tunable ones).
+    starts : int
+        Searches of the joint fit, from places around.
+    seed : int
+        Of these places.
+    profile : bool
+        Intervals from the profile of the likelihood (minutes).
+    progress : bool
+        Show a bar on standard error.
+
+    Returns
+    -------
+    IdentificationResult
+        Parameters with intervals, the verdict on the fit, and the model at these values.
+
+    Raises
+    ------
+    UserError
+        For recordings or arguments that cannot be used, and where the model has no answer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tubular_dea as td
+    >>> run = td.simulate(td.tube(C_1="340 kPa"), pressure="ramp 0 95 mmHg from 0 to 1",
+    ...                   voltage="step 0 5 kV at 2", stop=4)
+    >>> noise = 15e-6 * np.random.default_rng(1).standard_normal(run.time.size)
+    >>> table = {"time [s]": run.time, "pressure [Pa]": run["pressure"], "voltage [V]": run["voltage"],
+    ...          "radius [m]": run["radius"] + noise}
+    >>> found = td.identify(td.read_recordings({"ramp and step": table}), free=["C_1"], starts=1)
+    >>> low, high = found.parameters["C_1"].ci95
+    >>> found.verdict, low < 340e3 < high
+    ('adequate', True)
+
+    Source: the paper's Section III for the stages; least squares with analytic sensitivities.
+    """
+    whole(starts, 1, "starts")
+    whole(seed, 0, "seed")
+    recordings = recordings_of(data, plant)
+    known = recordings.plant
+    values = known.model.parameter_values() | _start(known, start)
+    with steps(progress, 6) as tell:
+        tell("monitors and noise")
+        work = study(recordings, held_out=())
+        if staged or isinstance(start, str):
+            values = procedure.staged(work, values, tell)
+        tell("all parameters jointly")
+        _, first = procedure.joint(work, values, starts, seed, free)
+        tell("switching instants and zeros")
+        work = adjusted(work, (), first.values, first.free)
+        problem, best = procedure.joint(work, first.values, 1, seed, free)
+        content = _content(work, problem, best, profile)
+    names = known.model.parameter_values()
+    identified = {n: v for n, v in (work.geometry | best.values).items() if n in names}
+    return IdentificationResult(known.model.with_values(identified), work, best, content)
+
+
+def _start(plant: Plant, start: str | Mapping[str, Amount] | None) -> dict[str, float]:
+    """Values to begin with: the plant's of that name, or those given."""
+    if not isinstance(start, str):
+        return parameters_of(plant.model, start, "start")
+    if start not in plant.starts:
+        raise ArgumentError(
+            "start", f" {start}: {plant.name} has no such starting values{nearest(start, plant.starts)}"
+        )
+    return dict(plant.starts[start])
+
+
+def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[str, Any]:
+    """What parameters.json says, in SI units."""
+    model, left, first = work.plant.model, misfit(problem, best), work.plant.outputs[0].name
+    answers = problem.response.outputs(best.values)
+    outputs = [with_own(work, p, y) for p, y in zip(work.training, answers, strict=True)]
+    parameters = {}
+    for name in best.names:
+        ends = profile_interval(problem, best, name) if profile else interval(best, name)
+        parameters[name] = {
+            "value": best.values[name],
+            "stderr": best.stderr[name],
+            "unit": model.quantity(name).unit,
+            "ci95": [e if math.isfinite(e) else None for e in ends],
+        }
+    each = {
+        p.name: {"rmse": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y])}
+        for p, y in zip(work.training, outputs, strict=True)
+    }
+    return {
+        "verdict": "misfit" if left.significant else "adequate",
+        "residual_over_noise": left.ratio,
+        "residual_slow_z": left.slow,
+        "parameters": parameters,
+        "undetermined": best.undetermined(),
+        "converged": best.converged,
+        "intervals": "profile likelihood" if profile else "covariance",
+        "rmse": rmse(problem.records, outputs),
+        "fit_percent": goodness(problem.records, outputs),
+        "unit": model.quantity(first).unit,
+        "noise_floor": work.noise[first].rms,
+        "noise_correlation": work.noise[first].correlation,
+        "per_experiment": each,
+    }

@@ -1,0 +1,140 @@
+"""Pages for browsers: the laboratory, and the atlas of residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import ArgumentError
+from ..files import write_atomically
+from ..plants.plant import Plant
+from .given import AnyModel, AnyPlant, model_of, plant_of
+from .recordings import Data, folder_of, recordings_of
+from .work import steps
+
+if TYPE_CHECKING:
+    from ..discover.atlas import Atlas
+
+
+@dataclass(frozen=True)
+class WebPage:
+    """One page that opens in any browser without a network: `html`, and what is to be said of it (`remarks`)."""
+
+    html: str = field(repr=False)
+    remarks: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """What was left out, or how much there is, in words."""
+        return list(self.remarks)
+
+    def write(self, path: str | Path) -> Path:
+        """Write the page as one file; returns its path."""
+        target = Path(path)
+        if target.is_dir():
+            raise ArgumentError("out", f" {target}: expected the name of a file, as in lab.html, but it is a folder")
+        return write_atomically(target, self.html.encode("utf-8"))
+
+
+@dataclass(frozen=True)
+class AtlasPage(WebPage):
+    """The atlas of residuals as a page; `atlas` has what every effect leaves, as numbers."""
+
+    atlas: Atlas = field(kw_only=True, repr=False)
+
+
+def lab_page(model: AnyModel | None = None, data: Data | None = None, *, plant: AnyPlant = "tube") -> WebPage:
+    """A page for any browser: the tube, the assisted heart and recordings, live.
+
+    Parameters
+    ----------
+    model : Model, Plant, str or Path, optional
+        What the page shows (default: the plant's own model).
+    data : str, Path or Recordings, optional
+        A folder of recordings, or what `read_recordings` has read, to open with.
+    plant : Plant, str or Path
+        What the model and the recordings are of.
+
+    Returns
+    -------
+    WebPage
+        Write it with ``page.write("lab.html")``.
+
+    Raises
+    ------
+    UserError
+        For a model of another plant, and for a page that would be larger than 1.5 MB.
+
+    Examples
+    --------
+    >>> import tubular_dea as td
+    >>> td.lab_page().write("lab.html").name
+    'lab.html'
+    """
+    from ..lab.page import Content, page
+    from ..lab.recorded import Carried, carried
+
+    chosen = plant_of(plant)
+    shown = chosen.model if model is None else model_of(model, chosen)
+    if shown.name != chosen.name:
+        where = f" {model}" if isinstance(model, str | Path) else ""
+        raise ArgumentError("model", f"{where}: expected a model of {chosen.name} but it holds {shown.name}")
+    recordings = None if data is None else recordings_of(data, chosen)
+    content = Content(
+        plant=chosen,
+        model=shown,
+        recordings=carried(recordings) if recordings else Carried({}, {}),
+        geometry=recordings.geometry if recordings else {},
+        model_file=str(model) if isinstance(model, str | Path) else "",
+        plant_file=_called(plant),
+        data=folder_of(recordings) if recordings else "",
+    )
+    return WebPage(page(content), tuple(content.recordings.words()))
+
+
+def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage:
+    """A page with what every effect of a plant's catalogue leaves behind: its equation, usual size and residual.
+
+    Parameters
+    ----------
+    plant : Plant, str or Path
+        A plant, ``"tube"``, ``"aorta"``, or ``"FILE.py[:NAME]"``.
+    progress : bool
+        Show a bar on standard error.
+
+    Returns
+    -------
+    AtlasPage
+        Write it with ``page.write("atlas.html")``; ``page.atlas`` has the numbers.
+
+    Raises
+    ------
+    UserError
+        For a plant that cannot be had.
+
+    Examples
+    --------
+    The aorta's own effects, without the laws at its places:
+
+    >>> from dataclasses import replace
+    >>> import tubular_dea as td
+    >>> page = td.atlas_page(replace(td.load_plant("aorta"), places=()))
+    >>> sorted(left.effect.id for left in page.atlas.effects)
+    ['inertance', 'outflow_pressure', 'parallel_inertance']
+    """
+    from ..discover.atlas import atlas
+    from ..report.atlas import page
+
+    chosen, called = plant_of(plant), _called(plant)
+    given = f" --plant {called}" if called else ""
+    with steps(progress, 2 + len(chosen.catalogue)) as tell:
+        found = atlas(chosen, tell)
+    html = page(found, f"tubular-dea close-loop DATA{given} --out OUT").document()
+    return AtlasPage(html, (f"{len(found.effects)} effects",), atlas=found)
+
+
+def _called(plant: AnyPlant) -> str:
+    """How commands call a plant; "" for the tube."""
+    if isinstance(plant, Plant):
+        return plant.file
+    return "" if str(plant) == "tube" else str(plant)

@@ -1,0 +1,226 @@
+"""Patients: known ones, and one fitted to a recorded arterial pressure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import ArgumentError
+from ..files import write_atomically
+from ..identify.patient import OUTPUT_UNCERTAINTY, Patient
+from ..identify.patient import fit_patient as fitted
+from ..identify.recorded_beat import RecordedBeat, average, read_signals
+from ..model.units import factor
+from ..model.windkessel import PARAMETERS
+from ..progress import progress_bar
+from . import tables
+from .given import Amount, amount
+from .heart import AnyPatient, patient_of
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+USUAL = 500  # beats that a fit takes, for the progress bar
+ASSUMED = "5 L/min"
+
+
+@dataclass(frozen=True, repr=False)
+class PatientResult:
+    """A patient fitted to the average `beat` of `recording`: `values` (SI) by name are what `assist` takes.
+
+    `found` has the estimates with their intervals; `based_on` whom it is near in what is not told; `assumed` the
+    cardiac output [m3/s] where there was no flow.
+    """
+
+    recording: Path
+    beat: RecordedBeat
+    found: Patient
+    based_on: str
+    assumed: float | None
+
+    def __repr__(self) -> str:
+        return f"<PatientResult: {self.lines()[0]}>"
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The complete parameter set in SI units."""
+        return dict(self.found.values)
+
+    def lines(self) -> list[str]:
+        """What was fitted to what, and the parameters with their intervals, in words."""
+        said = self._header()
+        for name, text, interval, remark in self._rows():
+            said.append(f"{name:18} {text:>24}  {interval:24} {remark}".rstrip())
+        return said
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a fitted parameter: value, 95 % interval, whether identified, SI unit. Needs the extra `tables`."""
+        units = {p.quantity.name: p.quantity.unit for p in PARAMETERS}
+        rows = [
+            {"parameter": n, "value": e.value, "low": e.low, "high": e.high}
+            | {"identified": e.identified, "unit": units[n]}
+            for n, e in self.found.estimates.items()
+        ]
+        return tables.table(rows, "parameter")
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """The recorded beat and the patient's; drawn into `figure` if it is given."""
+        from ..report.patient import draw
+
+        return draw(self.beat, self.found, figure)
+
+    def report(self, out: str | Path) -> list[Path]:
+        """Write the patient to `out` (a .toml, for ``assist``) and the picture beside it; returns their paths."""
+        from ..report.figures import png
+
+        out = Path(out)
+        if out.suffix != ".toml":
+            raise ArgumentError("out", f" {out}: expected a file that ends in .toml")
+        written = write_atomically(out, self._toml().encode())
+        return [written, write_atomically(out.with_suffix(".png"), png(self.plot()))]
+
+    def _header(self) -> list[str]:
+        """What was fitted to what, in sentences."""
+        beat, found = self.beat, self.found
+        mmhg, litres = factor("Pa", "mmHg"), factor("m3/s", "L/min")
+        beats = "one beat" if beat.beats == 1 else f"the average of {beat.beats} beats, cut at the {beat.by}"
+        lines = [
+            f"Fitted by tubular-dea patient to {self.recording.name}: {beats}, {60 / beat.period:.1f} a minute.",
+            f"Misfit of the pressure {found.misfit * mmhg:.2f} mmHg rms, of a swing of "
+            f"{(beat.pressure.max() - beat.pressure.min()) * mmhg:.1f}; cardiac output "
+            f"{found.cardiac_output * litres:.2f} L/min.",
+        ]
+        if self.assumed is not None:
+            lines.append(
+                f"No flow was recorded: {self.assumed * litres:g} L/min (+- {100 * OUTPUT_UNCERTAINTY:.0f} %) is "
+                "assumed, and all volumes, flows, compliances and resistances scale with it."
+            )
+        unknown = [n for n, e in found.estimates.items() if not e.identified]
+        if unknown:
+            lines.append(
+                f"Not identifiable from this recording, near {self.based_on}'s (scaled): {', '.join(unknown)}."
+            )
+        return lines
+
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, value, interval and remark of every fitted parameter, in customary units."""
+        units, rows = _shown_units(), []
+        for name, e in self.found.estimates.items():
+            scale, unit = factor(*units[name]), units[name][1]
+            interval = f"95 %: {e.low * scale:.4g} to {e.high * scale:.4g}"
+            rows.append((name, f"{e.value * scale:.5g} {unit}", interval, "" if e.identified else "not identifiable"))
+        return rows
+
+    def _toml(self) -> str:
+        """A whole patient: fitted parameters with their intervals, then the others."""
+        units = _shown_units()
+        lines = [*(f"# {line}" for line in self._header()), ""]
+        for name, text, interval, remark in self._rows():
+            comment = ", ".join(c for c in (interval, remark) if c)
+            entry = f'{name} = "{text}"'
+            lines.append(f"{entry:44} # {comment}")
+        lines += ["", "# Taken over, scaled, or from the steady beat:"]
+        for name, value in self.found.values.items():
+            if name in self.found.estimates:
+                continue
+            scale, unit = factor(*units[name]), units[name][1]
+            shown = str(int(value)) if name == "elements" else f'"{value * scale:.6g} {unit}"'
+            lines.append(f"{name} = {shown}")
+        return "\n".join(lines) + "\n"
+
+
+def patient(patient: AnyPatient) -> dict[str, float]:
+    """A patient's parameters: ventricle and windkessel.
+
+    Parameters
+    ----------
+    patient : str, Path or mapping
+        ``"failing"``, ``"healthy"``, ``"stiff"``, a TOML file, or all values by name (SI, or with a unit).
+
+    Returns
+    -------
+    dict of str to float
+        The complete set in SI units, checked.
+
+    Raises
+    ------
+    UserError
+        For a patient that there is not, and for values that are missing or out of bounds.
+
+    Examples
+    --------
+    >>> import tubular_dea as td
+    >>> failing = td.patient("failing")
+    >>> f"{60 * failing['heart_rate']:.0f} a minute"
+    '75 a minute'
+    >>> stiffer = td.patient({**failing, "C": "0.6 mL/mmHg"})
+
+    Source: M. A. Simaan et al., IEEE Trans. Control Syst. Technol. 17 (2009) 994-1008, and those named in
+    `tubular_dea.model.patients`.
+    """
+    return patient_of(patient)
+
+
+def fit_patient(
+    recording: str | Path,
+    flow: str | Path | None = None,
+    *,
+    cardiac_output: Amount | None = None,
+    based_on: AnyPatient = "healthy",
+    progress: bool = False,
+) -> PatientResult:
+    """A patient whose steady beat is nearest to a recorded arterial pressure, with intervals.
+
+    Parameters
+    ----------
+    recording : str or Path
+        A table with the columns time, pressure and, if there are, flow and ecg; or a WFDB record (.hea).
+    flow : str or Path, optional
+        A second table, with the aortic flow over the same time.
+    cardiac_output : float or str, optional
+        Assumed [m3/s] where there is no flow (default: 5 L/min, +- 20 %).
+    based_on : str, Path or mapping
+        The patient for what the recording does not tell.
+    progress : bool
+        Show a bar on standard error.
+
+    Returns
+    -------
+    PatientResult
+        The parameters with intervals; ``assist(result.values)`` takes them.
+
+    Raises
+    ------
+    UserError
+        For recordings that hold no beats, and where no patient of this model has such a beat.
+
+    Examples
+    --------
+    >>> import tubular_dea as td
+    >>> found = td.fit_patient("cosim_examples/data/heartbeat.csv")
+    >>> f"{60 / found.beat.period:.0f} a minute"
+    '72 a minute'
+    """
+    base = patient_of(based_on)
+    beat = average(read_signals(Path(recording), None if flow is None else Path(flow)), str(recording))
+    assumed = _assumed(cardiac_output, beat)
+    with progress_bar(total=USUAL, unit="run", desc="fit", disable=not progress) as bar:
+        found = fitted(beat, base, assumed, bar.update)
+    name = "the given patient" if isinstance(based_on, dict) else str(based_on)
+    return PatientResult(Path(recording), beat, found, name, assumed)
+
+
+def _assumed(given: Amount | None, beat: RecordedBeat) -> float | None:
+    """The cardiac output that is assumed [m3/s]; None where a flow says it."""
+    if beat.flow is None:
+        return amount(ASSUMED if given is None else given, "m3/s", "cardiac_output")
+    if given is not None:
+        raise ArgumentError("cardiac_output", ": the recording has a flow, which says it; leave this out")
+    return None
+
+
+def _shown_units() -> dict[str, tuple[str, str]]:
+    """The SI unit and the customary unit of every parameter."""
+    return {p.quantity.name: (p.quantity.unit, p.quantity.display_unit or p.quantity.unit) for p in PARAMETERS}

@@ -1,0 +1,232 @@
+"""A model driven by its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import tabular
+from ..errors import ArgumentError
+from ..files import write_atomically
+from ..identify.checks import mislabelled
+from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
+from ..model.declare import Model, nearest
+from ..model.units import factor
+from ..plants.load import shipped_of
+from ..plants.plant import Plant
+from ..protocol import INTERVAL, STOP, Protocol, from_specifications, read_csv
+from . import tables
+from .given import Amount, AnyModel, AnyPlant, amount, model_of, parameters_of, plant_of
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+MOST_ROWS = 10_000_000
+PANELS = 4  # outputs in the picture
+
+
+@dataclass(frozen=True, repr=False)
+class SimulationResult(Trajectory):
+    """The response of a model: values by name at `time` [s], each of shape (n,), in SI units.
+
+    ``run["radial_displacement"]`` is one of them. `model` is what was driven; `remarks` are warnings in words.
+    """
+
+    model: Model = field(kw_only=True)
+    remarks: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<SimulationResult: {self.model.name}, {self.time.size} samples, {'; '.join(self.lines())}>"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each value, inputs first."""
+        return {name: self.model.quantity(name).unit for name in self._ordered()}
+
+    def _ordered(self) -> list[str]:
+        inputs = [q.name for q in self.model.inputs]
+        return [*inputs, *(name for name in self.values if name not in inputs)]
+
+    def lines(self) -> list[str]:
+        """What happened, in words."""
+        if "snap_through_margin" in self.values:
+            return self._fold()
+        said = []
+        for name in self.model.outputs:
+            low, high = self[name].min(), self[name].max()
+            said.append(f"{name} from {low:.4g} to {high:.4g} {self.model.quantity(name).unit}")
+        return said
+
+    def _fold(self) -> list[str]:
+        """How far the tube went, and how near the snap-through."""
+        said = [
+            f"largest displacement {1e3 * self['radial_displacement'].max():.3f} mm, "
+            f"largest field {1e-6 * np.abs(self['electric_field']).max():.1f} V/um, "
+            f"smallest margin to snap-through {self['snap_through_margin'].min() / factor('mmHg', 'Pa'):.1f} mmHg"
+        ]
+        beyond = self["snap_through_margin"] < 0
+        if beyond.any():
+            at = self.time[beyond][0]
+            said.append(f"the pressure passes the snap-through fold at {at:.3g} s: the tube runs away there")
+        return said
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All values over `time` [s] as a DataFrame (n rows, SI units; ``attrs["units"]`` has them).
+
+        Needs the extra `tables`.
+        """
+        return tables.over_time(self.time, {name: self[name] for name in self._ordered()}, self.units)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All values over `time` [s] as a Dataset; each variable has its unit in ``attrs["units"]``.
+
+        Needs the extra `tables`.
+        """
+        return tables.dataset(self.time, {name: self[name] for name in self._ordered()}, self.units)
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """The inputs and the first outputs over time, in their customary units; drawn into `figure` if it is given."""
+        from ..report.figures import panels_figure
+
+        model = self.model
+        outputs = [n for n in ("radial_displacement", "electric_field") if n in model.outputs] or model.outputs[:PANELS]
+        panels = []
+        for q in [*model.inputs, *map(model.quantity, outputs)]:
+            unit = q.display_unit or q.unit
+            panels.append((f"{q.name.replace('_', ' ')} [{unit}]", {"": self[q.name] / factor(unit, q.unit)}))
+        return panels_figure(self.time, panels, figure=figure)
+
+    def report(self, out: str | Path) -> list[Path]:
+        """Write the table (response.csv) and the picture (response.png) to the folder `out`; returns their paths."""
+        from ..report.figures import png
+
+        columns = {name: self[name] for name in self._ordered()}
+        content = {
+            "response.csv": tabular.text(self.time, columns, self.units).encode(),
+            "response.png": png(self.plot()),
+        }
+        return [write_atomically(Path(out) / name, data) for name, data in content.items()]
+
+
+def simulate(
+    model: AnyModel = "tube",
+    inputs: Protocol | Mapping[str, Amount] | str | Path | None = None,
+    *,
+    stop: Amount | None = None,
+    interval: Amount = INTERVAL,
+    times: Sequence[float] | np.ndarray | None = None,
+    parameters: Mapping[str, Amount] | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    plant: AnyPlant | None = None,
+    **signals: Amount,
+) -> SimulationResult:
+    """The response of a model to its inputs over time.
+
+    Parameters
+    ----------
+    model : Model, Plant, str or Path
+        What is driven: ``td.tube()``, ``td.load("model.json")``, ``"tube"``, ``"aorta"``, ``"FILE.py[:NAME]"``, or a
+        model.json.
+    inputs : Protocol, mapping, str or Path, optional
+        Breakpoints of all inputs; or a CSV file headed with quantities and units; or inputs by name as in `signals`.
+    stop : float or str
+        End of the run [s], where inputs are not given over a time of their own (default: 5 s).
+    interval : float or str
+        Time between samples of the result [s].
+    times : array of shape (n,), optional
+        Ascending times of the samples [s], in the place of `interval`.
+    parameters : mapping of str to float or str
+        Parameters that differ from the model's, in SI or with a unit.
+    tolerance : float
+        Relative error, about: 1e-12 to 1e-2.
+    plant : Plant, str or Path, optional
+        The plant of a model.json that is declared in a file of yours.
+    **signals : float or str
+        The inputs by name: a number in SI, which is held, or ``"95 mmHg"``, ``"step 0 5 kV at 1 until 2"``,
+        ``"ramp 0 95 mmHg from 0 to 1"``.
+
+    Returns
+    -------
+    SimulationResult
+        Inputs, states and outputs by name, each of shape (n,), in SI units.
+
+    Raises
+    ------
+    UserError
+        For what cannot be used, and where the integration ends early, with the time and the reason.
+
+    Examples
+    --------
+    >>> import tubular_dea as td
+    >>> run = td.simulate(td.tube(), pressure="95 mmHg", voltage="step 0 5 kV at 1", stop=3)
+    >>> f"{1e3 * run['radial_displacement'][-1]:.2f} mm"
+    '3.77 mm'
+    >>> float(run.to_pandas().loc[3.0, "voltage"])
+    5000.0
+
+    Source: Rodas5P of G. Steinebach, BIT Numer. Math. 63 (2023) 27, the integrator that the FMUs have.
+    """
+    chosen = model_of(model, plant)
+    named = {**inputs, **signals} if isinstance(inputs, Mapping) else signals
+    timed = None if isinstance(inputs, Mapping) else inputs
+    protocol = _protocol(chosen, timed, named, stop)
+    remarks: tuple[str, ...] = ()
+    if isinstance(timed, str | Path):
+        owner = plant if plant is not None else model if isinstance(model, Plant) else shipped_of(chosen.name)
+        remarks = tuple(_odd(Path(timed), protocol, plant_of(owner))) if owner is not None else ()
+    values = parameters_of(chosen, parameters)
+    sampled = _times(protocol, amount(interval, "s", "interval")) if times is None else np.asarray(times, dtype=float)
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
+    found = Kernel(chosen).simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
+    return SimulationResult(found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks)
+
+
+def _protocol(
+    model: Model, timed: Protocol | str | Path | None, named: Mapping[str, Amount], stop: Amount | None
+) -> Protocol:
+    """The inputs over time: those that have times of their own, or each by its name."""
+    units = {q.name: q.unit for q in model.inputs}
+    unknown = [name for name in named if name not in units]
+    if unknown:
+        raise ArgumentError("input", f" {unknown[0]}: {model.name} has no such input{nearest(unknown[0], units)}")
+    if timed is not None:
+        if named or stop is not None:
+            other = next(iter(named), "stop")
+            raise ArgumentError(other, ": it and inputs over a time of their own exclude each other; give one of them")
+        return timed if isinstance(timed, Protocol) else read_csv(Path(timed), units)
+    missing = [name for name in units if name not in named]
+    if missing:
+        raise ArgumentError(missing[0], f" is missing: expected a file of inputs, or each of {', '.join(units)}")
+    end = STOP if stop is None else amount(stop, "s", "stop")
+    texts = {n: v if isinstance(v, str) else f"{amount(v, units[n], n):.17g}" for n, v in named.items()}
+    return from_specifications(texts, units, end)
+
+
+def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
+    """Columns that look as if they had another unit; a small signal may be meant."""
+    said = []
+    for signal in plant.inputs:
+        problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name).unit)
+        if problem:
+            said.append(f"{path}: column {signal.name!r}: {problem}")
+    return said
+
+
+def _times(protocol: Protocol, interval: float) -> np.ndarray:
+    start, stop = protocol.time[0], protocol.time[-1]
+    if not 0 < interval <= stop - start:
+        raise ArgumentError(
+            "interval", f": expected more than 0 and at most {stop - start:g} s but was given {interval:g}"
+        )
+    rows = (stop - start) / interval
+    if rows > MOST_ROWS:
+        raise ArgumentError("interval", f": {interval:g} s makes {rows:.3g} rows; expected at most 1e7")
+    grid = start + interval * np.arange(int(np.floor(rows + 1e-9)) + 1)
+    return np.minimum(grid, stop)

@@ -1,0 +1,58 @@
+"""The options of every command that reads recordings: DATA, --columns, --dry-run, and the help on files."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import tubular_dea as td
+
+from ..errors import UserError
+from ..identify import bench_file
+
+FORMATS = f"""files:
+  Text with any delimiter (comma, semicolon, tab, spaces), decimal point or comma, encoding, and lines above or in
+  between that are no numbers; headings such as 'pressure [mbar]', 'time (s)', 'radius_um' or units in a row of their
+  own; times in s, ms, hh:mm:ss.fff or ISO 8601. MATLAB (.mat), HDF5, TDMS and Parquet after
+  pip install 'tubular-dea[files]'. A column `trigger` gives switching instants, `current` is a second output.
+  See what is understood with --dry-run.
+
+{bench_file.__doc__}"""
+
+
+def add_recordings(parser: argparse.ArgumentParser) -> None:
+    """Declare DATA, --out, --columns and --dry-run."""
+    parser.add_argument("data", type=Path, metavar="DATA", help="folder of recordings, one experiment a file")
+    parser.add_argument("--out", type=Path, default=None, help="folder to write to")
+    parser.add_argument(
+        "--columns",
+        nargs="+",
+        default=[],
+        metavar="SIGNAL=COLUMN",
+        help="columns by heading or number, with a unit where the file has none, as in radius=laser_2[um] voltage=3",
+    )
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only say what is understood of the files, and draw it (recordings.png in --out)",
+    )
+
+
+def recordings_of(options: argparse.Namespace) -> td.RecordingSet | None:
+    """The recordings in DATA; says which columns were not used, and which scale may be wrong.
+
+    With --dry-run it says what is understood, draws it where there is a folder to write to, and returns None.
+    """
+    if options.out is None and not options.dry_run:
+        raise UserError("--out is missing: expected a folder to write to, or --dry-run")
+    recordings = td.read_recordings(options.data, options.plant, columns=options.columns)
+    for line in [*([] if options.dry_run else recordings.remarks()), *recordings.findings()]:
+        print(line)
+    if not options.dry_run:
+        return recordings
+    written = recordings.report(options.out) if options.out is not None else []
+    for line in recordings.lines():
+        print(line)
+    for path in written:
+        print(f"wrote {path}")
+    return None

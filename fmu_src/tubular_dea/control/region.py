@@ -1,0 +1,67 @@
+"""From where the controller brings the tube to its reference: experiments, beside what equilibria alone say.
+
+At a pressure p and a radius R the tube can be driven outwards if the voltage at the field limit holds less than p, and
+inwards if no voltage holds more: `holdable` gives both pressures. Between them every radius can be held; from a start
+outside the reference the tube comes back if it falls inwards without voltage. Near the bounds it does so slowly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.dea import tubular_dea
+from ..progress import progress_bar
+from .reduced import reduced
+from .rig import Bench, TubeController, experiment
+
+MMHG = 133.322
+PRESSURES, RADII = np.arange(60.0, 181.0, 10.0) * MMHG, np.arange(16e-3, 28.1e-3, 1e-3)
+STOP, BAND = 3.0, 100e-6  # s, m: reached is within the band at the end
+
+
+@dataclass(frozen=True)
+class Attraction:
+    """`reached` over (pressure, start radius), beside what equilibria `expected`."""
+
+    reached: np.ndarray
+    expected: np.ndarray
+
+    @property
+    def surprises(self) -> int:
+        """Points at which the two differ."""
+        return int(np.sum(self.reached != self.expected))
+
+
+def holdable(radius: float, field: float) -> tuple[float, float]:
+    """Least and largest pressure [Pa] under which the tube can be held at `radius` [m] below `field` [V/m]."""
+    values = tubular_dea().parameter_values()
+    at = {**values, "lambda_2": radius / values["r_o"]}
+    elastic, electric, share = (
+        float(reduced()[n].subs({s: at[str(s)] for s in reduced()[n].free_symbols}))
+        for n in ("elastic", "electric", "field_share")
+    )
+    return elastic - electric * (field / share) ** 2, elastic
+
+
+def attraction(reference: float, field: float) -> Attraction:
+    """Every start of the map: at rest at a radius, released under a constant pressure with the controller on."""
+    reached = np.zeros((PRESSURES.size, RADII.size), bool)
+    expected = np.zeros_like(reached)
+    low, high = holdable(reference, field)
+    with progress_bar(total=reached.size, unit="run", desc=f"{field * 1e-6:g} V/um") as bar:
+        for i, pressure in enumerate(PRESSURES):
+            for j, radius in enumerate(RADII):
+                reached[i, j] = _reaches(float(pressure), float(radius), reference, field)
+                inwards = radius <= reference or pressure < holdable(float(radius), field)[1]
+                expected[i, j] = low < pressure < high and inwards
+                bar.update()
+    return Attraction(reached, expected)
+
+
+def _reaches(pressure: float, radius: float, reference: float, field: float) -> bool:
+    controller = TubeController({"field_limit": field, "largest_radius": 32e-3}, ["mode"])
+    record = experiment(Bench(lambda t: pressure, lambda t: reference, radius), controller, STOP)
+    controller.close()
+    return bool(abs(record.error[-1]) < BAND)

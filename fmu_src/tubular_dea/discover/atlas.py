@@ -1,0 +1,193 @@
+"""What every effect of a plant leaves on its standard experiments: what a residual looks like, by its cause.
+
+The plant is simulated with an effect of its usual size and without; what the plant's own parameters take up of the
+difference is taken out, as a fit would (linearised, with the fits' weak prior beside a sensor's usual noise). Records
+that start somewhere have their starts fitted too. Two effects look alike where what they leave is nearly parallel:
+the cosine between them is near 1 or -1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.hierarchy import leaves_list, linkage
+from scipy.spatial.distance import squareform
+
+from ..identify.compiled import Compiled
+from ..identify.response import FINE, Case, Reading, Response
+from ..identify.threads import one_blas_thread, side_by_side
+from ..kernel import Kernel, KernelError
+from ..laws import seconds
+from ..model.effect import Effect
+from ..plants.plant import Plant
+from ..protocol import Protocol
+from .engine import PRIOR
+from .next_experiment import sweeps
+from .parameters import base_parameters, switched_off
+
+SAMPLES = 6000  # of every experiment
+NOISE = 3e-3  # of an output's largest value: a sensor's usual noise, beside which the prior counts
+LONG = 60.0  # of the plant's own usual time: experiments on a plant that declares none
+TAKEN_UP = 0.01  # of what an effect changes: what leaves less than this is taken up by the plant's own parameters
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Left:
+    """What an effect of its usual size changes (rms, over the outputs' largest values), and `residual` (N,), what stays
+    of that; None where the model has no answer."""
+
+    effect: Effect
+    changed: float
+    residual: np.ndarray | None
+
+    @property
+    def remains(self) -> float:
+        """The rms of what stays, over the outputs' largest values."""
+        return 0.0 if self.residual is None else float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def seen(self) -> bool:
+        """Whether anything stays that the plant's own parameters cannot take up."""
+        return self.remains > TAKEN_UP * self.changed > 0
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """All effects of a plant, look-alikes beside each other: what they leave in `cases` (N values, `base` without any).
+
+    `scale` is the largest value of every output; residuals are in units of it. `cosines` (m, m) is of the effects.
+    """
+
+    plant: Plant
+    names: list[str]
+    cases: list[Case]
+    base: np.ndarray
+    scale: dict[str, float]
+    effects: list[Left]
+    cosines: np.ndarray
+
+    def parts(self) -> list[tuple[str, Case, Reading, slice]]:
+        """Name of the experiment, case and reading of every stretch of the N values."""
+        found, begin = [], 0
+        for name, case in zip(self.names, self.cases, strict=True):
+            for reading, part in zip(case.readings, case.parts(), strict=True):
+                found.append((name, case, reading, slice(begin + part.start, begin + part.stop)))
+            begin += case.times.size
+        return found
+
+
+@one_blas_thread
+def atlas(plant: Plant, tell: Progress = lambda what: None) -> Atlas:
+    """The atlas of a plant; `tell` is told every step, 2 and one for each effect."""
+    tell("compile")
+    compiled, protocols = Compiled(plant, [o.name for o in plant.outputs if o.required]), experiments(plant)
+    cases = [_case(plant, protocol) for protocol in protocols.values()]
+    values, kernels = plant.model.parameter_values(), compiled.scorers(())
+    distinct = {id(kernel): kernel for kernel in kernels.values()}
+    bases = dict(zip(distinct, side_by_side(lambda k: _Off.of(plant, k, cases), distinct.values()), strict=True))
+    base = Response(compiled.kernel(), cases).outputs(values, FINE)
+    scale = _largest(cases, base)
+    unit = np.concatenate([np.full(r.times.size, scale[r.output] or 1.0) for case in cases for r in case.readings])
+    tell("the plant's own parameters")
+    own = _own(plant, compiled.kernel(), cases, values) / unit[:, None]
+
+    def one(effect: Effect) -> Left:
+        tell(effect.id)
+        try:
+            changed = bases[id(kernels[effect.id])].changed(effect) / unit
+        except KernelError:
+            return Left(effect, 0.0, None)
+        return Left(effect, float(np.sqrt(np.mean(changed**2))), _remaining(changed, own))
+
+    found = side_by_side(one, plant.catalogue.values())
+    ordered, cosines = _ordered(plant, found)
+    return Atlas(plant, list(protocols), cases, np.concatenate(base), scale, ordered, cosines)
+
+
+@dataclass(frozen=True)
+class _Off:
+    """A model with several effects, all off at `values`, and what it answers then."""
+
+    response: Response
+    values: dict[str, float]
+    outputs: list[np.ndarray]
+
+    @classmethod
+    def of(cls, plant: Plant, kernel: Kernel, cases: Sequence[Case]) -> _Off:
+        off = {n: v for name in kernel.model.effects for n, v in switched_off(plant.catalogue[name]).items()}
+        values = plant.model.parameter_values() | off
+        response = Response(kernel, cases)
+        return cls(response, values, response.outputs_alone(values, FINE))
+
+    def changed(self, effect: Effect) -> np.ndarray:
+        """What an effect of its usual size adds to the answers (N,)."""
+        answers = self.response.outputs_alone(self.values | dict(effect.typical), FINE)
+        return np.concatenate([a - b for a, b in zip(answers, self.outputs, strict=True)])
+
+
+def _largest(cases: Sequence[Case], answers: Sequence[np.ndarray]) -> dict[str, float]:
+    """The largest value of every output."""
+    found: dict[str, float] = {}
+    for case, answer in zip(cases, answers, strict=True):
+        for reading, part in zip(case.readings, case.parts(), strict=True):
+            found[reading.output] = max(found.get(reading.output, 0.0), float(np.abs(answer[part]).max()))
+    return found
+
+
+def experiments(plant: Plant) -> dict[str, Protocol]:
+    """The protocols that are usual on a plant's bench; steps and sweeps of its inputs where it declares none."""
+    if plant.standard is not None:
+        return plant.standard()
+    usual = {s.name: plant.quantity(s.name).nominal for s in plant.inputs}
+    if plant.experiments is not None:
+        return plant.experiments(usual)
+    span = LONG * seconds(plant.model)
+    return sweeps(plant, usual, span, span / SAMPLES)
+
+
+def _case(plant: Plant, protocol: Protocol) -> Case:
+    times = np.linspace(protocol.time[0], protocol.time[-1], SAMPLES)
+    return Case(protocol, tuple(Reading(o.name, times) for o in plant.outputs if o.required))
+
+
+def _own(plant: Plant, kernel: Kernel, cases: Sequence[Case], values: Mapping[str, float]) -> np.ndarray:
+    """How the readings move with the plant's own parameters, shared ones and those of each record, (N, k)."""
+    shared, each = base_parameters(plant), list(plant.each_start)
+    _, blocks = Response(kernel, cases).sensitivities(values, [*(f.name for f in shared), *each])
+    columns = np.concatenate([block[:, : len(shared)] for block in blocks])
+    columns *= [f.slope(values[f.name]) for f in shared]
+    ends = np.cumsum([0, *(len(block) for block in blocks)])
+    starts = np.zeros((ends[-1], len(each) * len(blocks)))
+    for i, block in enumerate(blocks):
+        mine = block[:, len(shared) :] * list(plant.each_start.values())
+        starts[ends[i] : ends[i + 1], i * len(each) : (i + 1) * len(each)] = mine
+    return np.concatenate([columns, starts], axis=1)
+
+
+def _remaining(changed: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """What a fit of the own parameters leaves of a change (N,)."""
+    information = own.T @ own / NOISE**2 + np.eye(own.shape[1]) / PRIOR**2
+    return changed - own @ np.linalg.solve(information, own.T @ changed / NOISE**2)
+
+
+def _ordered(plant: Plant, found: Sequence[Left]) -> tuple[list[Left], np.ndarray]:
+    """By channel, and in each so that neighbours look alike: the leaves of a tree of the cosines (average linkage)."""
+    size = found[0].residual.size if found and found[0].residual is not None else 1
+    columns = np.column_stack([np.zeros(size) if e.residual is None or not e.seen else e.residual for e in found])
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    cosines = columns.T @ columns
+    places: list[int] = []
+    for channel in plant.channels:
+        group = [i for i, e in enumerate(found) if e.effect.channel == channel]
+        there = [i for i in group if found[i].seen]
+        if len(there) > 2:
+            apart = np.clip(1 - np.abs(cosines[np.ix_(there, there)]), 0, 1)
+            np.fill_diagonal(apart, 0)
+            tree = linkage(squareform(apart, checks=False), "average", optimal_ordering=True)
+            there = [there[i] for i in leaves_list(tree)]
+        places += [*there, *(i for i in group if not found[i].seen)]
+    return [found[i] for i in places], cosines[np.ix_(places, places)]

@@ -1,0 +1,75 @@
+"""Which experiments take part in no fit: those that can see what may be missing, and leave others that can, too.
+
+Every candidate's columns at the declared parameters say how much of what it would change lies in each experiment. The
+held-out experiments should see about a share HELD of it for as many candidates as possible, and the fits should still
+see most of it; and without them the base's own parameters should become little less certain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..identify.study import HELD_SHARE, Study
+from ..kernel import KernelError
+from . import bank
+from .parameters import base_parameters
+
+HELD = 0.2  # of what a candidate changes: enough to confirm it; more of it is missed where it is to be found
+MOST, LONG = 0.3, 0.2  # of all samples that may be held out, together and in one: long experiments are kept for fits
+DEAR = 0.5  # worth of a candidate confirmed against a parameter's standard error that grows by a factor of e
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """By candidate, the share of what it changes that lies in each piece (m, pieces); information (pieces, k, k)."""
+
+    shares: np.ndarray
+    information: np.ndarray
+
+    def worth(self, chosen: list[int]) -> float:
+        """What holding out the pieces `chosen` is worth: candidates confirmed, less parameters and candidates lost."""
+        seen = self.shares[:, chosen].sum(axis=1)
+        confirmed = np.mean(np.minimum(seen, HELD) / HELD - np.maximum(seen - HELD, 0) / (1 - HELD))
+        rest = [i for i in range(len(self.information)) if i not in chosen]
+        return float(confirmed - np.mean(self._errors(rest) - self._errors(range(len(self.information)))) / DEAR)
+
+    def _errors(self, pieces: list[int] | range) -> np.ndarray:
+        """Logarithms of the parameters' standard errors from some pieces (with a prior of 1)."""
+        total = self.information[list(pieces)].sum(axis=0) + np.eye(self.information.shape[1])
+        return 0.5 * np.log(np.diag(np.linalg.inv(total)))
+
+
+def with_held_out(study: Study) -> Study:
+    """The study with the held-out pieces chosen by what they can see; as it is where the model has no answer yet."""
+    if len(study.pieces) < 3:
+        return study
+    try:
+        sight = _sight(study)
+    except KernelError:
+        return study
+    chosen: list[int] = []
+    sizes = [p.record.size for p in study.pieces]
+    for _ in range(max(1, len(study.pieces) // HELD_SHARE)):
+        room = MOST * sum(sizes) - sum(sizes[i] for i in chosen)
+        rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, LONG * sum(sizes))]
+        if not rest:
+            break
+        chosen.append(max(rest, key=lambda i: (sight.worth([*chosen, i]), -i)))
+    if not chosen:
+        return study
+    return replace(study, pieces=[replace(p, held_out=i in chosen) for i, p in enumerate(study.pieces)])
+
+
+def _sight(study: Study) -> _Sight:
+    everyone = replace(study, pieces=[replace(p, held_out=False) for p in study.pieces])
+    values = study.plant.model.parameter_values()
+    problem = everyone.problem((), base_parameters(study.plant), {})
+    residual, jacobian = problem.linearised(problem.scaled(values))
+    ends = np.cumsum([p.record.size for p in study.pieces])
+    parts = np.split(jacobian[: ends[-1]], ends[:-1])
+    listed = bank.candidates_at(everyone, values, residual.size)
+    squares = np.array([[np.sum(part**2) for part in np.split(c.columns[: ends[-1]], ends[:-1])] for c in listed])
+    shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), 1e-300)
+    return _Sight(shares, np.array([part.T @ part for part in parts]))

@@ -1,0 +1,53 @@
+"""Noise is never more than what a fit cannot predict of its own residual from the residual's past.
+
+Where a record has no quiet stretch (a circuit driven by a broad band), stretches of it hold signal, and what they
+suggest is far too much, or of the signal's colour; then white noise of the bound's size is all that is known. The error
+of an autoregression of the base model's residual bounds the noise from above, whatever the model lacks: slow structure
+is predicted by it, white noise is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+
+from ..identify.fit import Fit
+from ..identify.noise import UNQUIET, Noise
+from ..identify.study import Study
+
+ORDER = 20  # of the autoregression
+TOO_MUCH = 1.25  # times the bound: noise below that is left as it was estimated
+
+
+def with_noise_of(study: Study, fitted: Fit) -> Study:
+    """The study with the noise of every output no larger than the base model's residual allows."""
+    answers = study.response((), study.training).outputs(fitted.values)
+    noise = dict(study.noise)
+    for name, known in study.noise.items():
+        left = [
+            (piece.record - answer)[part]
+            for piece, answer in zip(study.training, answers, strict=True)
+            for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+            if reading.output == name
+        ]
+        bound = prediction_error(left)
+        signal = known.form >= UNQUIET  # what moves cannot be told from noise of its colour
+        if np.isfinite(known.freedom) and bound > 0 and (signal or known.innovation > TOO_MUCH * bound):
+            form = UNQUIET if signal else known.form
+            noise[name] = Noise(bound, 0.0, float(sum(r.size for r in left)), hum=known.hum, form=form)
+    return replace(study, noise=noise)
+
+
+def prediction_error(records: list[np.ndarray]) -> float:
+    """Root mean square of what an autoregression over all records (each (n,)) cannot predict."""
+    order = min(ORDER, min(r.size for r in records) // 4)
+    centred = [r - r.mean() for r in records]
+    total = sum(r.size for r in centred)
+    lags = np.array([sum(float(r[k:] @ r[: r.size - k]) for r in centred) for k in range(order + 1)]) / total
+    if lags[0] <= 0:
+        return 0.0
+    lags[0] *= 1 + 1e-9
+    weights = solve_toeplitz(lags[:-1], lags[1:])
+    return float(np.sqrt(max(lags[0] - weights @ lags[1:], 0.0)))

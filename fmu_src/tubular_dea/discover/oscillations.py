@@ -1,0 +1,72 @@
+"""Oscillations in the record that no recorded input drives: lines of the sensor's spectrum that are no mains hum.
+
+The estimate of the noise finds them in quiet stretches and takes them out (`Noise.lines`). Here they are told: their
+frequency, made finer over all records, and how high they are in what the named model leaves of each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..identify.adjust import with_own
+from .engine import Discovery
+
+NEAR, FINE = 0.06, 61  # Hz around a line's frequency, and places there that are compared
+STANDS_OUT = 4.0  # standard errors of an amplitude from which on it is told
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """An oscillation of `frequency` [Hz] in the output `output`; its amplitude (SI) by the names of the pieces."""
+
+    output: str
+    frequency: float
+    amplitudes: dict[str, float]
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """The piece in which it is largest, and its amplitude there (SI)."""
+        name = max(self.amplitudes, key=lambda n: self.amplitudes[n])
+        return name, self.amplitudes[name]
+
+
+def oscillations(found: Discovery) -> list[Oscillation]:
+    """Those that stand out of the noise in what the named model leaves."""
+    study, named = found.study, found.named
+    if not any(noise.lines for noise in study.noise.values()):
+        return []
+    answers = study.response(named.ids, study.pieces).outputs(named.fitted.values)
+    left: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        residual = piece.record - with_own(study, piece, answer)
+        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+            left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
+    told = []
+    for output, records in left.items():
+        noise = study.noise[output]
+        for line in noise.lines:
+            fine = _finest(line, records)
+            amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
+            errors = {name: noise.slow_at(_step(times)) * np.sqrt(2 / times.size) for name, times, _ in records}
+            if any(amplitudes[name] > STANDS_OUT * errors[name] for name in amplitudes):
+                told.append(Oscillation(output, fine, amplitudes))
+    return told
+
+
+def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> float:
+    """The frequency near a line at which the records, each with a phase of its own, have most."""
+    grid = line + np.linspace(-NEAR, NEAR, FINE)
+    power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
+    return float(grid[int(np.argmax(power))])
+
+
+def _wave(frequency: float, times: np.ndarray, values: np.ndarray) -> complex:
+    """The complex amplitude of a wave in some values, their mean taken out."""
+    turns = np.exp(-2j * np.pi * frequency * (times - times[0]))
+    return complex(2 * np.mean(turns * (values - values.mean())))
+
+
+def _step(times: np.ndarray) -> float:
+    return float(np.median(np.diff(times)))

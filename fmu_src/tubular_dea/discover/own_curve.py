@@ -1,0 +1,238 @@
+"""What an effect does by itself, as identified: a curve, a loop, the answer to a step, or a drift; with a band.
+
+The effect is cut out of the model (`model.alone`) and one of the inputs or states that it acts on is moved through the
+range that it has in the records, all others held where the effect does most. An effect without a memory is a curve.
+One with a memory that is the same at any speed is a loop: there and back, part of the way first. Any other is shown by
+the answer to a step, as fast as the records have it, over the time in which it settles; but where all it remembers is
+how long ago the start was, over that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..identify.fit import Fit
+from ..kernel import Kernel, KernelError
+from ..model.alone import Alone, alone
+from ..model.declare import Model, Quantity
+from ..model.effect import Effect
+from ..protocol import Protocol
+from .parameters import switched_on
+
+POINTS = 400  # of a curve
+WAY = (0.0, 0.6, 0.0, 1.0, 0.0)  # of the range: the corners of a loop
+FASTER, SAME = 10.0, 0.3  # times as fast, a loop has to stay the same within this share of its height
+FELT = 1e-3  # of what an effect does: what moves it by less does not
+SETTLED, SHOWN = 0.05, 1.6  # of a step's answer that is left when it counts as settled; how long after it is shown
+BEFORE = 0.15  # of the time shown that lies before a step
+DRAWS, SEED = 400, 1  # of the parameters, for a band
+BAND, ANSWERED = (0.025, 0.975), 0.9  # quantiles of the draws; share of them that have to have an answer
+STEPS = 100_000  # internal steps of a run between two points, after which it is given up
+
+Given = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Course:
+    """A record as the effect feels it: `time` (n,) and, by name, inputs and states of the plant, each (n,)."""
+
+    time: np.ndarray
+    given: Given
+
+
+@dataclass(frozen=True)
+class OwnCurve:
+    """A `kind` "curve", "loop", "step" or "time": `on` with the effect and `off` without, over x, each (n,).
+
+    `low` and `high` are the ends of its band. x is of the quantity `over`, or the time where that is None; for a curve
+    of a sensor or monitor it is what comes to the effect. What is moved is `moved`, between `ends`; None where nothing
+    is.
+    """
+
+    kind: str
+    x: np.ndarray
+    on: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    off: np.ndarray
+    shown: Quantity
+    over: Quantity | None
+    moved: Quantity | None
+    ends: tuple[float, float]
+
+
+class Bench:
+    """An effect alone, compiled, at identified parameters."""
+
+    def __init__(self, base: Model, effect: Effect, fitted: Fit, jumping: Collection[str] = ()) -> None:
+        """`fitted` has the effect's parameters; `jumping` are inputs that are held between samples."""
+        self.base, self.effect, self.fitted, self.jumping = base, effect, fitted, jumping
+        self.cut = alone(base, effect)
+        self._kernel = Kernel(self.cut.model)
+        values = switched_on(effect) | dict(fitted.values)
+        self.on = {n: v for n, v in values.items() if n in self.cut.model.parameter_values()}
+        self.off = self.on | dict(effect.off)
+
+    @property
+    def shown(self) -> Quantity:
+        """What the effect changes."""
+        return self.cut.model.quantity(self.cut.output)
+
+    def run(
+        self, course: Course, values: Mapping[str, float], times: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
+        """What the effect changes, and its own states, along a course."""
+        inputs = {inner: course.given[name] for name, inner in self.cut.acts_on.items()}
+        at = course.time if times is None else times
+        found = self._kernel.simulate(Protocol(course.time, inputs), np.unique(at), values, max_steps=STEPS)
+        places = np.searchsorted(found.time, at)
+        wanted = [self.cut.output, *(s.quantity.name for s in self.cut.model.states)]
+        return {name: found[name][places] for name in wanted}
+
+    def change(self, course: Course, times: np.ndarray | None = None) -> np.ndarray:
+        """By how much the effect changes what it changes, along a course."""
+        name = self.cut.output
+        return self.run(course, self.on, times)[name] - self.run(course, self.off, times)[name]
+
+    def band(self, course: Course, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The ends of the 95 % band: quantiles of runs at parameters drawn from their covariance, inside their bounds.
+
+        nan where the model has no answer at too many of these.
+        """
+        mine = [i for i, f in enumerate(self.fitted.free) if f.name in {q.name for q in self.effect.parameters}]
+        free = [self.fitted.free[i] for i in mine]
+        size, directions = np.linalg.eigh(self.fitted.covariance[np.ix_(mine, mine)])
+        half = np.random.default_rng(SEED).standard_normal((DRAWS // 2, len(mine)))
+        drawn = np.concatenate([half, -half]) * np.sqrt(np.maximum(size, 0.0)) @ directions.T
+        runs = []
+        for moved in self.fitted.scaled[mine] + drawn:
+            values = {f.name: f.to_si(float(np.clip(x, *f.bounds()))) for f, x in zip(free, moved, strict=True)}
+            try:
+                runs.append(self.run(course, self.on | values, times)[self.cut.output])
+            except KernelError:
+                continue
+        if len(runs) < ANSWERED * DRAWS:
+            return np.full(times.size, np.nan), np.full(times.size, np.nan)
+        low, high = np.quantile(runs, BAND, axis=0)
+        return low, high
+
+
+def own_curve(bench: Bench, courses: Sequence[Course]) -> OwnCurve | None:
+    """What the effect does over the ranges of some records; None where it is the same whatever moves."""
+    usual, cut = _Usual.of(bench, courses), bench.cut
+    if cut.clock:
+        return _drawn(bench, "time", None, usual, *usual.still(cut, usual.longest))
+    name = _most(bench, usual)
+    if name is None:
+        return None
+    if not cut.remembers:
+        return _drawn(bench, "curve", name, usual, *usual.way(cut, name, usual.longest))
+    slow = bench.change(*usual.way(cut, name, usual.longest))
+    fast = bench.change(*usual.way(cut, name, usual.longest / FASTER))
+    if np.abs(slow - fast).max() < SAME * np.abs(slow).max():
+        return _drawn(bench, "loop", name, usual, *usual.way(cut, name, usual.longest))
+    return _drawn(bench, "step", name, usual, *_step(bench, name, usual))
+
+
+def _most(bench: Bench, usual: _Usual) -> str | None:
+    """What the effect is moved by most: what it says itself, else the course that changes most of what it does."""
+    cut = bench.cut
+    names = [cut.over] if cut.over else [n for n in cut.drivers if n in usual.moving]
+    course, at = usual.still(cut, usual.longest)
+    still, size = bench.change(course, at), {}
+    for name in names:
+        course, times = usual.way(cut, name, usual.longest)
+        size[name] = float(np.abs(bench.change(course, times) - np.interp(times, at, still)).max())
+    moved = [n for n in names if size[n] > FELT * np.abs(still).max()]
+    return max(moved, key=lambda n: size[n]) if moved else None
+
+
+@dataclass(frozen=True)
+class _Usual:
+    """Of what an effect acts on: values where it does most, ranges and largest rates; the longest record [s]."""
+
+    values: dict[str, float]
+    ends: dict[str, tuple[float, float]]
+    rates: dict[str, float]
+    longest: float
+
+    @classmethod
+    def of(cls, bench: Bench, courses: Sequence[Course]) -> _Usual:
+        changes = [np.abs(bench.change(course)) for course in courses]
+        most = int(np.argmax([c.max() for c in changes]))
+        at = int(np.argmax(changes[most]))
+        names = {*bench.cut.acts_on, *bench.cut.drivers}
+        joined = {n: np.concatenate([c.given[n] for c in courses]) for n in names}
+        return cls(
+            {n: float(courses[most].given[n][at]) for n in names},
+            {n: (float(v.min()), float(v.max())) for n, v in joined.items()},
+            {n: max(float(np.abs(np.diff(c.given[n]) / np.diff(c.time)).max()) for c in courses) for n in names},
+            max(float(np.ptp(c.time)) for c in courses),
+        )
+
+    @property
+    def moving(self) -> list[str]:
+        """What has a range."""
+        return [n for n, (low, high) in self.ends.items() if high > low]
+
+    def way(self, cut: Alone, name: str, lasts: float) -> tuple[Course, np.ndarray]:
+        """The course of `name` through its range within `lasts` seconds, and times at which to look."""
+        shares = np.array(WAY if cut.remembers else (0.0, 1.0))
+        gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares)))])
+        corners = lasts * (gone / gone[-1])
+        times = np.unique(np.concatenate([np.linspace(0, lasts, POINTS), corners]))
+        return self.course(cut, name, corners, shares), times
+
+    def still(self, cut: Alone, lasts: float) -> tuple[Course, np.ndarray]:
+        """The course on which nothing moves."""
+        at = self.values | (dict.fromkeys(cut.moving.values(), 0.0) if cut.remembers else {})
+        return Course(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(0, lasts, POINTS)
+
+    def course(self, cut: Alone, name: str, time: np.ndarray, shares: np.ndarray) -> Course:
+        """The course of `name` through shares of its range, straight between times; all else as it usually is."""
+        low, high = self.ends[name]
+        values = low + (high - low) * shares
+        begin = np.flatnonzero(np.diff(time) > 0)
+        slopes = np.diff(values)[begin] / np.diff(time)[begin]
+        both = np.column_stack([begin, begin + 1]).ravel()
+        given = {n: np.full(both.size, v) for n, v in self.values.items()}
+        if cut.remembers:  # what is held does not move
+            given |= {v: np.zeros(both.size) for v in cut.moving.values()}
+        given[name] = values[both]
+        if name in cut.moving:
+            given[cut.moving[name]] = np.repeat(slopes, 2)
+        return Course(time[both], given)
+
+
+def _step(bench: Bench, name: str, usual: _Usual) -> tuple[Course, np.ndarray]:
+    """The course of a step of `name`, and times at which to look until its answer has settled."""
+    low, high = usual.ends[name]
+    rise = 0.0 if name in bench.jumping else min((high - low) / usual.rates[name], 0.1 * usual.longest)
+    shares = np.array([0.0, 0.0, 1.0, 1.0])
+    far = usual.course(bench.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
+    looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, POINTS) * usual.longest]))
+    left = np.abs(_settling(bench.change(far, looked)))
+    unsettled = looked[left > SETTLED * left.max()] if left.max() > 0 else looked[:1]
+    lasts = float(np.clip(SHOWN * unsettled[-1], max(4 * rise, 1e-4 * usual.longest), usual.longest))
+    course = usual.course(bench.cut, name, np.array([-BEFORE * lasts, 0.0, rise, lasts]), shares)
+    return course, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, POINTS), [0.0, rise]]))
+
+
+def _settling(change: np.ndarray) -> np.ndarray:
+    return change - change[-1]
+
+
+def _drawn(bench: Bench, kind: str, name: str | None, usual: _Usual, course: Course, times: np.ndarray) -> OwnCurve:
+    on, off = (bench.run(course, values, times)[bench.cut.output] for values in (bench.on, bench.off))
+    low, high = bench.band(course, times)
+    x, over, moved, ends = times, None, None, (0.0, 0.0)
+    if name is not None:
+        moved, ends = bench.base.quantity(name), usual.ends[name]
+    if name is not None and kind in ("curve", "loop"):
+        x, over = Protocol(course.time, {name: course.given[name]}).at(times)[name], moved
+    if kind == "curve" and bench.effect.recording:
+        x, over = off, bench.shown
+    return OwnCurve(kind, x, on, low, high, off, bench.shown, over, moved, ends)

@@ -1,0 +1,81 @@
+"""What could not have been seen: for every effect the smallest size that these recordings would have shown.
+
+An effect of size A adds A c to the whitened residual; what of c the present parameters cannot take up, c_p, makes the
+expected score A^2 |c_p|^2. It is seen if it passes the largest score of 95 % of nulls (false alarms of 5 %), with a
+probability of POWER. An effect that is switched by a share (a lag) has its own length for a size: the one at which its
+whole response would be seen, from its shape grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from ..model.effect import Effect
+from .bank import Candidate
+from .bootstrap import NullScores
+
+FALSE_ALARMS, POWER = 0.05, 0.8
+HIDDEN = 1e-3  # of a column that must be left for it to be anything but the present parameters
+STEEPEST = 4.0  # power of the gain over a lag's length, beyond its grid: from 2 (its first moment) to 4
+Sizes = dict[str, float | None]
+
+
+def smallest_visible(listed: Sequence[Candidate], jacobian: np.ndarray, null: NullScores) -> dict[str, Sizes]:
+    """By effect and parameter the smallest size (SI) that would have been seen; None where none would.
+
+    `listed` are the candidates at the present model with `jacobian` (N, k).
+    """
+    needed = (np.sqrt(null.threshold(FALSE_ALARMS)) + norm.ppf(POWER)) ** 2
+    basis, _ = np.linalg.qr(jacobian)
+    found: dict[str, Sizes] = {}
+    for effect in {c.effect.id: c.effect for c in listed}.values():
+        tangents = [c for c in listed if c.effect.id == effect.id]
+        gains = [_unit_gain(c, basis) for c in tangents]
+        name = tangents[0].names[0]
+        if name in effect.on:
+            found[effect.id] = _length(effect, tangents, gains, needed)
+        else:
+            best = max(gains)
+            found[effect.id] = {name: float(np.sqrt(needed / best)) if best > 0 else None}
+    return found
+
+
+def _unit_gain(candidate: Candidate, basis: np.ndarray) -> float:
+    """The expected score of the first amplitude at 1 (SI)."""
+    column = candidate.columns[:, 0]
+    left = column - basis @ (basis.T @ column)
+    size = float(np.linalg.norm(left))
+    return size**2 if size > HIDDEN * float(np.linalg.norm(column)) else 0.0
+
+
+def _length(effect: Effect, listed: Sequence[Candidate], gains: Sequence[float], needed: float) -> Sizes:
+    """The length (or rate, or frequency) at which the whole effect would just be seen."""
+    name = next(iter(effect.shapes))
+    best: dict[float, float] = {}
+    for candidate, gain in zip(listed, gains, strict=True):
+        at = candidate.shape[name]
+        best[at] = max(best.get(at, 0.0), gain)
+    lengths = np.array(sorted(best))
+    levels = np.array([best[x] for x in lengths])
+    if levels.max() <= 0:
+        return {name: None}
+    x, y = np.log(lengths), np.log(np.maximum(levels, 1e-300))
+    if y[0] > y[-1]:  # the effect grows as this falls (a rate limit): look from its other end
+        x, y = -x[::-1], y[::-1]
+        return {name: float(np.exp(-_crossing(x, y, float(np.log(needed)))))}
+    return {name: float(np.exp(_crossing(x, y, float(np.log(needed)))))}
+
+
+def _crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
+    """Where y, which rises over x, comes to `level`; straight beyond its first point and the last."""
+    above = np.flatnonzero(y >= level)
+    if not above.size:
+        return float(x[-1] + (level - y[-1]) / 2.0)
+    i = int(above[0])
+    if i == 0:
+        slope = np.clip((y[1] - y[0]) / (x[1] - x[0]) if x.size > 1 else 2.0, 2.0, STEEPEST)
+        return float(x[0] - (y[0] - level) / slope)
+    return float(x[i - 1] + (level - y[i - 1]) * (x[i] - x[i - 1]) / (y[i] - y[i - 1]))

@@ -1,0 +1,88 @@
+"""What a reader has to know beside the verdict: implausible parameters, starts, what rests on too little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..identify.fit import Fit
+from ..model.units import factor
+from .engine import Discovery
+from .oscillations import Oscillation
+
+FAR = 3.0  # factor from the declared value beyond which a refitted parameter is hardly the plant's
+FEW = 3  # experiments below which a verdict rests on little
+
+
+def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
+    """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
+    said = [*_implausible(found), *(_swinging(found, w) for w in waves), *_starts(found), *_spread(found)]
+    little = thin(found)
+    return [*said, f"The answer rests on little: {little}."] if little else said
+
+
+def implausible(found: Discovery, fitted: Fit) -> list[str]:
+    """The plant's own parameters that had to leave the plausible in a fit, by name."""
+    declared = found.study.plant.model.parameter_values()
+    judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
+    return [n for n in judged if not 1 / FAR < fitted.values[n] / declared[n] < FAR]
+
+
+def _swinging(found: Discovery, wave: Oscillation) -> str:
+    q, (name, amplitude) = found.study.plant.quantity(wave.output), wave.largest
+    unit = q.display_unit or q.unit
+    reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output).replace("_", " ")
+    return (
+        f"The {reading} swings at {wave.frequency:.4g} Hz and no recorded input does: by up to "
+        f"{amplitude / factor(unit, q.unit):.2g} {unit}, most in {name}. Look for what runs at this frequency near the "
+        "plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
+    )
+
+
+def _implausible(found: Discovery) -> list[str]:
+    said = []
+    for name in implausible(found, found.named.fitted):
+        value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
+        unit = found.study.plant.quantity(name).unit
+        said.append(
+            f"{name} went to {value:.3g} {unit} (declared: {usual:.3g} {unit}): it stands in "
+            "for something that the model's form lacks."
+        )
+    return said
+
+
+def thin(found: Discovery) -> str:
+    """Why these recordings can show only little; "" where they are many and of several kinds."""
+    files = {p.source for p in found.study.pieces}
+    if len(files) < FEW:
+        what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
+        return f"there {'is' if len(files) == 1 else 'are'} {what} only"
+    still = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
+    return f"{still[0]} hardly moves in any experiment" if still else ""
+
+
+def _moves(found: Discovery, name: str) -> bool:
+    spans = [float(np.ptp(p.case.protocol.inputs[name])) for p in found.study.pieces]
+    return max(spans) > 10 * found.study.monitor_noise.get(name, 0.0)
+
+
+def _starts(found: Discovery) -> list[str]:
+    """Files that do not begin at rest."""
+    loaded = [e.name for e in found.recordings.experiments if e.start == "unknown"]
+    if not loaded:
+        return []
+    return [
+        f"{', '.join(loaded)} begin{'s' if len(loaded) == 1 else ''} under load: the states at the start are "
+        "taken from the record."
+    ]
+
+
+def _spread(found: Discovery) -> list[str]:
+    """Zeros that differ from file to file by more than what is usual on the bench."""
+    said = []
+    for name, spread in found.study.spread.items():
+        if 0 < found.study.zero(name) < spread:
+            unit = found.study.plant.quantity(name).unit
+            said.append(f"The zero of {name} differs by {spread:.2g} {unit} from file to file.")
+    return said

@@ -1,0 +1,369 @@
+"""What belongs to each record alone, taken from it: switching instants, zeros, hum and states at the start.
+
+Zeros of sensors and monitors differ from file to file by nobody knows how much: their spread is estimated with the fit
+(restricted maximum likelihood by expectation and maximisation, Laird and Ware, Biometrics 38 (1982) 963), about a mean
+of its own, so that an offset common to all files is left for the effects that explain it. With fewer than LEAST_FILES
+files it is the usual one that the plant declares.
+
+So are monitors' gains, about 1. Monitors have filters, which make them late by a part of a sample in all files alike:
+by how much is estimated with the fit, as far as a filter may be late, and taken off. Channels are read in turn besides:
+each is a little late or early, nobody knows how much.
+
+Where an input switched between two samples, the record itself says when: of all instants inside its bounds the one that
+explains the samples behind it best is taken, and what is not known of it is integrated out. The first of these samples
+decides: it has answered for a part of the time between samples, whatever the model lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..kernel import KernelError
+from ..protocol import Protocol
+from . import hum as hums
+from .compiled import Ids
+from .doubt import shifted
+from .edges import Edge
+from .marginal import Marginal, marginal
+from .problem import Free, whitened
+from .response import Case, Response
+from .study import Own, Piece, Study
+from .threads import side_by_side
+
+LEAST_FILES = 3  # from which on a spread between files can be told
+ITERATIONS = 40  # of expectation and maximisation
+TOLD = 0.99  # of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
+GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way between an edge's bounds at which the model is asked
+FINE = 81  # places between an edge's bounds that are compared: steps of 50 us at 250 Hz
+TURN = 0.1  # of a sample: by how much channels are usually apart that are read in turn
+LATE, LATEST = 0.5, 1.0  # of a sample: how late filters against aliasing usually make monitors, and at most
+GAIN, MOST_GAIN = 2e-3, 6e-3  # by which gains of a monitor usually differ between files, and at most
+START_STEP = 0.05  # of a start's usual size: step of its difference quotient
+START_SPREAD = 1.0  # of a start's usual size: prior of what is not known of it
+GAIN_OF, LATE_OF = "gain of ", "late "  # names of what a monitor has of its own beside its zero
+HUM_SIZE = 10.0  # times the noise: prior of the amplitude of a line at mains frequency
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A piece at the present model: its white residual and whitened columns, before anything is integrated out.
+
+    `windows` are the samples that feel the instant of each edge, and what they do where it moves through its bounds.
+    """
+
+    residual: np.ndarray
+    windows: list[_Moved]
+    columns: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """The samples `where` that feel an edge's instant, their whitened answers (g, m) at the shifts `grid` (g,) [s], and
+    the shift `now`."""
+
+    where: slice
+    grid: np.ndarray
+    answers: np.ndarray
+    now: float
+
+    def best(self, left: np.ndarray) -> float:
+        """The shift at which what is `left` (m,) at the present one becomes least."""
+        if not self.answers.size:
+            return self.now
+        fine = np.linspace(self.grid[0], self.grid[-1], FINE)
+        shares = CubicSpline(self.grid, np.eye(self.grid.size))  # of every answer on the grid, at a shift
+        steps = shares(fine) - shares(self.now)
+        changes = self.answers - self.answers[0]
+        squares = 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
+        return float(fine[int(np.argmin(squares))])
+
+    def column(self, shift: float) -> np.ndarray:
+        """What the samples change by with the shift, per second."""
+        if not self.answers.size:
+            return np.empty(0)
+        return np.asarray(CubicSpline(self.grid, self.answers)(shift, 1))
+
+
+def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = ()) -> Study:
+    """The study with the records' own numbers taken at a model with effects `ids` and parameters `values` (SI).
+
+    `free` are the parameters that follow along while spreads are estimated.
+    """
+    fixed = study.geometry | dict(values)
+    owned = side_by_side(lambda p: _owned(study, ids, fixed, p), study.pieces)
+    work = replace(study, pieces=owned)
+    seen = side_by_side(lambda p: _seen(work, ids, fixed, p), work.pieces)
+    spread, later = _spreads(work, ids, fixed, seen, free)
+    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, seen, strict=True)]
+    return replace(work, pieces=pieces, spread=spread, late=later)
+
+
+def _owned(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
+    """The piece with columns (SI) of its zeros, hum and unknown start at the present model."""
+    columns: list[np.ndarray] = []
+    names: list[str] = []
+    rows = piece.case.parts()
+    for reading, part in zip(piece.case.readings, rows, strict=True):
+        if study.zero(reading.output) > 0:
+            names.append(reading.output)
+            columns.append(_placed(piece, part, np.ones(reading.times.size)))
+        for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
+            names.append(f"hum {number} {reading.output}")
+            columns.append(_placed(piece, part, wave))
+    monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
+    cases = [(name, *shifted(piece.case, name)) for name in monitors]
+    cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
+    cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
+    own = dict(piece.case.own)
+    starts = [(name, size) for name, size in piece.unknown.items()]
+    moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
+    response = study.asked(ids, [piece.case, *(c for _, c, _ in cases), *moved])
+    here, *others = response.outputs_alone(values)
+    for (name, _, step), answer in zip(cases, others[: len(cases)], strict=True):
+        names.append(name)
+        columns.append((answer - here) / step)
+    for (name, size), answer in zip(starts, others[len(cases) :], strict=True):
+        names.append(f"start {name}")
+        columns.append((answer - here) / (START_STEP * size))
+    table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
+    return replace(piece, own=Own(tuple(names), table, np.zeros(len(names))))
+
+
+def _step_of(piece: Piece) -> float:
+    """The time between samples of the first output [s]."""
+    return float(np.median(np.diff(piece.case.readings[0].times)))
+
+
+def _amplified(case: Case, name: str) -> Case:
+    """The case with one of its inputs larger by the usual error of a gain."""
+    inputs = case.protocol.inputs
+    return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] * (1 + GAIN)}))
+
+
+def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
+    """The case with one of its inputs earlier by as much as it may be recorded late, and that [s]."""
+    by = LATE * _step_of(piece)
+    return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
+
+
+def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
+    column = np.zeros(piece.record.size)
+    column[part] = values
+    return column
+
+
+def _seen(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> _Seen:
+    """White residual, edges' columns in their windows, and the columns of what the record has of its own."""
+    response = study.asked(ids, [piece.case])
+    here = response.outputs_alone(values)[0]
+    residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
+    columns = whitened(piece.case, piece.own.columns, study.noise, piece.weight)
+    return _Seen(residual, _edges(study, response, values, piece), columns)
+
+
+def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_Moved]:
+    """For every edge what its window answers while the edge moves through its bounds.
+
+    Every other edge is moved at once: what one does is over when the next but one comes, or it is cut there.
+    """
+    edges = piece.driven.edges
+    if not edges:
+        return []
+    times = piece.case.readings[0].times
+    order = np.argsort([e.time for e in edges], kind="stable")  # of several inputs
+    turn = np.argsort(order)
+    places = [_place(piece, i, order[turn[i] + 1 : turn[i] + 2]) for i in range(len(edges))]
+    low = np.array([e.earliest - e.time for e in edges])
+    high = np.array([e.latest - e.time for e in edges])
+    cases = []
+    for parity in (0, 1):
+        chosen = turn % 2 == parity
+        for part in GRID:
+            shift = np.where(chosen, low + part * (high - low), piece.shifts)
+            cases.append(replace(piece.case, protocol=piece.driven_by(shift)))
+    try:
+        answers = Response(response.kernel, cases, response.fixed).outputs_alone(values)
+    except KernelError:
+        return [_Moved(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
+    white = [whitened(piece.case, a, study.noise, piece.weight) for a in answers]
+    found = []
+    for i, place in enumerate(places):
+        known = high[i] <= low[i] or place.stop <= place.start or times.size == 0
+        rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
+        moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
+        where = slice(0, 0) if known else slice(place.start, place.start + _heard(moved))
+        grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
+        found.append(_Moved(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
+    return found
+
+
+def _place(piece: Piece, number: int, following: Iterable[int]) -> slice:
+    """The samples that may feel the instant of an edge: from its earliest to the `following` one's."""
+    edges, times = piece.driven.edges, piece.case.readings[0].times
+    starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.late.get(edges[i].input, 0.0) for i in following]
+    mine = edges[number]
+    begin = np.searchsorted(times, mine.earliest - 0.5 * mine.rise - piece.late.get(mine.input, 0.0))
+    ends = [np.inf, *starts]
+    return slice(int(begin), max(int(begin), int(np.searchsorted(times, min(ends)))))
+
+
+def _heard(answers: np.ndarray) -> int:
+    """How many of the samples behind an edge hold TOLD of what its instant changes; `answers` are (g, m)."""
+    told = np.cumsum((answers[-1] - answers[0]) ** 2)
+    return min(int(np.searchsorted(told, TOLD * told[-1])) + 1, told.size)
+
+
+def _reach(edge: Edge) -> float:
+    """Half of the time in which an edge may have happened."""
+    return 0.5 * (edge.latest - edge.earliest)
+
+
+def _spreads(
+    study: Study, ids: Ids, values: Mapping[str, float], seen: Sequence[_Seen], free: Sequence[Free]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The standard deviation between files of every zero and gain, by name (SI), and how late monitors are (samples).
+
+    With few files the spreads are the usual ones.
+    """
+    first = study.pieces[0]
+    kinds = [n for n in dict.fromkeys(n for p in study.pieces for n in p.own.names) if _usual(study, first, n) > 0]
+    if not study.filtered:
+        kinds = [n for n in kinds if not n.startswith(LATE_OF)]
+    usual = {n: _usual(study, first, n) for n in kinds if not n.startswith(LATE_OF)}
+    training = [(p, s) for p, s in zip(study.pieces, seen, strict=True) if not p.held_out]
+    if not kinds or not training:
+        return usual, {}
+    problem = study.problem(ids, free, {n: v for n, v in values.items() if n not in {f.name for f in free}})
+    fixed = [np.empty((p.record.size, 0)) for p, _ in training]
+    if free:
+        _, columns = problem.response.sensitivities(values, [f.name for f in free])
+        slopes = np.array([f.slope(values[f.name]) for f in free])
+        fixed = [
+            whitened(p.case, c * slopes, study.noise, p.weight) for (p, _), c in zip(training, columns, strict=True)
+        ]
+    few = len({p.source for p, _ in training}) < LEAST_FILES
+    variance, later = _estimated(study, kinds, training, fixed, few)
+    found = {n: float(np.sqrt(v)) * usual[n] for n, v in zip(kinds, variance, strict=True) if n in usual}
+    return {n: min(v, MOST_GAIN) if n.startswith(GAIN_OF) else v for n, v in found.items()}, later
+
+
+def _usual(study: Study, piece: Piece, name: str) -> float:
+    """The usual size of a zero, a gain or a lateness (SI); 0 for what else a record has of its own."""
+    if name.startswith(GAIN_OF):
+        return GAIN
+    return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name)
+
+
+def _estimated(
+    study: Study, kinds: Sequence[str], training: Sequence[tuple[Piece, _Seen]], fixed: Sequence[np.ndarray], few: bool
+) -> tuple[np.ndarray, dict[str, float]]:
+    """Expectation and maximisation over the normal equations of parameters, means and every file's deviations.
+
+    Variances (k,) in units of the usual ones, which they are where files are `few`; and mean latenesses in samples.
+    """
+    k, p, m = len(kinds), fixed[0].shape[1], len(training)
+    size = p + k + m * k
+    information, target = np.zeros((size, size)), np.zeros(size)
+    for i, ((piece, seen), columns) in enumerate(zip(training, fixed, strict=True)):
+        own = np.column_stack(
+            [
+                seen.columns[:, piece.own.names.index(n)] * _usual(study, piece, n)
+                if n in piece.own.names
+                else np.zeros(piece.record.size)
+                for n in kinds
+            ]
+        )
+        others = np.array([0.0 if n in kinds else _prior(study, piece, n, {}) for n in piece.own.names])
+        local = marginal(_windows(piece, seen, piece.shifts), seen.columns, others)
+        together = local.apply(np.column_stack([columns, own, seen.residual]))
+        gram = together.T @ together
+        at = np.r_[0 : p + k, p + k + i * k : p + k + (i + 1) * k]
+        wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
+        information[np.ix_(at, at)] += gram[np.ix_(wide, wide)]
+        target[at] -= gram[wide, -1]
+    late = np.array([n.startswith(LATE_OF) for n in kinds])
+    known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
+    information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
+    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, 1e-6)
+    target[p : p + k] -= known
+    variance = np.where(late, (TURN / LATE) ** 2, 1.0)
+    for _ in range(1 if few else ITERATIONS):
+        penalised = information.copy()
+        penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, 1e-8), m)
+        scale = 1 / np.sqrt(np.diag(penalised))
+        inverse = np.linalg.pinv(penalised * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+        solved = inverse @ target
+        found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
+        if not few:
+            variance = np.where(late, variance, np.mean(found**2 + uncertainty, axis=0))
+    means = np.clip((known + solved[p : p + k]) * LATE, 0.0, LATEST)
+    later = {n.removeprefix(LATE_OF): float(v) for n, v, is_late in zip(kinds, means, late, strict=True) if is_late}
+    return variance, later
+
+
+def _settled(study: Study, piece: Piece, seen: _Seen, spread: Mapping[str, float], later: Mapping[str, float]) -> Piece:
+    """The piece with its edges moved to where the record has them, and everything of its own integrated out.
+
+    `later` says by how many samples inputs are recorded late.
+    """
+    sd = np.array([_prior(study, piece, name, spread) for name in piece.own.names])
+    shifts = piece.shifts
+    if seen.windows:
+        local = marginal(_windows(piece, seen, shifts), np.empty((piece.record.size, 0)), np.empty(0))
+        own = piece.own.mean(local.apply(seen.columns), local.apply(seen.residual), sd)
+        left = seen.residual + seen.columns @ own
+        shifts = np.array([m.best(left[m.where]) for m in seen.windows])
+    made = marginal(_windows(piece, seen, shifts), seen.columns, sd)
+    piece = replace(piece, late={name: by * _step_of(piece) for name, by in later.items()})
+    case = replace(piece.case, protocol=piece.driven_by(shifts))
+    if piece.unknown:
+        local = Marginal(made.windows)
+        mean = piece.own.mean(local.apply(seen.columns), local.apply(seen.residual), sd)
+        found = dict(zip(piece.own.names, mean, strict=True))
+        started = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
+        case = replace(case, own=dict(case.own) | _inside(study, started))
+    return replace(piece, case=case, shifts=shifts, marginal=made, own=replace(piece.own, sd=sd))
+
+
+def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
+    """Values of parameters, moved into their bounds."""
+    inside = {}
+    for name, value in values.items():
+        q = study.plant.quantity(name)
+        low = -np.inf if q.minimum is None else q.minimum
+        inside[name] = float(np.clip(value, low, np.inf if q.maximum is None else q.maximum))
+    return inside
+
+
+def _windows(piece: Piece, seen: _Seen, shifts: np.ndarray) -> list[tuple[slice, np.ndarray, float]]:
+    """Of every edge its samples, their column at a shift, and its prior [s]."""
+    return [
+        (m.where, m.column(float(s)), _reach(e))
+        for m, s, e in zip(seen.windows, shifts, piece.driven.edges, strict=False)
+    ]
+
+
+def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -> float:
+    """The standard deviation of one of a record's own numbers (SI); the usual one where no `spread` is known."""
+    if name in spread:
+        return spread[name]
+    if name.startswith(LATE_OF):
+        return TURN * _step_of(piece)
+    if name.startswith("start "):
+        return START_SPREAD * piece.unknown[name.removeprefix("start ")]
+    if not name.startswith("hum "):
+        return _usual(study, piece, name)
+    output = name.rsplit(" ", 1)[1]
+    return HUM_SIZE * study.noise[output].rms
+
+
+def with_own(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+    """A model's answer (N,) for a piece, with the most likely values of what the record has of its own."""
+    residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
+    columns = whitened(piece.case, piece.own.columns, study.noise, piece.weight)
+    local = Marginal(piece.marginal.windows)
+    return answer + piece.own.columns @ piece.own.mean(local.apply(columns), local.apply(residual), piece.own.sd)

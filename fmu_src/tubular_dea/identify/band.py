@@ -1,0 +1,91 @@
+"""An input that an analogue filter kept below half the sampling rate: known between its samples as well.
+
+Samples that lie close enough tell such a signal everywhere (Shannon). It is drawn as straight lines on a finer grid, by
+padding its spectrum with zeros. Beyond its ends the record is continued by its mirror image, turned over, so that there
+is no jump in value or slope for the spectrum to ring at.
+
+Lines through the signal itself cut its corners: of a frequency f they have sinc^2(f step), and the rest above the
+sampling rate. Where no output follows the input at once, the points are therefore those whose lines have all of the
+signal below half the sampling rate (Unser, "Sampling - 50 years after Shannon", Proc. IEEE 88 (2000) 569): what lies so
+far above, states do not feel, and two points a sample do what eight do otherwise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+PADDED = 64  # samples of mirror image at either end
+CLOSE = 5e-3  # of the signal's rms: what straight lines may miss it by; a tenth of it costs four times the points
+ABOVE = 2e-2  # the same where all that they miss lies above the sampling rate
+FINEST = 32  # points a sample at most
+LINE = float(np.sqrt(8 / 15))  # a parabola over its chord: its rms over what it misses in the middle
+BEND = float(np.sqrt(1 / 720))  # a parabola beside the line that has its mean: its rms in units of curvature step^2
+QUIETEST = 0.05  # share of the frequencies whose power is taken for noise: the least
+
+
+def band_limited(
+    time: np.ndarray, values: np.ndarray, noise: float, direct: bool = True
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times and values on a finer grid, and by how much (rms) straight lines between them miss the signal.
+
+    `direct` says that some output follows the input at once: then the lines go through the signal. They miss it by the
+    monitor's `noise` at most, or by CLOSE (or ABOVE) of the signal, if FINEST points a sample suffice. `time` is evenly
+    spaced.
+    """
+    allowed = max(noise, (CLOSE if direct else ABOVE) * float(np.std(values)))
+    missed = _cut if direct else _above
+    finer = 1
+    while finer < FINEST and missed(values, finer) >= allowed:
+        finer *= 2
+    fine = _finer(values, finer, corrected=not direct)
+    step = (time[-1] - time[0]) / (time.size - 1) / finer
+    return time[0] + step * np.arange(fine.size), fine, missed(values, finer)
+
+
+def _cut(values: np.ndarray, finer: int) -> float:
+    """By how much (rms) lines through the signal miss it over `finer` pieces a sample."""
+    twice = _finer(values, 2 * finer)
+    return float(np.sqrt(np.mean((twice[1::2] - (twice[:-1:2] + twice[2::2]) / 2) ** 2))) * LINE
+
+
+def _above(values: np.ndarray, finer: int) -> float:
+    """By how much (rms) lines with the signal's own spectrum miss it: what they have above the sampling rate."""
+    spectrum, _, size = _spectrum(values)
+    bends = (2 * np.pi * np.fft.rfftfreq(size) / finer) ** 2
+    return BEND * float(np.sqrt(2 * np.sum(np.abs(spectrum * bends) ** 2))) / size
+
+
+def _spectrum(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """The spectrum of the signal with its mirror images beside the line between their ends; that line; their size."""
+    pad = min(PADDED, values.size - 1)
+    begin = 2 * values[0] - values[pad:0:-1]
+    end = 2 * values[-1] - values[-2 : -2 - pad : -1]
+    whole = np.concatenate([begin, values, end])
+    slope = (whole[-1] - whole[0]) / (whole.size - 1)  # the spectrum wants both ends alike
+    line = np.array([slope, whole[0]])
+    return np.fft.rfft(whole - np.polyval(line, np.arange(whole.size))), line, whole.size
+
+
+def _finer(values: np.ndarray, times: int, corrected: bool = False) -> np.ndarray:
+    """The signal at every sample and `times` - 1 points in between, shape (times (n - 1) + 1,).
+
+    `corrected`: not the signal there, but the points whose lines have its spectrum.
+    """
+    pad = min(PADDED, values.size - 1)
+    spectrum, line, size = _spectrum(values)
+    if corrected:
+        spectrum = spectrum / np.sinc(np.fft.rfftfreq(size) / times) ** 2
+    if size % 2 == 0 and times > 1:
+        spectrum[-1] /= 2  # half the sampling rate itself, seen once and not from both sides
+    fine = times * np.fft.irfft(spectrum, times * size)
+    fine += np.polyval(line, np.arange(fine.size) / times)
+    return fine[times * pad : times * (pad + values.size - 1) + 1]
+
+
+def noise_floor(values: np.ndarray) -> float:
+    """Standard deviation of white noise under a band-limited signal: where its spectrum is lowest."""
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+    width = max(power.size // 40, 8)
+    smooth = np.convolve(power, np.ones(width) / width, mode="valid")
+    least = float(np.quantile(smooth, QUIETEST))
+    return float(np.sqrt(least / np.sum(np.hanning(values.size) ** 2)))

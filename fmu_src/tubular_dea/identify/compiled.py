@@ -1,0 +1,118 @@
+"""Models with effects, compiled: each combination once, several at a time.
+
+To compile one model takes as long as some hundred thousand steps of the integrator. So short records share kernels:
+every effect without dynamics of its own is in all of them, off but for those that are asked for. Long ones have a
+kernel for every combination, and effects whose own states switch, and make the integrator's steps short, are kept from
+the scores of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from threading import Lock
+
+import sympy
+
+from ..kernel import Kernel
+from ..model.declare import Model
+from ..model.effect import Effect
+from ..plants.plant import Plant
+from .threads import side_by_side
+
+Ids = tuple[str, ...]
+
+# Effects in one library for scores: a step costs 1.2 us in a library each, 2.0 us with six and 6.8 us with all thirty
+# of the tube's in one; compiling them all takes 35, 8.5 and 4.3 s on one core (tests/benchmarks/scoring.py).
+SHARED = 6
+
+# Samples (or points of inputs, where there are more) up to which all laws without dynamics share a kernel, and from
+# which those that switch are scored alone: with the 32 of the tanks in it, a point takes 2.5 us and not 0.6, to compile
+# one 0.7 s; with all 38 of the silverbox, the 344 000 points of one record took 3.2 s and not 0.05.
+FEW, MANY = 6_000, 100_000
+
+STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: none, linear, anything else
+
+
+class Compiled:
+    """Kernels of a plant's model with effects added, in the order of its catalogue."""
+
+    def __init__(self, plant: Plant, outputs: Sequence[str] = (), points: float = math.nan) -> None:
+        """`outputs` are those that were recorded, and are differentiated (default: all); `points` are the samples of
+        all records together."""
+        self.plant = plant
+        self._outputs = list(outputs) or [o.name for o in plant.outputs]
+        self.base = plant.model
+        self.catalogue = plant.catalogue
+        self._place = {name: i for i, name in enumerate(self.catalogue)}
+        self._few, self._many = points <= FEW, points >= MANY
+        self._kernels: dict[Ids, Kernel] = {}
+        self._locks: defaultdict[Ids, Lock] = defaultdict(Lock)
+
+    def model(self, ids: Iterable[str], *more: Effect) -> Model:
+        """The model with the effects `ids` of the catalogue and `more`, all off."""
+        model = self.base
+        for effect in [*(self.catalogue[name] for name in self._ordered(ids)), *more]:
+            model = effect(model)
+        return model
+
+    def kernel(self, ids: Iterable[str] = (), *more: Effect) -> Kernel:
+        """A compiled model that has the effects `ids` of the catalogue and `more`."""
+        names = set(ids)
+        if self._few and names and not more:
+            names |= {name for name, kind in self.kinds.items() if kind == STILL}
+        ordered = self._ordered(names)
+        key = (*ordered, *(e.id for e in more))
+        with self._locks[key]:
+            if key not in self._kernels:
+                self._kernels[key] = Kernel(self.model(ordered, *more), self._outputs)
+        return self._kernels[key]
+
+    def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
+        """By the id of each candidate, a compiled model that has it beside `present`, several at a time.
+
+        The catalogue's effects (`effects` None) share libraries: SHARED a library, or all of a kind beside those
+        present, which so are the same whatever was found, and compiled once. Other effects have one each.
+        """
+        if effects is not None:
+            made = side_by_side(lambda effect: self.kernel(present, effect), effects)
+            return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
+        groups = self._groups(present)
+        kernels = side_by_side(lambda group: self.kernel((*present, *group)), groups)
+        return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
+
+    def _groups(self, present: Ids) -> list[Ids]:
+        """The catalogue's effects, as they share libraries for scores."""
+        names = list(self.catalogue)
+        if self._few:
+            still = tuple(n for n in names if self.kinds[n] == STILL)
+            return [g for g in (still, tuple(n for n in names if n not in still)) if g]
+        lively = [n for n in names if self.kinds[n] == LIVELY]
+        calm = [n for n in names if n not in lively]
+        size = len(names) if present else SHARED
+        return [*_cut(calm, size), *_cut(lively, 1 if self._many else size)]
+
+    @cached_property
+    def kinds(self) -> dict[str, str]:
+        """Of every effect of the catalogue, what dynamics of its own it has."""
+        return {name: self._kind(effect) for name, effect in self.catalogue.items()}
+
+    def _kind(self, effect: Effect) -> str:
+        """Delays break the inputs into more pieces; a state is calm whose own rate is a number."""
+        model, old = effect(self.base), [s.quantity.name for s in self.base.states]
+        fixed = {p.quantity.symbol for p in model.parameters}
+        own = [s for s in model.states if s.quantity.name not in old]
+        if len(model.delays) > len(self.base.delays):
+            return LIVELY
+        rates = [sympy.sympify(s.derivative).diff(s.quantity.symbol) for s in own]
+        return (CALM if all(r.free_symbols <= fixed for r in rates) else LIVELY) if own else STILL
+
+    def _ordered(self, ids: Iterable[str]) -> Ids:
+        return tuple(sorted({*ids}, key=self._place.__getitem__))
+
+
+def _cut(names: Sequence[str], size: int) -> list[Ids]:
+    """The names in groups of a size."""
+    return [tuple(names[i : i + size]) for i in range(0, len(names), size)]

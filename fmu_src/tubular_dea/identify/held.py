@@ -1,0 +1,135 @@
+"""The line of an input that is held and switches: pieces without noise between its edges, which can be moved.
+
+Between two edges that a ramp stands for, the samples on the way left out, the monitor's noise is taken away by straight
+lines; a piece whose slope is chance is a level. Edges whose shape was recorded are followed like everything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .edges import Edge, Transitions, few
+from .monitors import Line, polyline
+
+LEVEL = 4.0  # standard deviations up to which a piece's slope is chance: then it is a level
+
+
+@dataclass(frozen=True)
+class HeldLine:
+    """Breakpoints `time` and `values` (k,); `edge` (k,) names the edge that each belongs to, -1 for none.
+
+    `side` (k,) is -1 where a ramp stands for an edge and begins, 1 where it ends and 0 elsewhere; `slope` (k,) is
+    that of the line beside such a point, along which it moves.
+    """
+
+    time: np.ndarray
+    values: np.ndarray
+    edge: np.ndarray
+    side: np.ndarray
+    slope: np.ndarray
+
+    def moved(self, shifts: np.ndarray, widened: np.ndarray) -> HeldLine:
+        """With every edge later by its shift (m,) [s] and longer by `widened` (m,) [s]; what they reach gives way."""
+        mine = self.edge >= 0
+        own = self.edge[mine]
+        return self.with_edges_at(self.time[mine] + shifts[own] + self.side[mine] * widened[own] / 2)
+
+    def with_edges_at(self, times: np.ndarray) -> HeldLine:
+        """With the breakpoints of edges at other `times`, as far as the order allows; other corners give way."""
+        mine = self.edge >= 0
+        if not mine.any():
+            return self
+        time = self.time.copy()
+        time[mine] = np.maximum.accumulate(np.clip(times, time[0], time[-1]))
+        before = np.maximum.accumulate(np.where(mine, time, time[0]))
+        after = np.minimum.accumulate(np.where(mine, time, time[-1])[::-1])[::-1]
+        time = np.clip(time, before, after)
+        return replace(self, time=time, values=self.values + self.slope * (time - self.time))
+
+    def numbered(self, numbers: np.ndarray) -> HeldLine:
+        """With new `numbers` (m,) for the edges, -1 for what is to stay where it is."""
+        edge = np.where(self.edge >= 0, np.append(numbers, -1)[self.edge], -1)
+        return replace(self, edge=edge)
+
+
+def held_line(
+    time: np.ndarray, values: np.ndarray, noise: float, found: Transitions, edges: Sequence[Edge], late: float
+) -> tuple[HeldLine, list[Edge]]:
+    """The line behind a held signal, and its `edges` (one for each of `found`) with the levels that the line has.
+
+    What moves between edges does so `late` [s] after it was recorded.
+    """
+    ramp = np.flatnonzero(few(found))
+    kept = np.flatnonzero(~_within(time.size, found.before[ramp] + 1, found.after[ramp]))  # none on a ramp's way
+    starts = np.searchsorted(kept, found.after[ramp])
+    line = _levelled(polyline(time[kept], values[kept], noise, starts), starts, kept.size, noise)
+    whole = _breakpoints(time, kept, line, starts, ramp, late)
+    mine = whole.edge >= 0
+    at, lasting = np.array([[e.time, e.rise] for e in edges]).reshape(-1, 2).T
+    moved = whole.with_edges_at((at[whole.edge] + whole.side * lasting[whole.edge] / 2)[mine]) if edges else whole
+    return _following(moved, time, found), _with_levels(moved, edges)
+
+
+def _within(n: int, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Which of n samples lie in any stretch from `begin` to before `end`."""
+    turns = np.zeros(n + 1)
+    np.add.at(turns, begin, 1)
+    np.add.at(turns, end, -1)
+    return np.cumsum(turns[:-1]) > 0.5
+
+
+def _levelled(line: Line, starts: np.ndarray, n: int, noise: float) -> Line:
+    """With a level for every piece of which two corners are left and whose slope is chance."""
+    first = np.searchsorted(line.corners, np.append(0, starts))
+    last = np.append(first[1:], line.corners.size) - 1
+    samples = np.diff(np.concatenate([[0], starts, [n]]))
+    error = noise * np.sqrt(12.0 * (samples - 1) / (samples * (samples + 1.0)))
+    flat = (last - first == 1) & (np.abs(line.values[last] - line.values[first]) < LEVEL * error)
+    values = line.values.copy()
+    mean = (values[first[flat]] + values[last[flat]]) / 2
+    values[first[flat]] = values[last[flat]] = mean
+    return Line(line.corners, values)
+
+
+def _breakpoints(
+    time: np.ndarray, kept: np.ndarray, line: Line, starts: np.ndarray, ramp: np.ndarray, late: float
+) -> HeldLine:
+    """All corners `late` after they were recorded, the two at every edge assigned to it; one alone becomes two."""
+    piece = np.searchsorted(starts, line.corners, side="right")
+    begins = np.append(True, np.diff(piece) > 0)
+    ends = np.append(np.diff(piece) > 0, True)
+    twice = np.repeat(np.arange(piece.size), 1 + (begins & ends))
+    second = np.append(False, np.diff(twice) == 0)
+    alone = (begins & ends)[twice]
+    begins, ends = begins[twice] & ~(alone & second), ends[twice] & ~(alone & ~second)
+    piece, values = piece[twice], line.values[twice]
+    edge = np.full(piece.size, -1)
+    side = np.zeros(piece.size)
+    opened, closed = begins & (piece > 0), ends & (piece < starts.size)
+    edge[opened], side[opened] = ramp[piece[opened] - 1], 1.0
+    edge[closed], side[closed] = ramp[piece[closed]], -1.0
+    at = np.clip(time[kept[line.corners[twice]]] + late, time[0], time[-1])
+    at[0] = time[0]
+    rise, run = np.diff(values), np.diff(at)
+    rate = np.divide(rise, run, out=np.zeros_like(rise), where=(run > 0) & (np.diff(piece) == 0))
+    slope = np.where(opened, np.append(rate, 0.0), np.where(closed, np.append(0.0, rate), 0.0))
+    return HeldLine(at, values, edge, side, slope)
+
+
+def _following(line: HeldLine, time: np.ndarray, found: Transitions) -> HeldLine:
+    """With the corners of every edge whose shape was recorded assigned to it."""
+    edge = line.edge.copy()
+    for number in np.flatnonzero(~few(found)):
+        a, b = np.searchsorted(line.time, [time[found.before[number]], time[found.after[number]]])
+        inside = slice(a, b + 1)
+        edge[inside] = np.where(edge[inside] < 0, number, edge[inside])
+    return replace(line, edge=edge)
+
+
+def _with_levels(line: HeldLine, edges: Sequence[Edge]) -> list[Edge]:
+    low = {int(e): float(v) for e, v in zip(line.edge[line.side < 0], line.values[line.side < 0], strict=True)}
+    high = {int(e): float(v) for e, v in zip(line.edge[line.side > 0], line.values[line.side > 0], strict=True)}
+    return [replace(e, low=low.get(i, e.low), high=high.get(i, e.high)) for i, e in enumerate(edges)]

@@ -1,0 +1,108 @@
+"""Lines in noise: hum of the mains with its harmonics, aliased too, and other oscillations that last.
+
+What is left of quiet stretches is cut into blocks; their periodograms are added up at common frequencies. A line stands
+out of its neighbourhood there by more than chance allows anywhere. Lines at mains frequencies are hum. Others are
+reported too: nothing random has them, so they are no noise either (a pump's ripple, a fan, an effect).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import gamma
+
+BLOCK = 16.0  # s over which a line keeps its phase
+FINER = 4  # points in frequency for each that a block resolves
+BESIDE = 65  # of these, whose median is the level of noise around a line
+FALSE = 1e-4  # chance of a line in a record that has none
+MAINS, HARMONICS = (50.0, 60.0), 10  # Hz, and how many multiples are looked for
+OFF = 0.15  # Hz by which mains is off, at most, and as many times more at its harmonics
+KEEPS, KNOTS = 4.0, 24  # s over which the mains keeps its phase well enough; most knots of a record
+MOST = 4  # lines that are looked for in a monitor
+SLOWEST = 1.0  # Hz: what is slower is creep or drift
+
+
+def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> float | None:
+    """The line [Hz] that stands out most in records of (time, whitened rest) sampled every `step` [s], if any does."""
+    size = int(BLOCK / step)
+    if size <= 2:  # a block resolves no frequency that is sampled
+        return None
+    points = 2 ** int(np.ceil(np.log2(FINER * size)))
+    power, count = np.zeros(points // 2 + 1), 0
+    for values in _cut(blocks, step, size):
+        samples = np.count_nonzero(values)
+        if samples:
+            power += np.abs(np.fft.rfft(values, points)) ** 2 / samples
+            count += 1
+    if not count:
+        return None
+    level = median_filter(power, size=BESIDE, mode="nearest") / gamma.ppf(0.5, count)
+    ratio = power / np.maximum(level, 1e-300)
+    limit = float(gamma.isf(FALSE / points * FINER, count))
+    frequencies = np.arange(power.size) / points / step
+    ratio[(frequencies < min(SLOWEST, 0.05 / step)) | (frequencies > 0.5 / step - 1 / BLOCK)] = 0.0
+    best = int(np.argmax(ratio))
+    return float(frequencies[best]) if ratio[best] > limit else None
+
+
+def _cut(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float, size: int) -> list[np.ndarray]:
+    """All values on grids of `size` samples, 0 where there is none."""
+    grids: dict[tuple[int, int], np.ndarray] = {}
+    for record, (time, values) in enumerate(blocks):
+        place = np.round((time - time[0]) / step).astype(int)
+        for number in np.unique(place // size):
+            mine = place // size == number
+            grid = grids.setdefault((record, int(number)), np.zeros(size))
+            grid[place[mine] % size] = values[mine]
+    return list(grids.values())
+
+
+def is_hum(line: float, step: float) -> bool:
+    """Whether a line is where the mains or one of its harmonics comes to lie when sampled every `step` [s]."""
+    return any(
+        abs(line - _aliased(multiple * mains, 1 / step)) < multiple * OFF + 1.0 / BLOCK
+        for mains in MAINS
+        for multiple in range(1, HARMONICS + 1)
+    )
+
+
+def _aliased(frequency: float, rate: float) -> float:
+    """Where a frequency comes to lie below half the sampling rate."""
+    folded = frequency % rate
+    return min(folded, rate - folded)
+
+
+def waves(lines: Sequence[float], time: np.ndarray) -> np.ndarray:
+    """Waves (n, k) of lines in two phases, with heights that change from knot to knot: no mains keeps its pitch."""
+    span = float(time[-1] - time[0])
+    knots = np.linspace(time[0], time[-1], 1 + int(np.clip(np.ceil(span / KEEPS), 1, KNOTS)))
+    hats = [np.interp(time, knots, np.eye(knots.size)[k]) for k in range(knots.size)]
+    both = [wave(2 * np.pi * line * time) for line in lines for wave in (np.sin, np.cos)]
+    return np.column_stack([hat * wave for wave in both for hat in hats]) if both else np.empty((time.size, 0))
+
+
+def within(time: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """The hum (n,) in what is `left` (n,) of a record without its signal; 0 where none stands out.
+
+    Below twice the mains' frequency everything may be hum that comes to lie there, and nothing is said to be.
+    """
+    step, found = float(np.median(np.diff(time))), np.zeros(left.size)
+    if step > 0.5 / max(MAINS):
+        return found
+    lines: list[float] = []
+    for _ in range(MOST):
+        line = strongest([(time, left - found)], step)
+        if line is None or not is_hum(line, step):
+            break
+        lines.append(line)
+        shapes = waves(lines, time)
+        found = shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
+    return found
+
+
+def columns(lines: Sequence[float], time: np.ndarray) -> np.ndarray:
+    """Sine and cosine of every line at `time` (n,), shape (n, 2 k)."""
+    turns = 2 * np.pi * np.outer(time, np.asarray(lines, dtype=float))
+    return np.concatenate([np.sin(turns), np.cos(turns)], axis=1)

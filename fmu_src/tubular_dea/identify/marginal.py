@@ -1,0 +1,99 @@
+"""Numbers of one record's own, integrated out: zeros, hum, switching instants, states at the start.
+
+A nuisance b with Gaussian prior of standard deviation s adds a column c b to a whitened residual r. What is left of r
+once b is integrated out has covariance I + s^2 c c', so multiplying by the inverse square root of that makes it white
+again: the part of r along c shrinks by 1 / sqrt(1 + s^2 |c|^2). The same matrix whitens Jacobians and candidates'
+columns, so that nothing behind it needs to know (Kennedy and O'Hagan 2001; Bishop, "Pattern recognition", ch. 3).
+
+Nuisances that act for a short while (a switching instant) have their own windows and do not overlap; they come first
+and cost nothing. Those that act throughout (zeros) come after them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import norm
+
+
+@dataclass(frozen=True)
+class Window:
+    """A nuisance that acts on the samples `where` alone: its direction `unit` (m,) of length 1, and `size` = s |c|."""
+
+    where: slice
+    unit: np.ndarray
+    size: float
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """The nuisances of one record: `windows`, and `basis` (n, k) of length 1 each with `sizes` (k,).
+
+    In the windows the record itself was followed, as far as the bounds of the nuisance (its mean and `size` to both
+    sides) allow: little is left there, of noise either.
+    """
+
+    windows: tuple[Window, ...] = ()
+    basis: np.ndarray | None = None
+    sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    def apply(self, white: np.ndarray) -> np.ndarray:
+        """Whitened values (n,) or columns (n, m), whitened of the nuisances too; a new array."""
+        out = white.copy()
+        for window in self.windows:
+            part = out[window.where]
+            part += _outer(window.unit, shrink(window.size) * (window.unit @ part))
+        if self.basis is not None and self.sizes.size:
+            along = self.basis.T @ out
+            out += self.basis @ (np.reshape(shrink(self.sizes), (-1, *[1] * (along.ndim - 1))) * along)
+        return out
+
+    def taken(self, n: int) -> np.ndarray:
+        """How much of each sample's variance following the record in its windows takes away, shape (n,)."""
+        out = np.zeros(n)
+        for window in self.windows:
+            out[window.where] += window.unit**2 * (1 - _left_over(window.size))
+        return out
+
+
+def marginal(windows: Sequence[tuple[slice, np.ndarray, float]], columns: np.ndarray, sd: np.ndarray) -> Marginal:
+    """The nuisances with whitened columns: in windows (where, column, sd), and throughout: (n, k) with sd (k,)."""
+    made = []
+    for where, column, deviation in windows:
+        length = float(np.linalg.norm(column))
+        if length > 0 and deviation > 0:
+            made.append(Window(where, column / length, deviation * length))
+    local = Marginal(tuple(made))
+    used = sd > 0
+    if not np.any(used):
+        return local
+    scaled = local.apply(columns[:, used] * sd[used])
+    left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+    kept = sizes > 1e-6
+    return Marginal(local.windows, left[:, kept], sizes[kept])
+
+
+def shrink(size: np.ndarray | float) -> np.ndarray | float:
+    """What is added of a direction with standard deviation `size` beside noise of 1, to make it white."""
+    return 1 / np.sqrt(1 + np.square(size)) - 1
+
+
+def _left_over(size: float) -> float:
+    """The variance along a window's direction when the record was followed there, and the window was integrated out.
+
+    There z = n + t, noise n ~ N(0, 1) and a truth t that is anywhere between -size and size alike; following takes the
+    nearest number between these bounds from z, and `shrink` leaves a part 1 / sqrt(1 + size^2). The mean square of what
+    of z is beyond the bounds is E max(n - d, 0)^2, averaged over distances d from 0 to 2 size, and once more for the
+    other bound. (Were t ~ N(0, size^2) and followed to its most likely value, 1 / (1 + size^2)^2 would be left.)
+    """
+    if size < 1e-3:  # the difference below loses its digits
+        return 1.0
+    d = 2 * size
+    beyond = 2 * norm.pdf(0) - (2 + d**2) * norm.pdf(d) + (d**3 + 3 * d) * norm.sf(d)
+    return float(beyond / (3 * size * (1 + size**2)))
+
+
+def _outer(unit: np.ndarray, along: np.ndarray | float) -> np.ndarray:
+    return unit[:, None] * along if np.ndim(along) else unit * along

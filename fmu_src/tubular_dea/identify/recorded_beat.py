@@ -1,0 +1,206 @@
+"""The average beat of a recorded arterial pressure: cut at its upstrokes, beats alike averaged.
+
+Reads what `recordings` reads (columns pressure, flow, ecg; or a headless file of time and pressure), and WFDB records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from ..cosim.heartbeats import FASTEST, SLOWEST, Ecg, detect
+from ..errors import UserError
+from ..model.units import UnitError, factor
+from ..recordings import Table, read
+
+POINTS = 200  # of the average beat
+ALIKE = 0.15  # beats whose length differs by more from the median are left out
+UNITS = {"pressure": ("Pa", "mmHg"), "flow": ("m3/s", "mL/s"), "ecg": ("V", "mV")}  # SI, and what a bare column means
+NAMES = {
+    "pressure": ("pressure", "abp", "art", "aop", "p"),
+    "flow": ("flow", "aoq", "q"),
+    "ecg": ("ecg", "ii", "v", "mlii", "mcl1", "i", "iii", "v5"),
+}
+
+
+class PatientRecordError(UserError, ValueError):
+    """A recording that no patient can be fitted to."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """A recording over `time` [s]: pressure [Pa], and flow [m3/s] and ECG where there are any (NaN: missing)."""
+
+    time: np.ndarray
+    pressure: np.ndarray
+    flow: np.ndarray | None = None
+    ecg: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class RecordedBeat:
+    """The average of `beats` beats of `period` [s] at POINTS equal times: pressure [Pa] and its spread from beat to
+    beat, flow [m3/s] or None; `by` is what the beats were cut at."""
+
+    period: float
+    beats: int
+    pressure: np.ndarray
+    spread: np.ndarray
+    flow: np.ndarray | None
+    by: str
+
+    @property
+    def phase(self) -> np.ndarray:
+        """The places of the points in the beat, 0 to 1."""
+        return np.arange(POINTS) / POINTS
+
+
+def read_signals(path: Path, flow: Path | None = None) -> Signals:
+    """A recording from a table or a WFDB record; `flow` is a second table over the same time."""
+    if path.suffix in (".hea", ".dat") or (path.suffix == "" and path.with_suffix(".hea").is_file()):
+        return _wfdb(path.with_suffix(""))
+    table = read(path)
+    time, pressure = _time(table), _column(table, "pressure")
+    if pressure is None:
+        raise PatientRecordError(f"{path}: expected a column of the arterial pressure, as in 'pressure [mmHg]'")
+    with_flow = _column(table, "flow") if any(c.name for c in table.columns) else None
+    if flow is not None:
+        other = read(flow)
+        values = _column(other, "flow")
+        if values is None:
+            raise PatientRecordError(f"{flow}: expected a column of the aortic flow, as in 'flow [mL/s]'")
+        with_flow = np.interp(time, _time(other), values)
+    return Signals(time, pressure, with_flow, _column(table, "ecg"))
+
+
+def average(signals: Signals, what: str) -> RecordedBeat:
+    """The average beat; `PatientRecordError` says of the recording `what` why there is none."""
+    pressure = _filled(signals.pressure, what)
+    rate = (signals.time.size - 1) / float(np.ptp(signals.time))
+    if _one_beat(signals.time, pressure):
+        return _whole(signals, pressure)
+    marks = _marks(signals, pressure, rate, what)
+    lengths = np.diff(marks)
+    period = float(np.median(lengths))
+    if not 60 / FASTEST <= period <= 60 / SLOWEST:
+        raise PatientRecordError(f"{what}: beats of {period:.2f} s; expected {SLOWEST:g} to {FASTEST:g} a minute")
+    alike = np.abs(lengths / period - 1) < ALIKE
+    places = marks[:-1][alike][:, None] + lengths[alike][:, None] * np.arange(POINTS) / POINTS
+    if len(places) < 3:
+        raise PatientRecordError(f"{what}: {len(places)} beats of like length; expected at least 3")
+    cut = np.interp(places, signals.time, pressure)
+    flow = None if signals.flow is None else np.interp(places, signals.time, signals.flow).mean(axis=0)
+    return RecordedBeat(period, len(places), cut.mean(axis=0), cut.std(axis=0), flow, "upstrokes of the pressure")
+
+
+def _time(table: Table) -> np.ndarray:
+    named = next((c for c in table.columns if c.name.lower() in ("time", "t")), table.columns[0])
+    time = np.asarray(named.values, float)
+    if time.size < 20 or not np.all(np.diff(time) > 0):
+        raise PatientRecordError(f"{table.path}: expected at least 20 ascending times in the first column")
+    return time
+
+
+def _column(table: Table, name: str) -> np.ndarray | None:
+    """A signal by its heading; of a headless table with two columns, the second."""
+    found = next((c for c in table.columns if c.name.lower() in NAMES[name]), None)
+    if found is None and len(table.columns) == 2 and not table.columns[1].name and name != "ecg":
+        found = table.columns[1]
+    if found is None:
+        return None
+    si, usual = UNITS[name]
+    try:
+        return np.asarray(found.values, float) * factor(found.unit or usual, si)
+    except UnitError as problem:
+        raise PatientRecordError(f"{table.path}, column {found.shown}: {problem}") from None
+
+
+def _wfdb(path: Path) -> Signals:
+    if not path.with_suffix(".hea").is_file():
+        raise PatientRecordError(f"{path}: cannot be read as a WFDB record: there is no {path.with_suffix('.hea')}")
+    try:
+        import wfdb
+    except ImportError:
+        raise PatientRecordError(f"{path}: WFDB records need the package wfdb; pip install '.[ecg]'") from None
+    try:
+        record = wfdb.rdrecord(str(path))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise PatientRecordError(f"{path}: cannot be read as a WFDB record: {problem}") from None
+    time = np.arange(record.p_signal.shape[0]) / float(record.fs)
+    found = {}
+    for signal, unit, values in zip(record.sig_name, record.units, record.p_signal.T, strict=True):
+        kind = "pressure" if unit.lower() == "mmhg" else "ecg" if unit == "mV" and "resp" not in signal.lower() else ""
+        if kind and kind not in found:
+            found[kind] = np.asarray(values, float) * factor(unit, UNITS[kind][0])
+    if "pressure" not in found:
+        raise PatientRecordError(f"{path}: expected a signal in mmHg; there are {', '.join(record.sig_name)}")
+    return Signals(time, found["pressure"], None, found.get("ecg"))
+
+
+def _filled(values: np.ndarray, what: str) -> np.ndarray:
+    good = np.isfinite(values)
+    if good.mean() < 0.5:
+        raise PatientRecordError(f"{what}: more than half of the pressure is missing")
+    if not 10 * 133.322 < np.median(values[good]) < 300 * 133.322:
+        raise PatientRecordError(
+            f"{what}: the pressure is {np.median(values[good]) / 133.322:.3g} mmHg in the median; "
+            "expected 10 to 300: check its unit"
+        )
+    if np.ptp(values[good]) < 133.322:
+        raise PatientRecordError(f"{what}: expected an arterial pressure that beats by more than 1 mmHg")
+    return np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
+
+
+def _one_beat(time: np.ndarray, pressure: np.ndarray) -> bool:
+    """Whether the recording is a single beat: one pulse, and as high at its end as at its begin."""
+    swing = float(np.ptp(pressure))
+    return bool(
+        np.ptp(time) < 60 / SLOWEST
+        and _upstrokes(pressure, time).size < 3
+        and abs(pressure[0] - pressure[-1]) < 0.15 * swing
+    )
+
+
+def _whole(signals: Signals, pressure: np.ndarray) -> RecordedBeat:
+    """The recording as one beat; what is missing from its end to its begin counts as one sample."""
+    step = float(np.median(np.diff(signals.time)))
+    period = float(np.ptp(signals.time)) + step
+    places = signals.time[0] + period * np.arange(POINTS) / POINTS
+
+    def periodic(values: np.ndarray) -> np.ndarray:
+        return np.interp(places, np.append(signals.time, signals.time[0] + period), np.append(values, values[0]))
+
+    flow = None if signals.flow is None else periodic(signals.flow)
+    return RecordedBeat(period, 1, periodic(pressure), np.zeros(POINTS), flow, "the recording, which is one beat")
+
+
+def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np.ndarray:
+    """Where beats begin [s]: the steepest upstrokes of the pressure. An ECG beside it has to show as many.
+
+    R waves themselves are no good to cut at: detectors pass from one wave to another in deformed leads.
+    """
+    marks = _upstrokes(pressure, signals.time)
+    if marks.size < 4:
+        raise PatientRecordError(f"{what}: {marks.size} beats found in the pressure; expected at least 4")
+    if signals.ecg is None:
+        return marks
+    seen = detect(Ecg(signals.ecg, rate)).size
+    if not 0.8 < seen / marks.size < 1.25:
+        raise PatientRecordError(
+            f"{what}: {seen} beats found in the ECG but {marks.size} in the pressure; check the lead, or leave it out"
+        )
+    return marks
+
+
+def _upstrokes(pressure: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """The steepest places of the pressure [s]: peaks of its slope, half as high as most, no closer than hearts beat."""
+    step = float(np.median(np.diff(time)))
+    slope = np.gradient(pressure, time)
+    width = max(1, round(0.02 / step))
+    slope = np.convolve(slope, np.ones(width) / width, mode="same")
+    apart = max(1, round(60 / FASTEST / step))
+    found, _ = find_peaks(slope, height=0.4 * float(np.quantile(slope, 0.98)), distance=apart)
+    return np.asarray(time[found])

@@ -1,0 +1,81 @@
+"""What a recording starts from: rest, equilibrium under its first inputs, or states that nobody knows.
+
+A file that begins with loaded inputs and a moved output was cut from a longer run, or the plant stood under load. Its
+states at the start are then unknown: where the plant has an equilibrium, it starts there, and by how much each state is
+off is one of the record's own numbers (`adjust`), which the record itself determines.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..model.declare import Model, Parameter, Quantity
+from ..plants.plant import Plant
+
+if TYPE_CHECKING:
+    from .data import Experiment
+
+RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
+STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
+FIRST = 12  # samples through which a straight line tells what a record begins with
+CLEARLY, ZEROS = 5.0, 3.0  # standard errors of it, and usual zeros of its signal, that are a load
+FAINT = 0.02  # of a signal's largest value: less is none, where its zero is not known
+
+
+def detected(experiment: Experiment, plant: Plant) -> str:
+    """How a recording starts, by its first samples: with a load that has moved the output, nobody knows."""
+    if plant.model.curve is None or not experiment.outputs:
+        return RESTED
+    time = experiment.time
+    loaded = any(_begins_off(time, experiment.inputs[s.name], s.zero) for s in plant.inputs)
+    name = next(iter(experiment.outputs))
+    seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
+    if signal.rest is None or not loaded:
+        return RESTED
+    moved = _begins_off(time[seen], experiment.outputs[name][seen] - signal.rest, signal.zero)
+    return UNKNOWN if moved else RESTED
+
+
+def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
+    """Whether a signal is clearly not zero at its first sample, by the straight line through the first of them."""
+    if time.size < FIRST:
+        return False
+    line = np.column_stack([np.ones(FIRST), time[:FIRST] - time[0]])
+    found, *_ = np.linalg.lstsq(line, values[:FIRST], rcond=None)
+    variance = float(np.sum((values[:FIRST] - line @ found) ** 2)) / (FIRST - 2)
+    error = np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0])
+    least = ZEROS * zero if zero > 0 else FAINT * float(np.quantile(np.abs(values), 0.99))
+    return bool(abs(found[0]) > max(CLEARLY * error, least))
+
+
+def loosened(model: Model) -> Model:
+    """The model with a parameter for every state by which it may be off at the start, 0 by default.
+
+    The unknown of an equilibrium curve has none: it follows from the first inputs.
+    """
+    unknown = model.curve.unknown if model.curve else None
+    states, parameters = [], []
+    for state in model.states:
+        q = state.quantity
+        if q.name == unknown:
+            states.append(state)
+            continue
+        off = Quantity(off_name(q.name), q.unit, f"By how much {q.name} is off at the start", 0.0, nominal=q.nominal)
+        parameters.append(Parameter(off))
+        settled = None if state.equilibrium is None else state.equilibrium + off.symbol
+        states.append(dataclasses.replace(state, start=state.start + off.symbol, equilibrium=settled))
+    return dataclasses.replace(model, states=tuple(states), parameters=(*model.parameters, *parameters))
+
+
+def off_name(state: str) -> str:
+    """The parameter by which a state is off at the start."""
+    return f"{state}_off_at_start"
+
+
+def unknowns(model: Model) -> dict[str, float]:
+    """The parameters of an unknown start, with their usual sizes (SI)."""
+    curve = model.curve.unknown if model.curve else None
+    return {off_name(s.quantity.name): s.quantity.nominal for s in model.states if s.quantity.name != curve}

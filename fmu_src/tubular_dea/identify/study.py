@@ -1,0 +1,339 @@
+"""The recordings as a study: pieces that take part in fits, pieces that do not, and the noise they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..errors import ArgumentError, UserError
+from ..model.declare import nearest
+from ..model.effect import Effect
+from ..plants.plant import Plant
+from ..protocol import Protocol
+from . import noise as noises
+from .compiled import Compiled, Ids
+from .data import Experiment, Recordings
+from .drive import Drive
+from .drive import drives as all_drives
+from .marginal import Marginal
+from .noise import Noise
+from .problem import Free, Problem
+from .response import Case, Reading, Response
+from .start import RESTED, UNKNOWN, loosened, unknowns
+
+HELD_SHARE = 4  # one experiment in so many takes no part in any fit
+SWITCHING = 2.0  # samples to both sides of a switching in which a rate is not known
+UNKNOWN_LAG = 0.5  # samples by which an output that jumps may be read late: half of one, as any sampled channel
+FAINTEST = 1e-6  # of an output's largest value: noise is not taken to be less
+
+
+@dataclass(frozen=True)
+class Own:
+    """Numbers that a record has of its own: `columns` (N, k) that they are multiplied by (SI), priors `sd` (k,)."""
+
+    names: tuple[str, ...]
+    columns: np.ndarray
+    sd: np.ndarray
+
+    def mean(self, white: np.ndarray, residual: np.ndarray, sd: np.ndarray) -> np.ndarray:
+        """Their most likely values (k,) given whitened columns (N, k) and a whitened residual (N,)."""
+        used = sd > 0
+        found = np.zeros(sd.size)
+        columns = white[:, used] * sd[used]
+        information = columns.T @ columns + np.eye(int(used.sum()))
+        found[used] = -np.linalg.solve(information, columns.T @ residual) * sd[used]
+        return found
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An experiment or part of one: what drives it, what was read at `case.times` (N,), and whether it is held out.
+
+    `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
+    are the record's own numbers; `unknown` are parameters of its start that are among them, with their usual sizes.
+    `mask` (N,) is 0 for samples that say nothing. `before` is what was done to the plant before this file, where it did
+    not rest in between.
+    """
+
+    name: str
+    case: Case
+    record: np.ndarray
+    held_out: bool
+    weight: np.ndarray
+    driven: Drive
+    marginal: Marginal = field(default_factory=Marginal)
+    shifts: np.ndarray = field(default_factory=lambda: np.empty(0))
+    own: Own = field(default_factory=lambda: Own((), np.empty((0, 0)), np.empty(0)))
+    unknown: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
+    before: Protocol | None = None
+    mask: np.ndarray = field(default_factory=lambda: np.ones(1))
+    late: Mapping[str, float] = field(default_factory=dict)
+    shaken: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+    def driven_by(self, shifts: np.ndarray) -> Protocol:
+        """The protocol with edges moved by their shifts [s] and `late` taken off, behind what was done `before`."""
+        own = self.driven.moved(shifts) if self.driven.edges else self.driven.protocol
+        for name, by in self.late.items():
+            own = own.with_delay(name, -by) if by else own
+        return own if self.before is None else followed(self.before, own)
+
+
+@dataclass(frozen=True)
+class Study:
+    """All pieces, the noise of every output, and the compiled models they are held against.
+
+    `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
+    how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
+    by signal), once estimated.
+    """
+
+    plant: Plant
+    pieces: list[Piece]
+    noise: dict[str, Noise]
+    monitor_noise: dict[str, float]
+    compiled: Compiled
+    geometry: dict[str, float] = field(default_factory=dict)
+    prior: float | None = None
+    spread: dict[str, float] = field(default_factory=dict)
+    late: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def catalogue(self) -> Mapping[str, Effect]:
+        """Everything that may be missing, by id."""
+        return self.plant.catalogue
+
+    @property
+    def training(self) -> list[Piece]:
+        """The pieces that take part in fits."""
+        return [p for p in self.pieces if not p.held_out]
+
+    @property
+    def held_out(self) -> list[Piece]:
+        """The pieces that take part in none."""
+        return [p for p in self.pieces if p.held_out]
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the monitors may be behind a filter: not where inputs are seen to switch from sample to sample."""
+        return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
+
+    def zero(self, name: str) -> float:
+        """The usual size of a signal's own zero (SI); 0 for what is no signal."""
+        zeros = {s.name: s.zero for s in self.plant.inputs} | {s.name: s.zero for s in self.plant.outputs}
+        return zeros.get(name, 0.0)
+
+    def response(self, ids: Ids, pieces: Sequence[Piece], *more: Effect) -> Response:
+        """The model with the effects `ids` of the catalogue and `more` on some pieces."""
+        return self.asked(ids, [p.case for p in pieces], *more)
+
+    def asked(self, ids: Ids, cases: Sequence[Case], *more: Effect) -> Response:
+        """The same on any cases."""
+        return Response(self.compiled.kernel(ids, *more), cases, self.geometry)
+
+    def problem(
+        self, ids: Ids, free: Sequence[Free], fixed: Mapping[str, float], pieces: Sequence[Piece] | None = None
+    ) -> Problem:
+        """The least squares problem of the model with effects `ids` on some pieces (those in training)."""
+        pieces = self.training if pieces is None else pieces
+        return Problem(
+            self.response(ids, pieces),
+            [p.record for p in pieces],
+            self.noise,
+            free,
+            dict(fixed) | self.geometry,
+            [p.weight for p in pieces],
+            self.prior if free else None,
+            [p.marginal for p in pieces],
+        )
+
+    def weighted(self, weights: Sequence[np.ndarray]) -> Study:
+        """The study with other weights of the samples, one array a piece."""
+        return replace(self, pieces=[replace(p, weight=w * p.mask) for p, w in zip(self.pieces, weights, strict=True)])
+
+
+def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None) -> Study:
+    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`."""
+    plant = recordings.plant
+    drives = all_drives(recordings.experiments, plant.inputs, recordings.noise)
+    names = choose_held_out(recordings) if held_out is None else list(held_out)
+    known = [e.name for e in recordings.experiments]
+    for name in names:
+        if name not in known:
+            raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
+    if any(e.start == UNKNOWN for e in recordings.experiments):
+        plant = plant.with_model(loosened(plant.model))
+    pieces, noise = [], sensor_noise(recordings, drives)
+    for number, (experiment, driven) in enumerate(zip(recordings.experiments, drives, strict=True)):
+        whole = _piece(experiment, driven, recordings.plant, experiment.name in names, noise)
+        whole = _after(whole, number, recordings.experiments, drives)
+        pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
+    levels = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in plant.inputs}
+    compiled = Compiled(plant, list(noise), sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
+    return Study(plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
+
+
+def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool, noise: Mapping[str, Noise]) -> Piece:
+    """A whole experiment, with every output that was recorded in it.
+
+    What feels an input's rate tells nothing where the input switches, and little while it still moves fast.
+    """
+    there = [o.name for o in plant.outputs if experiment.seen(o.name).any()]
+    readings = tuple(Reading(name, experiment.time[experiment.seen(name)]) for name in there)
+    record = np.concatenate([experiment.outputs[name][experiment.seen(name)] for name in there])
+    mask = np.ones(record.size)
+    for reading, part in zip(readings, Case(driven.protocol, readings).parts(), strict=True):
+        if next(o.jumps for o in plant.outputs if o.name == reading.output):
+            mask[part] = _mask(driven, reading, record[part], noise[reading.output].rms)
+    own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
+    if experiment.start != RESTED and plant.model.curve is not None:
+        own = {plant.model.curve.start_switch: 1.0}
+    return Piece(
+        experiment.name,
+        Case(driven.protocol, readings, own),
+        record,
+        held_out,
+        mask,
+        driven,
+        mask=mask,
+        shifts=np.zeros(len(driven.edges)),
+        source=experiment.name,
+        unknown=plant.each_start | (unknowns(plant.model) if experiment.start == UNKNOWN else {}),
+    )
+
+
+def _mask(driven: Drive, reading: Reading, record: np.ndarray, rms: float) -> np.ndarray:
+    """The weight (n,) of samples of an output that jumps where an input does: 0 near switchings.
+
+    Elsewhere its monitor's filter and its turn among the channels make it late by a part of a sample, nobody knows how
+    much: a thousand times its noise where a current of some mA dies away. It has the weight that this leaves.
+    """
+    step = float(np.median(np.diff(reading.times)))
+    unknown = UNKNOWN_LAG * np.abs(np.gradient(record, reading.times / step))
+    mask = rms / np.hypot(rms, unknown)
+    for edge in driven.edges:
+        begin = edge.earliest - edge.rise - SWITCHING * step
+        mask[slice(*np.searchsorted(reading.times, [begin, edge.latest + edge.rise + SWITCHING * step]))] = 0.0
+    return mask
+
+
+def _after(piece: Piece, number: int, experiments: Sequence[Experiment], drives: Sequence[Drive]) -> Piece:
+    """The piece behind all experiments that came before it without rest, on its own clock."""
+    here = experiments[number].begins
+    if here is None:
+        return piece
+    clock = {i: e.begins - e.time[0] for i, e in enumerate(experiments) if e.begins is not None and e.begins < here}
+    before: Protocol | None = None
+    for i in sorted(clock, key=lambda i: float(experiments[i].begins or 0.0)):
+        moved = _later(drives[i].protocol, clock[i] - (here - experiments[number].time[0]))
+        before = moved if before is None else followed(before, moved)
+    if before is None:
+        return piece
+    piece = replace(piece, before=before)
+    return replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts)))
+
+
+def _later(protocol: Protocol, by: float) -> Protocol:
+    return Protocol(protocol.time + by, protocol.inputs)
+
+
+def followed(first: Protocol, then: Protocol) -> Protocol:
+    """One protocol after another; in between, inputs run straight from the last value to the next."""
+    if first.time[-1] >= then.time[0]:
+        raise UserError(
+            f"order: an experiment ends {first.time[-1] - then.time[0]:.3g} s after the next one begins; "
+            "expected start times one after the other"
+        )
+    inputs = {name: np.concatenate([first.inputs[name], values]) for name, values in then.inputs.items()}
+    return Protocol(np.concatenate([first.time, then.time]), inputs)
+
+
+def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, Noise]:
+    """The noise of every sensor: as bench.toml states it, else from quiet stretches of all records."""
+    found = {}
+    for output in recordings.plant.outputs:
+        records = []
+        for experiment, driven in zip(recordings.experiments, drives, strict=True):
+            seen = experiment.seen(output.name)
+            if seen.any():
+                records.append(
+                    (experiment.time[seen], experiment.outputs[output.name][seen], np.unique(driven.protocol.time))
+                )
+        if not records:
+            continue
+        noise = noises.estimate(records)
+        stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
+        floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
+        found[output.name] = replace(
+            noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
+        )
+    if not found:
+        raise UserError(f"{recordings.source}: expected at least one output but no file has any")
+    return found
+
+
+def choose_held_out(recordings: Recordings) -> list[str]:
+    """Experiments that resemble another one and stay inside what the others reach, so that nothing is extrapolated.
+
+    One in HELD_SHARE, at least one where there are two. What is compared are the largest inputs, the largest and the
+    mean output, and how much an experiment moves; long experiments are kept for training.
+    """
+    experiments = recordings.experiments
+    if len(experiments) < 2:
+        return []
+    features = np.array([_features(e, recordings.plant) for e in experiments])
+    features /= np.maximum(np.abs(features).max(axis=0), 1e-300)
+    largest = set(np.argmax(features, axis=0).tolist())
+    training = list(range(len(experiments)))
+    chosen: list[int] = []
+    for _ in range(max(1, len(experiments) // HELD_SHARE)):
+        allowed = [i for i in training if i not in largest] or training
+        others = {i: [j for j in training if j != i] for i in allowed}
+        nearest = {i: min(float(np.linalg.norm(features[i] - features[j])) for j in others[i]) for i in allowed}
+        apart = {i: min([1.0, *(float(np.linalg.norm(features[i] - features[j])) for j in chosen)]) for i in allowed}
+        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size / max(apart[i], 1e-9), i))
+        chosen.append(best)
+        training.remove(best)
+    return [experiments[i].name for i in sorted(chosen)]
+
+
+def _features(experiment: Experiment, plant: Plant) -> list[float]:
+    """Largest inputs, largest and mean output, and the way the output goes over its range."""
+    first = next(o.name for o in plant.outputs if experiment.seen(o.name).any())
+    output = experiment.outputs[first][experiment.seen(first)]
+    smooth = np.convolve(output, np.ones(25) / 25, mode="valid")
+    way = float(np.abs(np.diff(smooth[::25])).sum())
+    return [
+        *(float(np.abs(v).max()) for v in experiment.inputs.values()),
+        float(smooth.max()),
+        float(smooth.mean()),
+        way,
+    ]
+
+
+def _split(piece: Piece) -> list[Piece]:
+    """A single experiment: its last part is held out."""
+    times = piece.case.times
+    cut = times.min() + (times.max() - times.min()) * (1 - 1 / HELD_SHARE)
+    parts = []
+    for name, keep, held in ((piece.name, times < cut, False), (f"{piece.name} (end)", times >= cut, True)):
+        readings = tuple(
+            Reading(r.output, r.times[keep[part]])
+            for r, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+        )
+        case = replace(piece.case, readings=tuple(r for r in readings if r.times.size))
+        parts.append(
+            replace(
+                piece,
+                name=name,
+                case=case,
+                record=piece.record[keep],
+                held_out=held,
+                weight=piece.weight[keep],
+                mask=piece.mask[keep],
+                shaken=piece.shaken[keep] if piece.shaken.size > 1 else piece.shaken,
+            )
+        )
+    return parts

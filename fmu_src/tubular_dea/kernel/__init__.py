@@ -1,0 +1,11 @@
+"""The one door to compiled code: the emitted C, compiled for this machine and called from Python.
+
+The integrator, the equations and the starting rules are the very sources that go into the FMUs; whole trajectories,
+their sensitivities and many rows at once take one call each.
+"""
+
+from .checks import KernelError
+from .tangents import SensitivityError
+from .trajectories import DEFAULT_TOLERANCE, MOST_STEPS, Kernel, Trajectory
+
+__all__ = ["DEFAULT_TOLERANCE", "MOST_STEPS", "Kernel", "KernelError", "SensitivityError", "Trajectory"]

@@ -1,0 +1,89 @@
+"""What the kernel is handed, checked as an FMU checks it: C reads what it is given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..errors import UserError
+from ..model.declare import Model, Quantity, nearest
+from ..protocol import Protocol
+
+
+class KernelError(UserError, RuntimeError):
+    """A trajectory that could not be computed; the text says at which time and why."""
+
+
+def parameter_array(model: Model, given: Mapping[str, float]) -> np.ndarray:
+    """The values of all parameters in the model's order (SI units), those that are `given` by name in their place."""
+    quantities = {p.quantity.name: p.quantity for p in model.parameters}
+    for name, value in given.items():
+        if name not in quantities:
+            raise KernelError(f"{model.name} has no parameter {name!r}{nearest(name, quantities)}")
+        check_value(quantities[name], value)
+    return np.array([float(given.get(name, q.value or 0.0)) for name, q in quantities.items()])
+
+
+def check_value(q: Quantity, value: float) -> None:
+    """`KernelError` unless `value` is a number of the quantity's type inside its bounds."""
+    unit = "" if q.unit == "1" else f" {q.unit}"
+    measured = f" in{unit}" if unit else ""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise KernelError(f"{q.name}: expected a number{measured} but was given {value!r}") from None
+    if not math.isfinite(number):
+        raise KernelError(f"{q.name}: expected a finite number{measured} but was given {number:g}")
+    if q.type == "Integer" and number != round(number):
+        raise KernelError(f"{q.name}: expected an integer but was given {number:g}")
+    if q.type == "Boolean" and number not in (0.0, 1.0):
+        raise KernelError(f"{q.name}: expected true or false (1 or 0) but was given {number:g}")
+    if q.minimum is not None and number < q.minimum:
+        raise KernelError(f"{q.name}: expected at least {q.minimum:g}{unit} but was given {number:.10g}")
+    if q.maximum is not None and number > q.maximum:
+        raise KernelError(f"{q.name}: expected at most {q.maximum:g}{unit} but was given {number:.10g}")
+
+
+def check_protocol(model: Model, protocol: Protocol) -> None:
+    """`KernelError` unless times ascend from the first to a later last one, and inputs are numbers in their bounds."""
+    time = np.asarray(protocol.time, dtype=float)
+    if time.ndim != 1 or time.size < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0):
+        raise KernelError("protocol: expected at least two finite times [s] that do not descend")
+    if not time[-1] > time[0]:
+        raise KernelError(f"protocol: expected an end after its start but both are at {time[0]:g} s")
+    for q in model.inputs:
+        if q.name not in protocol.inputs:
+            continue  # the protocol itself says what it lacks
+        values = np.asarray(protocol.inputs[q.name], dtype=float)
+        if values.shape != time.shape:
+            raise KernelError(f"{q.name}: expected {time.size} values, one a time, but was given {values.size}")
+        for extreme in (np.min(values), np.max(values)):  # NaN where there is any
+            check_value(q, float(extreme))
+
+
+def ascending(what: str, given: np.ndarray, first: float, last: float) -> np.ndarray:
+    """`given` as an array of doubles; `KernelError` unless they are ascending times [s] from `first` to `last`."""
+    times = np.ascontiguousarray(given, dtype=float)
+    inside = times.ndim == 1 and np.all(np.isfinite(times)) and not np.any(np.diff(times) < 0)
+    if not inside or (times.size and (times[0] < first or times[-1] > last)):
+        raise KernelError(f"{what}: expected ascending times from {first:g} to {last:g} s")
+    return times
+
+
+def positive(what: str, value: float) -> float:
+    """`value`; `KernelError` unless it is a positive finite number."""
+    if not (value > 0 and math.isfinite(value)):
+        raise KernelError(f"{what}: expected a positive number but was given {value:g}")
+    return value
+
+
+def vector(what: str, given: Sequence[float] | np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """`given` as an array of doubles; `KernelError` unless it holds one finite number for each of `names`."""
+    values = np.ascontiguousarray(given, dtype=float)
+    if values.shape != (len(names),):
+        raise KernelError(f"{what}: expected {len(names)} values ({', '.join(names)}) but was given {values.size}")
+    if not np.all(np.isfinite(values)):
+        raise KernelError(f"{what}: expected finite numbers but was given {values[~np.isfinite(values)][0]:g}")
+    return values

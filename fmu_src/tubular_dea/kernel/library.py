@@ -1,0 +1,52 @@
+"""The compiled libraries of a model, and how they are loaded: the only place that does."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..emit import sensitivities
+from ..export.compile import native_source, processor_flags
+from ..export.package import KERNEL_SOURCES, core_sources
+from ..export.remembered import remembered_library
+from ..model.declare import Model
+from .checks import KernelError
+
+BATCH_SOURCES = ("kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
+TANGENT_SOURCES = ("tangent.c", "tangent.h")
+
+
+def kernel_library(model: Model, observed: tuple[str, ...]) -> ctypes.CDLL:
+    """Trajectories of `model`, and their sensitivities, those of the outputs `observed` among them."""
+
+    def sources() -> Mapping[str, str]:
+        gradients = {
+            "gradients.h": sensitivities.header(model, observed),
+            "gradients.c": sensitivities.source(model, observed),
+        }
+        tangents = {name: native_source(name) for name in TANGENT_SOURCES}
+        return core_sources(model, *KERNEL_SOURCES) | tangents | gradients
+
+    return load(remembered_library(model, f"kernel of {observed}", sources, processor_flags()))
+
+
+def batch_library(model: Model) -> ctypes.CDLL:
+    """Many rows of `model` at once."""
+    kind = "batch"
+    return load(remembered_library(model, kind, lambda: core_sources(model, *BATCH_SOURCES), processor_flags()))
+
+
+def load(path: Path) -> ctypes.CDLL:
+    """A compiled library; `KernelError` where this machine will not have it (a cache on a disk without programs)."""
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as problem:
+        raise KernelError(f"{problem}; set TUBULAR_DEA_CACHE to a folder from which programs may run") from None
+
+
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """The address of a contiguous array, as a C function takes it; the caller keeps the array alive."""
+    return array.ctypes.data_as(ctypes.c_void_p)

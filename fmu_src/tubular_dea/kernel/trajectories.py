@@ -1,0 +1,476 @@
+"""A compiled model: whole trajectories in one call, its equations at a point, its equilibrium curve."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+
+from ..emit.functions import layout
+from ..model.declare import Model, nearest
+from ..model.delays import input_delays, undelayed
+from ..protocol import Protocol
+from . import tangents
+from .checks import KernelError, ascending, check_protocol, check_value, parameter_array, positive, vector
+from .failures import failure
+from .library import kernel_library, pointer
+from .tangents import TangentLibrary
+
+DEFAULT_TOLERANCE = 1e-6
+MOST_STEPS = 10_000_000
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Values by name at `time` [s]: states and outputs, each of shape (n,), in SI units.
+
+    `steps` and `rejected` count the integrator's internal steps. Where sensitivities were asked for, `sensitivities`
+    has, by name, the derivatives of the states and of the measured output to `parameters`, each of shape (n, m), and
+    `mesh` the ends of the internal steps.
+    """
+
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+    steps: int
+    rejected: int
+    parameters: tuple[str, ...] = ()
+    sensitivities: dict[str, np.ndarray] = field(default_factory=dict)
+    mesh: np.ndarray | None = None
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.values:
+            raise KeyError(f"no value {name!r}{nearest(name, self.values)}")
+        return self.values[name]
+
+
+class Kernel:
+    """A model, compiled: its trajectories, equations, Jacobian and equilibrium curve from the C that the FMUs have.
+
+    Compiling takes a few seconds once; the library is cached by its content.
+
+    Parameters
+    ----------
+    model : Model
+        A continuous model.
+    observed : sequence of str, optional
+        Outputs that sensitivities are taken of (default: what a sensor reports).
+
+    Attributes
+    ----------
+    states, inputs, outputs : list of str
+        Names in the model's order.
+    defaults : dict of str to float
+        The parameters' values (SI).
+
+    Raises
+    ------
+    UserError
+        For a model that is sampled, an output that there is not, and where the compiler fails.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tubular_dea as td
+    >>> kernel = td.Kernel(td.tube())
+    >>> kernel.states
+    ['lambda_2', 'lambda_2_rate', 'sigma_vis1', 'sigma_vis2']
+    >>> load, slope, (fold, pressure) = kernel.curve(np.linspace(1.0, 1.5, 6), {"voltage": 5000.0})
+    >>> f"snap-through at {15 * fold:.1f} mm and {pressure / 133.322:.0f} mmHg"
+    'snap-through at 24.0 mm and 135 mmHg'
+    """
+
+    def __init__(self, model: Model, observed: Sequence[str] = ()) -> None:
+        if model.discretes:
+            raise KernelError(
+                f"{model.name} is sampled at communication points; expected a continuous model here: run it as an FMU"
+            )
+        self.model = model
+        self._undelayed, self._delayed = undelayed(model)
+        wanted = tangents.observed(self._undelayed, observed)
+        arrays = layout(self._undelayed)
+        self.states = [str(s) for s in arrays.x]
+        self.inputs = [q.name for q in model.inputs]
+        self._driven = [str(s) for s in arrays.u]
+        self.outputs = [str(s) for s in arrays.y]
+        self.defaults = model.parameter_values()
+        self._library = kernel_library(self._undelayed, wanted)
+        self._tangents = TangentLibrary(self._undelayed, self._library, wanted)
+        self._need_fold = needs_fold(model)
+
+    def parameters(self, values: Mapping[str, float] | None = None) -> np.ndarray:
+        """The parameter array with some values changed by name.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Values in SI units.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            All parameters in the order of `defaults`.
+
+        Raises
+        ------
+        UserError
+            For unknown names and for values that the model does not take.
+        """
+        return parameter_array(self.model, values or {})
+
+    def simulate(
+        self,
+        protocol: Protocol,
+        times: np.ndarray,
+        parameters: Mapping[str, float] | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+        with_fold: bool = False,
+        sensitivities: Sequence[str] = (),
+        mesh: np.ndarray | None = None,
+        max_steps: int = MOST_STEPS,
+        wanted: Sequence[str] | None = None,
+    ) -> Trajectory:
+        """The response to inputs over time, and its derivatives to parameters where they are asked for.
+
+        Parameters
+        ----------
+        protocol : Protocol
+            Breakpoints of all inputs.
+        times : ndarray of shape (n,)
+            Ascending times inside the protocol [s].
+        parameters : mapping of str to float, optional
+            Values that differ from the model's, in SI units.
+        tolerance : float
+            Relative error, about.
+        with_fold : bool
+            Compute the fold of the equilibrium curve at every sample, and what needs it (about 2 us each).
+        sensitivities : sequence of str
+            Parameters (tunable, or in a start value) to which the states and the measured output are differentiated:
+            the exact derivative of the discrete solution over its mesh.
+        mesh : ndarray of shape (m,), optional
+            Internal steps of an earlier trajectory to keep: values then are a smooth function of the parameters, and
+            `tolerance` is ignored.
+        max_steps : int
+            Internal steps at most between two points of the protocol (without sensitivities).
+        wanted : sequence of str, optional
+            Values to hand over (default: all); of few of them a short run is quicker.
+
+        Returns
+        -------
+        Trajectory
+            States, outputs and inputs by name, each of shape (n,).
+
+        Raises
+        ------
+        UserError
+            Where the integration fails, with time and reason, and where there is no rest state to start at.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import tubular_dea as td
+        >>> ramp = td.Protocol.of([0, 1, 2], pressure=[0, 12666, 12666], voltage=[0, 0, 5000])
+        >>> run = td.Kernel(td.tube()).simulate(ramp, np.linspace(0, 2, 5), sensitivities=["C_1"])
+        >>> run.sensitivities["measured_displacement"].shape
+        (5, 1)
+        """
+        values = self.parameters(parameters)
+        points, u = self._drive(protocol, values)
+        times = ascending("sample times", times, points[0], points[-1])
+        positive("tolerance", tolerance)
+        positive("max_steps", max_steps)
+        if sensitivities or mesh is not None:
+            if with_fold:
+                raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
+            return self._differentiated(protocol, points, u, times, values, tolerance, sensitivities, mesh, wanted)
+        sampled, here, earlier = self._samples(protocol, times, values)
+        x, y = np.empty((sampled.size, len(self.states))), np.empty((sampled.size, len(self.outputs) + 1))
+        counts, reached = (ctypes.c_long * 2)(), ctypes.c_double()
+        status = self._library.kernel_trajectory(
+            pointer(values),
+            ctypes.c_long(points.size),
+            pointer(points),
+            pointer(u),
+            ctypes.c_double(tolerance),
+            ctypes.c_long(max_steps),
+            ctypes.c_long(sampled.size),
+            pointer(sampled),
+            ctypes.c_int(with_fold),
+            pointer(x),
+            pointer(y),
+            counts,
+            ctypes.byref(reached),
+        )
+        if status:
+            raise KernelError(failure(self.model, status, reached.value))
+        named = self._named(protocol, times, x[here], y[here], with_fold, wanted)
+        return Trajectory(times, named | self._delayed_values(y, earlier), counts[0], counts[1])
+
+    def mesh(
+        self, protocol: Protocol, parameters: Mapping[str, float] | None = None, tolerance: float = DEFAULT_TOLERANCE
+    ) -> np.ndarray:
+        """Where the integrator's steps end, to be kept while parameters change.
+
+        Parameters
+        ----------
+        protocol, parameters, tolerance
+            As in `simulate`.
+
+        Returns
+        -------
+        ndarray of shape (m,)
+            Times [s].
+        """
+        values = self.parameters(parameters)
+        return self._mesh(*self._drive(protocol, values), values, positive("tolerance", tolerance))
+
+    def _mesh(self, points: np.ndarray, u: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
+        mesh, status, reached = self._tangents.mesh(values, points, u, tolerance)
+        if status:
+            raise KernelError(failure(self.model, status, reached))
+        return mesh
+
+    def _differentiated(
+        self,
+        protocol: Protocol,
+        points: np.ndarray,
+        u: np.ndarray,
+        times: np.ndarray,
+        values: np.ndarray,
+        tolerance: float,
+        names: Sequence[str],
+        mesh: np.ndarray | None,
+        wanted: Sequence[str] | None,
+    ) -> Trajectory:
+        """The trajectory over a mesh, with derivatives to `names`."""
+        if mesh is None:
+            mesh = self._mesh(points, u, values, tolerance)
+        mesh = ascending("mesh", mesh, points[0], points[-1])
+        sampled, here, earlier = self._samples(protocol, times, values)
+        columns = [name for name in names if name not in self._delayed.values()]
+        found = self._tangents.run(values, points, u, mesh, columns, sampled)
+        if found.status:
+            raise KernelError(failure(self.model, found.status, found.reached))
+        if not np.all(np.isfinite(found.observed_tangent)):
+            raise KernelError("sensitivities that are no finite numbers: the parameters are far from any usual size")
+        places = [i for i, name in enumerate(names) if name in columns]
+
+        def spread(tangent: np.ndarray) -> np.ndarray:
+            """With a column of zeros for what only delays an output; nothing is copied where there is no such."""
+            if len(places) == len(names):
+                return tangent
+            full = np.zeros((times.size, len(names)))
+            full[:, places] = tangent
+            return full
+
+        derivatives = {state: spread(found.x_tangent[here, :, i]) for i, state in enumerate(self.states)}
+        for i, output in enumerate(self._tangents.observed):
+            delay = self._delayed.get(output)
+            at = earlier[delay] if delay else here
+            derivatives[output] = spread(found.observed_tangent[at, :, i])
+            for place in [p for p, name in enumerate(names) if name == delay]:
+                moving = times - self._value(values, delay or "") > protocol.time[0]  # before, all is as at the start
+                derivatives[output][:, place] = -found.observed_rate[at, i] * moving
+        named = self._named(protocol, times, found.x[here], found.y[here], False, wanted)
+        named |= self._delayed_values(found.y, earlier)
+        return Trajectory(times, named, mesh.size, 0, tuple(names), derivatives, mesh)
+
+    def _value(self, values: np.ndarray, name: str) -> float:
+        return float(values[list(self.defaults).index(name)])
+
+    def _drive(self, protocol: Protocol, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Breakpoints and inputs, delayed ones among them."""
+        check_protocol(self.model, protocol)
+        delays = input_delays(self.model)
+        if delays:
+            by = dict(zip(self.defaults, values, strict=True))
+            protocol = protocol.delayed({d.quantity.name: (d.of, by[d.by]) for d in delays})
+        return np.ascontiguousarray(protocol.time, dtype=float), np.ascontiguousarray(protocol.table(self._driven))
+
+    def _samples(
+        self, protocol: Protocol, times: np.ndarray, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | slice, dict[str, np.ndarray]]:
+        """Times to sample at, the places of `times` among them, and for each delay of outputs those of when it was."""
+        if not self._delayed:
+            return times, slice(None), {}
+        by = dict(zip(self.defaults, values, strict=True))
+        then = {name: np.maximum(times - by[name], protocol.time[0]) for name in set(self._delayed.values())}
+        sampled, places = np.unique(np.concatenate([times, *then.values()]), return_inverse=True)
+        split = np.split(places, len(then) + 1)
+        return sampled, split[0], dict(zip(then, split[1:], strict=True))
+
+    def _delayed_values(self, y: np.ndarray, earlier: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Delayed outputs, as they were."""
+        return {name: y[earlier[by], self.outputs.index(name)].copy() for name, by in self._delayed.items()}
+
+    def _named(
+        self,
+        protocol: Protocol,
+        times: np.ndarray,
+        x: np.ndarray,
+        y: np.ndarray,
+        with_fold: bool,
+        wanted: Sequence[str] | None,
+    ) -> dict[str, np.ndarray]:
+        """Values by name, each an array of its own; all of them, or the `wanted` ones."""
+
+        def those(names: Sequence[str]) -> list[tuple[int, str]]:
+            return [(i, name) for i, name in enumerate(names) if wanted is None or name in wanted]
+
+        values = {name: x[:, i].copy() for i, name in those(self.states)}
+        values |= {name: y[:, i].copy() for i, name in those(self.outputs)}
+        driven = [name for _, name in those(self.inputs)]
+        if driven:
+            values |= protocol.at(times, driven)
+        curve = self.model.curve
+        if curve and with_fold:
+            values[curve.fold.name] = y[:, -1].copy()
+        elif curve:
+            for name in self._need_fold:
+                values.pop(name, None)
+        return values
+
+    def derivatives(
+        self,
+        x: Sequence[float] | np.ndarray,
+        u: Sequence[float] | np.ndarray,
+        parameters: Mapping[str, float] | None = None,
+        time: float = 0.0,
+    ) -> np.ndarray:
+        """The rates of the states at a point.
+
+        Parameters
+        ----------
+        x : array of shape (n,)
+            States, in the order of `states` (SI units).
+        u : array of shape (k,)
+            Inputs, in the order of `inputs`.
+        parameters : mapping of str to float, optional
+            Values that differ from the model's.
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            d(states)/dt.
+
+        Examples
+        --------
+        >>> import tubular_dea as td
+        >>> at_rest = td.Kernel(td.tube()).derivatives([1.0, 0.0, 0.0, 0.0], [0.0, 0.0])
+        >>> float(abs(at_rest).max())
+        0.0
+        """
+        dx, du = np.empty(len(self.states)), np.zeros(len(self._driven))
+        x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
+        self._library.kernel_derivatives(
+            ctypes.c_double(time),
+            pointer(x),
+            pointer(u),
+            pointer(du),
+            pointer(self.parameters(parameters)),
+            pointer(dx),
+        )
+        return dx
+
+    def jacobian(
+        self,
+        x: Sequence[float] | np.ndarray,
+        u: Sequence[float] | np.ndarray,
+        parameters: Mapping[str, float] | None = None,
+        time: float = 0.0,
+    ) -> np.ndarray:
+        """The derivatives of the states' rates to the states, at a point.
+
+        Parameters
+        ----------
+        x, u, parameters, time
+            As in `derivatives`.
+
+        Returns
+        -------
+        ndarray of shape (n, n)
+            d(derivatives)/d(states).
+        """
+        n = len(self.states)
+        J, dx_dt, du = np.empty((n, n)), np.empty(n), np.zeros(len(self._driven))
+        x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
+        self._library.kernel_jacobian(
+            ctypes.c_double(time),
+            pointer(x),
+            pointer(u),
+            pointer(du),
+            pointer(self.parameters(parameters)),
+            pointer(J),
+            pointer(dx_dt),
+        )
+        return J
+
+    def curve(
+        self, unknown: np.ndarray, inputs: Mapping[str, float], parameters: Mapping[str, float] | None = None
+    ) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+        """The equilibrium curve: what load holds the model at rest at each value of an unknown.
+
+        Parameters
+        ----------
+        unknown : ndarray of shape (n,)
+            Values of the unknown (of the tube: the stretch lambda_2).
+        inputs : mapping of str to float
+            The other inputs in SI units (default: 0).
+        parameters : mapping of str to float, optional
+            Values that differ from the model's.
+
+        Returns
+        -------
+        load : ndarray of shape (n,)
+            Of the tube: the pressure [Pa].
+        slope : ndarray of shape (n,)
+            Its derivative to the unknown.
+        fold : tuple of float
+            Unknown and load at the end of the first rising branch, where a tube snaps through.
+
+        Raises
+        ------
+        UserError
+            For a model without such a curve.
+        """
+        if self.model.curve is None:
+            raise KernelError(f"{self.model.name} has no equilibrium curve")
+        unknown = np.ascontiguousarray(unknown, float)
+        if unknown.ndim != 1 or not np.all(np.isfinite(unknown)):
+            raise KernelError(f"{self.model.curve.unknown}: expected a list of finite numbers")
+        for name, value in inputs.items():
+            if name not in self.inputs:
+                raise KernelError(f"{self.model.name} has no input {name!r}{nearest(name, self.inputs)}")
+            check_value(self.model.quantity(name), value)
+        load, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
+        u = self._with_delayed(np.array([float(inputs.get(name, 0.0)) for name in self.inputs]))
+        self._library.kernel_curve(
+            pointer(u),
+            pointer(self.parameters(parameters)),
+            ctypes.c_long(unknown.size),
+            pointer(unknown),
+            pointer(load),
+            pointer(slope),
+            pointer(fold),
+        )
+        return load, slope, (float(fold[0]), float(fold[1]))
+
+    def _with_delayed(self, u: np.ndarray) -> np.ndarray:
+        """Inputs, and behind them what is delayed, at rest."""
+        delayed = [u[self.inputs.index(d.of)] for d in input_delays(self.model)]
+        return np.array([*u, *delayed], dtype=float)
+
+
+def needs_fold(model: Model) -> list[str]:
+    """The outputs that cannot be had without the fold."""
+    if model.curve is None:
+        return []
+    reached = {model.curve.fold.symbol}
+    for definition in model.definitions:
+        if sympy.sympify(definition.expression).free_symbols & reached:
+            reached.add(definition.quantity.symbol)
+    return [name for name in model.outputs if model.quantity(name).symbol in reached]

@@ -1,0 +1,37 @@
+"""The words that the reader of recordings knows, as tables for the page: units, missing values, other names of time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..identify import checks, columns, monitors, sampling, start
+from ..model import units
+from ..recordings import cells, layout, text
+
+
+def vocabulary() -> dict[str, Any]:
+    """What `recordings` and `identify` compare with; the page's reader has no lists of its own."""
+    return {
+        "units": {name: [u.factor, list(u.exponents), u.offset] for name, u in units._NAMED.items()},
+        "alsoUnits": dict(units._ALSO),
+        "signs": {chr(code): mark or "" for code, mark in units._SIGNS.items()},
+        "alsoTime": list(columns.ALSO_TIME),
+        "missing": sorted(cells.MISSING),
+        "truth": dict(cells.TRUTH),
+        "sample": layout.SAMPLE,
+        "least": text.LEAST,
+        "prose": text.PROSE,
+        "quoted": text.QUOTED,
+        "often": text.OFTEN,
+        "standstill": checks.STANDSTILL,
+        "coarse": checks.COARSE,
+        "structure": checks.STRUCTURE,
+        "quiet": monitors.QUIET,
+        "uneven": sampling.UNEVEN,
+        "rounded": sampling.ROUNDED,
+        "whole": sampling.WHOLE,
+        "first": start.FIRST,
+        "clearly": start.CLEARLY,
+        "zeros": start.ZEROS,
+        "faint": start.FAINT,
+    }

@@ -1,0 +1,271 @@
+/* A table as a recording of the plant, in SI units, or refused: as identify/columns.py, sampling.py, data.py and checks.py. */
+
+const bench = facts.bench;
+const ALSO_TIME = facts.vocabulary.alsoTime, TRIGGER = "trigger";
+
+/* SI units by heading. */
+function benchSignals() {
+  const units = { time: "s" };
+  for (const s of bench.inputs) units[s.name] = s.unit;
+  for (const o of bench.outputs) for (const heading of Object.keys(o.columns)) units[heading] = o.unit;
+  return { ...units, [TRIGGER]: "" };
+}
+
+/* One experiment from a file; a ReadError in the words of the command line. */
+function readExperiment(path, raw, geometry = {}) {
+  const table = readTable(path, raw, new Set(Object.keys(benchSignals()))), columns = assigned(table);
+  if (table.lines.length < bench.leastSamples) throw new ReadError(`${path}: too few samples: ${table.lines.length} lines of numbers; expected at least ${bench.leastSamples}`);
+  const taken = sampling(table, columns.time.values, Object.entries(columns).filter(([n]) => n !== "time").map(([, c]) => c.values));
+  const pick = (values) => Float64Array.from(taken.kept, (i) => values[i]), lines = taken.kept.map((i) => table.lines[i]);
+  const zero = columns.time.column.clock ? taken.time[0] : 0, time = taken.time.map((t) => t - zero), inputs = {}, outputs = {};
+  checkTime(table, lines, time);
+  for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
+  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest])]);
+  for (const o of bench.outputs) {
+    const heading = Object.keys(o.columns).find((name) => name in columns);
+    if (!heading) continue;
+    const recorded = pick(columns[heading].values), parameter = o.columns[heading];
+    const rest = parameter ? geometry[parameter] ?? facts.tube.parameters.find((p) => p.name === parameter).value : 0;
+    refuse(path, outputFindings(recorded, o, lines, heading, rest));
+    outputs[o.name] = recorded.map((v) => v - rest);
+  }
+  const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
+  return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...taken.remarks] };
+}
+
+function refuse(path, findings) {
+  if (findings.length) throw new ReadError(`${path}, ${findings[0]}`);
+}
+
+/* Columns ------------------------------------------------------------------------------------------------------ */
+
+function assigned(table) {
+  const units = benchSignals(), columns = {};
+  for (const name of Object.keys(units)) {
+    const column = headed(table, name);
+    if (column) columns[name] = column;
+  }
+  for (const name of ["time", ...bench.inputs.map((s) => s.name)])
+    if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another name, say --columns ${name}=ITS_NAME_OR_NUMBER`);
+  for (const o of bench.outputs) {
+    const headings = Object.keys(o.columns), there = headings.filter((name) => columns[name]);
+    if (there.length > 1 || (o.required && !there.length))
+      throw new ReadError(`${table.headingPlace}: expected one column ${headings.map((n) => `'${n} [${units[n]}]'`).join(" or ")} but found ${table.headings}; say which with --columns ${headings[0]}=ITS_NAME_OR_NUMBER`);
+  }
+  return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, inSi(table, name, column, units[name])]));
+}
+
+function headed(table, name) {
+  let found = table.columns.filter((c) => c.name === name);
+  if (!found.length && name === "time") found = timesOf(table.columns);
+  if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} is there twice; expected it once: say which with --columns ${name}=${found[1].number}`);
+  return found[0];
+}
+
+/* The column that must be the time: by another usual name, as the only one with it in its name, or a clock's. */
+function timesOf(columns) {
+  const also = ALSO_TIME.map((word) => columns.filter((c) => c.name === word)).find((list) => list.length);
+  if (also) return also;
+  const named = columns.filter((c) => c.name.split("_").some((part) => part === "time" || part === "zeit")), clocks = columns.filter((c) => c.clock);
+  return [named, clocks].find((list) => list.length === 1) ?? [];
+}
+
+function inSi(table, name, column, expected) {
+  if (column.problem) throw new ReadError(`${table.path}, ${column.problem}`);
+  if (name === TRIGGER) return { column, values: column.values };
+  if (!column.unit) throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${expected}]' or say --columns '${name}=${column.number}[${expected}]'`);
+  try {
+    return { column, values: convertedUnit(column.values, column.unit, expected) };
+  } catch (problem) {
+    throw new ReadError(`${table.headingPlace}, column ${column.shown}: ${problem.message}`);
+  }
+}
+
+/* Times -------------------------------------------------------------------------------------------------------- */
+
+function sampling(table, time, values) {
+  const refusal = (i, said) => new ReadError(`${table.path}, line ${table.lines[i]}, column 'time': ${said}`);
+  const gone = time.findIndex((t) => !Number.isFinite(t)), remarks = [];
+  if (gone >= 0) throw refusal(gone, "expected a number but found none");
+  const rows = [time, ...values], same = (i) => i > 0 && rows.every((r) => r[i] === r[i - 1] || (Number.isNaN(r[i]) && Number.isNaN(r[i - 1])));
+  const kept = indicesOf(Array.from(time), (_, i) => !same(i));
+  if (kept.length < time.length) remarks.push(`${time.length - kept.length} rows that stand there twice left out`);
+  let there = Float64Array.from(kept, (i) => time[i]);
+  for (let i = 0; i + 1 < there.length; i++) {
+    if (there[i + 1] >= there[i]) continue;
+    let said = `expected ascending times but ${g(there[i + 1])} s follows ${g(there[i])} s; sort the lines`;
+    if (table.remarks.some((r) => r.includes("headings repeated"))) said += ", or split the file where its headings are repeated";
+    throw refusal(kept[i + 1], said);
+  }
+  const even = evenTimes(there), equal = indicesOf(Array.from(there), (t, i) => i > 0 && t === there[i - 1]);
+  if (even) {
+    remarks.push(`times of a coarse clock, taken as even: ${g(1 / (even[1] - even[0]))} Hz`);
+    there = even;
+  } else if (equal.length && there[there.length - 1] > there[0]) {
+    remarks.push(`times that are there twice, spread up to the next: ${some(equal.map((i) => `line ${table.lines[kept[i]]}`), 5)}`);
+    there = spreadTimes(there);
+  }
+  return { time: there, kept, remarks };
+}
+
+/* The even times that a coarse clock has rounded; null where it is even as it is, or has gaps. */
+function evenTimes(time) {
+  const n = time.length, counts = new Map();
+  for (let i = 0; i + 1 < n; i++) { const step = Math.round((time[i + 1] - time[i]) * 1e9) / 1e9; counts.set(step, (counts.get(step) ?? 0) + 1); }
+  if (counts.size < 2 || 1 - Math.max(...counts.values()) / (n - 1) < words.uneven) return null;
+  const tick = clockTick(time);
+  const mean = (n - 1) / 2, middle = time.reduce((a, t) => a + t, 0) / n;
+  let cross = 0, square = 0;
+  for (let i = 0; i < n; i++) { cross += (i - mean) * (time[i] - middle); square += (i - mean) ** 2; }
+  const slope = cross / square;
+  for (const digits of [1, 2, 3, 4, 5, 12]) { // the roundest rate that explains the times
+    const step = slope > 0 ? 1 / Number((1 / slope).toPrecision(digits)) : 0;
+    if (step > 0 && span(time.map((t, i) => t - step * i)) <= words.rounded * tick) return time.map((_, i) => time[0] + step * i);
+  }
+  return null;
+}
+
+/* The decimal that the later half of the times is written to; 0 where they have more than nine. */
+function clockTick(time) {
+  const late = time.subarray(Math.floor(time.length / 2));
+  for (let digits = 0; digits < 10; digits++) {
+    const scale = 10 ** digits;
+    if (largest(late.map((t) => Math.abs(t * scale - Math.round(t * scale)))) < words.whole) return 1 / scale;
+  }
+  return 0;
+}
+
+function spreadTimes(time) {
+  const first = indicesOf(Array.from(time), (t, i) => i === 0 || t !== time[i - 1]), count = first.map((f, k) => (first[k + 1] ?? time.length) - f);
+  const gaps = first.map((f, k) => k + 1 < first.length ? time[first[k + 1]] - time[f] : NaN), last = gaps.length - 1;
+  gaps[last] = gaps[last - 1] / count[last - 1] * count[last];
+  const out = new Float64Array(time.length);
+  first.forEach((f, k) => { for (let i = 0; i < count[k]; i++) out[f + i] = time[f] + gaps[k] / count[k] * i; });
+  return out;
+}
+
+function median(values) {
+  const sorted = Float64Array.from(values).sort(), half = sorted.length >> 1;
+  return sorted.length % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
+}
+
+function checkTime(table, lines, time) {
+  const n = time.length, span = time[n - 1] - time[0], step = median(time.subarray(1).map((t, i) => t - time[i]));
+  if (span >= bench.shortest && !(step > (bench.coarsest ?? Infinity))) return;
+  const label = span < bench.shortest ? "s labelled ms" : "ms labelled s";
+  throw new ReadError(`${table.path}, lines ${lines[0]} to ${lines[n - 1]}, column 'time': ${g(span)} s in steps of ${g(step)} s; expected at least ${g(bench.shortest)} s in steps of at most ${g(bench.coarsest ?? Infinity)} s: ${label}?`);
+}
+
+/* Signals ------------------------------------------------------------------------------------------------------ */
+
+/* An input with its gaps closed. */
+function filled(path, time, values, signal) {
+  const there = indicesOf(Array.from(values), Number.isFinite), n = values.length;
+  if (there.length < Math.max(2, Math.floor(n / 2))) throw new ReadError(`${path}, column ${repr(signal.name)}: expected numbers but more than half of the lines have none`);
+  let k = 0;
+  return values.map((v, i) => {
+    if (Number.isFinite(v)) return v;
+    while (k + 1 < there.length && there[k + 1] <= i) k++;
+    const a = there[k], b = there[k + 1];
+    if (i < a || signal.held || b === undefined) return values[a];
+    return values[a] + (values[b] - values[a]) * (time[i] - time[a]) / (time[b] - time[a]);
+  });
+}
+
+const span = (values) => largest(values) - smallest(values);
+const steps = (values) => values.subarray(1).map((v, i) => Math.abs(v - values[i]));
+
+function thirds(values) {
+  return Float64Array.from({ length: Math.max(0, values.length - 3) }, (_, i) => values[i + 3] - 3 * values[i + 2] + 3 * values[i + 1] - values[i]);
+}
+
+/* White noise on a slow signal. */
+function noiseLevel(values) {
+  return values.length < 8 ? 0 : 1.4826 * median(thirds(values).map((v) => Math.abs(v) / Math.sqrt(20)));
+}
+
+function resolution(values) {
+  const moved = steps(values).filter((s) => s > 0);
+  return moved.length ? smallest(moved) : 0;
+}
+
+function farthest(values) {
+  let at = 0;
+  values.forEach((v, i) => { if (Math.abs(v) > Math.abs(values[at])) at = i; });
+  return at;
+}
+
+function wrongUnit(values, name, signal, lines) {
+  const at = farthest(values), size = Math.abs(values[at]), wide = span(values);
+  let noise = noiseLevel(values);
+  if (steps(values).filter((s) => s > 0).length >= words.standstill) noise = Math.max(noise, resolution(values));
+  const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${g(values[at])} ${signal.unit}`;
+  if (size > (signal.most ?? Infinity)) return [`${what}; expected at most ${g(signal.most)} ${signal.unit}: ${signal.mislabelled[1]}?`];
+  if (size > 0 && size < signal.least && wide > words.structure * noise && size > 0.02 * signal.least) return [`${what}; expected at least ${g(signal.least)} ${signal.unit}: ${signal.mislabelled[0]}?`];
+  return [];
+}
+
+function outputFindings(recorded, signal, lines, name, rest) {
+  const seen = indicesOf(Array.from(recorded), Number.isFinite), values = Float64Array.from(seen, (i) => recorded[i]), there = seen.map((i) => lines[i]);
+  if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers; expected at least ${bench.leastSamples}`];
+  const found = wrongUnit(values, name, signal, there);
+  if (span(values) <= 12 * noiseLevel(values) || span(values) === 0)
+    found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}) determines nothing; expected one in which the output moves`);
+  found.push(...standstill(values, name, there, [largest, smallest]));
+  const parameter = Object.values(signal.columns).find(Boolean);
+  if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter));
+  return found;
+}
+
+function isNoisy(values) {
+  const step = steps(values), moving = indicesOf(Array.from(thirds(values)), (_, i) => step[i] > 0 && step[i + 1] > 0 && step[i + 2] > 0);
+  if (moving.length < words.standstill) return false;
+  const third = thirds(values), noise = 1.4826 * median(moving.map((i) => Math.abs(third[i]))) / Math.sqrt(20);
+  return noise > Math.max(words.quiet * span(values), words.coarse * resolution(values));
+}
+
+function standstill(values, name, lines, stops) {
+  if (!isNoisy(values)) return [];
+  const found = [];
+  for (const extreme of stops.map((stop) => stop(values))) {
+    const there = indicesOf(Array.from(values), (v) => v === extreme);
+    if (there.length >= Math.max(words.standstill, 0.03 * values.length))
+      found.push(`line ${lines[there[0]]}, column ${repr(name)}: the sensor has run into its stop (saturated): ${there.length} of ${values.length} samples read ${g(extreme)}; leave these cells empty or the experiment out`);
+  }
+  for (let begin = 0; begin < values.length;) {
+    let end = begin;
+    while (end + 1 < values.length && values[end + 1] === values[begin]) end++;
+    if (end - begin + 1 >= words.standstill) found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; leave these cells empty or the experiment out`);
+    begin = end + 1;
+  }
+  return found;
+}
+
+function belowRest(values, name, lines, rest, signal, parameter) {
+  const q = facts.tube.parameters.find((p) => p.name === parameter), smooth = Array.from({ length: values.length - 8 }, (_, i) => values.subarray(i, i + 9).reduce((a, v) => a + v / 9, 0));
+  const lowest = smooth.indexOf(smallest(smooth));
+  if (smooth[lowest] >= rest - 0.05 * q.value) return [];
+  const wanted = Object.entries(signal.columns).slice(0, 2).map(([heading, p]) => `a ${repr(heading)} that starts at ${p ? q.name : 0}`).join(" or ");
+  return [`line ${lines[lowest + 4]}, column ${repr(name)}: ${g(smooth[lowest], 4)} ${q.unit} is below the ${name} at rest, ${g(rest)} ${q.unit}; expected ${wanted}, or set ${q.name} in bench.toml`];
+}
+
+/* Rested, or moved already under load: then at equilibrium, as near as the page can tell (identify/start.py). */
+function startOf(time, inputs, outputs) {
+  const [name, values] = Object.entries(outputs)[0] ?? [], output = bench.outputs.find((o) => o.name === name);
+  if (!facts.tube.curve || !output || output.rest === null || !bench.inputs.some((s) => beginsOff(time, inputs[s.name], s.zero))) return "rested";
+  const seen = indicesOf(Array.from(values), Number.isFinite);
+  return beginsOff(Float64Array.from(seen, (i) => time[i]), Float64Array.from(seen, (i) => values[i] - output.rest), output.zero) ? "equilibrium" : "rested";
+}
+
+/* Whether a signal is clearly not zero at its first sample, by the straight line through the first of them. */
+function beginsOff(time, values, zero) {
+  const n = words.first;
+  if (time.length < n) return false;
+  const t = Array.from(time.subarray(0, n), (v) => v - time[0]), y = Array.from(values.subarray(0, n)), sum = (list) => list.reduce((a, v) => a + v, 0);
+  const middle = sum(t) / n, mean = sum(y) / n, square = sum(t.map((v) => (v - middle) ** 2));
+  const slope = sum(t.map((v, i) => (v - middle) * (y[i] - mean))) / square, start = mean - slope * middle;
+  const variance = sum(y.map((v, i) => (v - start - slope * t[i]) ** 2)) / (n - 2), error = Math.sqrt(variance * (1 / n + middle ** 2 / square));
+  const sorted = Float64Array.from(values, Math.abs).sort(), place = 0.99 * (sorted.length - 1), low = Math.floor(place);
+  const high = sorted[low] + (sorted[Math.min(low + 1, sorted.length - 1)] - sorted[low]) * (place - low);
+  return Math.abs(start) > Math.max(words.clearly * error, zero > 0 ? words.zeros * zero : words.faint * high);
+}

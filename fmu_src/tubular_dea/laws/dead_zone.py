@@ -1,0 +1,42 @@
+"""Nothing happens near zero: overlap of a valve, stiction in a drive, a threshold.
+
+::
+
+    signal' |        .'
+            |      .'
+      ------+-----'---------- signal
+        .'  |    width
+      .'    |
+
+Equation: signal' = signal - ([signal + width]+ - [signal - width]+ - width), [ ]+ the positive part.
+
+Source: J.-J. E. Slotine, W. Li, "Applied Nonlinear Control", Prentice Hall 1991, section 5.2.
+
+Typical: 1 to 10 % of the nominal value.
+"""
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ..model.smooth import positive_part
+from ._site import SignalSite
+from .places import Coefficient, Path
+
+KINDS = (Path, Coefficient)
+MOST = 0.25  # of the nominal value
+NEEDS = "what is not constant; nothing that the equilibrium curve balances"
+
+
+def law(at: SignalSite) -> Effect | None:
+    """The signal begins behind a threshold."""
+    if at.is_load or at.is_constant:
+        return None
+    n = at.nominal
+    width = at.knob("width", at.unit, f"Largest {at.words} that does nothing", 0.05 * n, 0.0, MOST * n, off=0.0)
+
+    def apply(model: Model) -> Model:
+        model, signal = at.taken(model)
+        w = width.symbol
+        swallowed = positive_part(signal + w) - positive_part(signal - w) - w
+        return at.put(model, signal - swallowed)
+
+    return at.effect(f"A dead zone swallows small {at.words}", "Slotine 1991", apply, width)

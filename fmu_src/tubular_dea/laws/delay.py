@@ -1,0 +1,36 @@
+"""What comes late as it is: transport, exposure and transfer, clocks that differ.
+
+::
+
+    signal(t) ---[ wait ]--->  signal(t - delay)
+
+Equation: signal'(t) = signal(t - delay); before the start everything is as it is there. What drives the plant may
+also act before it is recorded, where the place says that its record may be `late`: the delay is negative then. (An FMU,
+which is given what drives it, cannot look ahead: a negative delay is none there.)
+
+Source: J. E. Normey-Rico, E. F. Camacho, "Control of Dead-time Processes", Springer 2007.
+
+Typical: half the usual time there.
+"""
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ._site import SignalSite
+from .places import Path
+
+KINDS = (Path,)
+NEEDS = "a signal that the model does not delay already"
+LONGEST = 25.0  # of the usual time there: what the memory is made for
+
+
+def law(at: SignalSite) -> Effect | None:
+    """The signal is late."""
+    if at.is_late:
+        return None
+    most = LONGEST * at.seconds
+    delay = at.knob("", "s", f"Delay of {at.words}", 0.5 * at.seconds, -most if at.may_be_late else 0.0, most, off=0.0)
+
+    def apply(model: Model) -> Model:
+        return at.late(model, delay)
+
+    return at.effect(f"A pure delay comes with {at.words}", "Normey-Rico 2007", apply, delay, exact=True)

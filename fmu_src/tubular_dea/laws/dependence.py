@@ -1,0 +1,58 @@
+"""A coefficient, or a signal, that depends on another quantity: temperature, position, the other channel.
+
+::
+
+    coefficient' / coefficient |      .'   slope: dependence
+                               |   .'
+                           1 --+.'-------- of
+
+Equation: coefficient' = coefficient (1 + slope of + bend of^2); a signal' = signal + slope of + bend of^2.
+
+Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (modifying and interfering inputs).
+
+Typical: 5 % of the coefficient (of the signal) at the nominal value of the other quantity.
+"""
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ._site import SignalSite
+from .places import Coefficient, Path
+
+KINDS = (Path, Coefficient)
+NEEDS = "`of`, the quantity it depends on; nothing that the equilibrium curve balances"
+
+
+def law(at: SignalSite) -> Effect | None:
+    """A factor (for signals a term) that goes with another quantity."""
+    of = at.other
+    if of is None or at.is_load:
+        return None
+    factor = isinstance(at.place, Coefficient)
+    unit, size = ("1", 1.0) if factor else (at.unit, at.nominal)
+    one, two = size / of.nominal, size / of.nominal**2
+    slope = at.knob(
+        "slope",
+        at.per((unit, 1), (of.unit, -1)),
+        f"Change of {at.words} with {of.name}",
+        0.05 * one,
+        -20 * one,
+        20 * one,
+        off=0.0,
+    )
+    bend = at.knob(
+        "bend",
+        at.per((unit, 1), (of.unit, -2)),
+        "Its change with the square",
+        0.0,
+        -20 * two,
+        20 * two,
+        off=0.0,
+        refine=True,
+    )
+
+    def apply(model: Model) -> Model:
+        model, signal = at.taken(model)
+        change = slope.symbol * of.symbol + bend.symbol * of.symbol**2
+        return at.put(model, signal * (1 + change) if factor else signal + change)
+
+    return at.effect(f"A dependence on {of.name} moves {at.words}", "Doebelin 2004", apply, slope, bend)

@@ -1,0 +1,63 @@
+"""Friction that does not depend on speed: it sticks until the load has turned far enough.
+
+::
+
+    force |      .--------->      force
+          |     /       /
+          |    /       /          elastic over `travel`, at every turn
+          |   /       /
+          |  <--------'           -force
+          +------------------ displacement
+
+Equation: der(velocity) -= force z; travel dz/dt = v - [v z]+ z [z^2 - onset]+ / (1 - onset), [ ]+ the positive part:
+elastic up to z^2 = onset and on every way back, sliding at z = 1. Small vibrations do not wear it down.
+
+Source: P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, "Single state elastoplastic friction models", IEEE Trans.
+Automat. Contr. 47 (2002) 787-792.
+
+Typical: 5 % of the balance, within 0.1 to 10 % of the displacement.
+"""
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ..model.smooth import positive_part
+from ._site import BalanceSite
+from .places import Balance
+
+KINDS = (Balance,)
+NEEDS = "a `displacement`"
+TRAVELS = (1e-3, 1e-2, 1e-1)  # of the displacement's nominal value
+
+
+def law(at: BalanceSite) -> Effect | None:
+    """Elastoplastic friction."""
+    if at.displaced is None:
+        return None
+    x, v, size = at.displaced, at.quantity.symbol, at.displaced.nominal
+    force = at.knob(
+        "force", at.rate_unit, f"Dry friction on {at.words}", 0.05 * at.rate_size, 0.0, 20 * at.rate_size, off=0.0
+    )
+    travel = at.knob(
+        "travel",
+        x.unit,
+        "Displacement within which it builds up",
+        0.01 * size,
+        1e-5 * size,
+        10 * size,
+        shapes=[t * size for t in TRAVELS],
+    )
+    onset = at.knob("onset", "1", "Square of its share at which sliding begins", 0.95, 0.0, 0.98, refine=True)
+
+    def apply(model: Model) -> Model:
+        c = onset.symbol
+        model, z = at.state(
+            model,
+            "state",
+            "1",
+            "Friction over its largest value",
+            lambda z: (v - positive_part(v * z) * z * positive_part(z**2 - c) / (1 - c)) / travel.symbol,
+            x.symbol * 0,
+        )
+        return at.added(model, -force.symbol * z)
+
+    return at.effect(f"A dry friction acts on {at.words}", "Dupont 2002", apply, force, travel, onset)

@@ -1,0 +1,31 @@
+"""A scale that is off: of a sensor, or of what drives the plant.
+
+::
+
+    signal ---[ gain ]--->  gain signal
+
+Equation: signal' = gain signal.
+
+Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (zero and span of instruments).
+
+Typical: 0.97 to 1.03.
+"""
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ._site import SignalSite
+from .places import Path
+
+KINDS = (Path,)
+NEEDS = "nothing more"
+
+
+def law(at: SignalSite) -> Effect:
+    """The signal times a factor."""
+    gain = at.knob("", "1", f"Factor on {at.words}", 1.03, 0.2, 5.0, off=1.0)
+
+    def apply(model: Model) -> Model:
+        model, signal = at.taken(model)
+        return at.put(model, gain.symbol * signal, lambda held: held / gain.symbol)
+
+    return at.effect(f"The scale is off of {at.words}", "Doebelin 2004", apply, gain, exact=True)

@@ -1,0 +1,117 @@
+"""Where something may act in a plant, and the candidates that the laws make there."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from types import MappingProxyType, ModuleType
+
+from ..model.declare import DeclarationError, Model, nearest
+from ..model.effect import Effect
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of the quantity `name`, which reports call by its `words` (default: the name).
+
+    `channel` is the word of reports for it (default: the name).
+
+    `names` gives laws at this place ids of the plant's own, {"offset": "pressure_offset"}; what a law declares there is
+    called after that id, or as {"lag.tau": "tau_sensor"} says. `laws`, where it is given, are the only ones that are
+    asked there. `signal` is the name under which the quantity acts once a law is at work (default: made from the name).
+    `seconds` is the usual size of times there, a lag's or a delay's (default: the geometric mean of the model's own
+    time constants), `size` that of the quantity (default: its `nominal` value). It matters that nominal values are of
+    the size that is usual in a record: a zero that is off by more than a twentieth of it, say, is no candidate.
+    """
+
+    name: str
+    words: str = field(default="", kw_only=True)
+    channel: str = field(default="", kw_only=True)
+    names: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    laws: tuple[str, ...] | None = field(default=None, kw_only=True)
+    signal: str = field(default="", kw_only=True)
+    seconds: float | None = field(default=None, kw_only=True)
+    size: float | None = field(default=None, kw_only=True)
+
+    def asks(self, law: str) -> bool:
+        """Whether a law of that name is asked here."""
+        return self.laws is None or law in self.laws
+
+
+@dataclass(frozen=True)
+class Path(Place):
+    """The way of an input into the plant, or of an output (a definition that is put out) to its record.
+
+    `of` may name a quantity that disturbs the signal on its way (cross-talk). `late` tells that the record of an input
+    may be late (a probe's filter, another clock), so that it acts before it is recorded.
+    """
+
+    of: str = ""
+    late: bool = False
+
+
+@dataclass(frozen=True)
+class Balance(Place):
+    """The balance behind the derivative of the state `name`, to which a term may be added.
+
+    In mechanics `name` is a velocity and `displacement` the state whose rate it is: friction, drag, springs and stops
+    act there. Without `displacement` it is a store (a level, a pressure, a charge); `below` is the state that receives
+    what spills over.
+    """
+
+    displacement: str = ""
+    below: str = ""
+
+
+@dataclass(frozen=True)
+class Coefficient(Place):
+    """A factor on the definition (or the parameter) `name`, which may depend on the quantity `of`."""
+
+    of: str = ""
+
+
+@cache
+def laws() -> Mapping[str, ModuleType]:
+    """Every law by its name: the modules beside this one that have a `law`."""
+    package = __name__.rpartition(".")[0]
+    path = importlib.import_module(package).__path__
+    names = sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+    modules = {name: importlib.import_module(f"{package}.{name}") for name in names if name != "places"}
+    return MappingProxyType(modules)
+
+
+def kinds(law: ModuleType) -> str:
+    """The kinds of places at which a law may act, in words."""
+    return ", ".join(kind.__name__ for kind in (Path, Balance, Coefficient) if kind in law.KINDS)
+
+
+def candidates(model: Model, place: Place) -> list[Effect]:
+    """Every law that may act at a place, as an effect of this model; `DeclarationError` for what is no place."""
+    from ._site import site  # which reads the places
+
+    found = []
+    check(model, place)
+    at = site(model, place)
+    for name in place.laws if place.laws is not None else laws():
+        module = laws()[name]
+        effect = module.law(replace(at, law=name)) if isinstance(place, module.KINDS) else None
+        if effect is not None:
+            found.append(replace(effect, documentation=(module.__doc__ or "").strip()))
+        elif place.laws is not None:
+            raise DeclarationError(f"{at}: the law {name} cannot act there: {module.NEEDS}")
+    return found
+
+
+def check(model: Model, place: Place) -> None:
+    """`DeclarationError` where the place names what the model has not, or what is of another kind."""
+    from ._site import site
+
+    site(model, place)
+    for name in (*(place.laws or ()), *(key.split(".")[0] for key in place.names)):
+        if name not in laws():
+            raise DeclarationError(
+                f"{type(place).__name__}({place.name!r}): there is no law {name!r}{nearest(name, laws())}"
+            )

@@ -1,0 +1,59 @@
+"""What cannot change faster: the slew rate of an amplifier, a servo valve, a pump that runs up.
+
+::
+
+    signal   ___|-----      signal'  ___/-----   slope: limit
+
+Equation: d(reached)/dt = limit tanh((signal - reached) / (limit settling));
+signal' = signal + share (reached - signal). Small changes follow within `settling`, a fiftieth of the usual time there.
+
+Source: H. E. Merritt, "Hydraulic Control Systems", Wiley 1967; data sheets of amplifiers (Trek 10/10B-HS: slew rate).
+
+Typical: the nominal value within three of the usual times there.
+"""
+
+import sympy
+
+from ..model.declare import Model
+from ..model.effect import Effect
+from ._site import SignalSite
+from .places import Path
+
+KINDS = (Path,)
+NEEDS = "nothing more"
+SETTLING = 0.02  # of the usual time: shorter than what can be told apart, longer than the integrator minds
+SPEEDS = (0.03, 0.1, 0.3, 1.0, 3.0)  # nominal values within the usual time
+
+
+def law(at: SignalSite) -> Effect:
+    """The signal changes no faster than a limit."""
+    fast = at.nominal / at.seconds
+    limit = at.knob(
+        "limit",
+        at.per((at.unit, 1), ("s", -1)),
+        f"Largest rate of {at.words}",
+        0.3 * fast,
+        1e-6 * fast,
+        1e6 * fast,
+        shapes=[speed * fast for speed in SPEEDS],
+        trade=-1,
+    )
+    share = at.knob("share", "1", "Share of the signal that is limited", 1.0, 0.0, 1.0, off=0.0, on=1.0)
+
+    def apply(model: Model) -> Model:
+        model, signal = at.taken(model)
+        model, settling = at.constant(
+            model, "settling", "s", SETTLING * at.seconds, "How fast small changes follow", before=at.name("from")
+        )
+        model, reached = at.state(
+            model,
+            "reached",
+            at.unit,
+            f"What {at.words} has reached",
+            lambda z: limit.symbol * sympy.tanh((signal - z) / (limit.symbol * settling)),
+            signal,
+            at.nominal,
+        )
+        return at.put(model, signal + share.symbol * (reached - signal))
+
+    return at.effect(f"A largest rate limits {at.words}", "Merritt 1967", apply, limit, share)

@@ -1,0 +1,284 @@
+"""A model declared line by line, by keyword, as a plant file does.
+
+Usage::
+
+    m = Build("CascadedTanks", "Two tanks in a row")
+    u = m.input("pump", "V", nominal=5)
+    k = m.parameter("k", "1/s", 0.05, description="outflow rate")
+    h = m.state("h", "V", start="free", nominal=5)
+    q = m.define("outflow", "V/s", k * h)
+    m.derivative(h, u / 100 - q)
+    m.output("level", "V", h)
+    model = m.model()
+
+Every call returns the symbol of what it declares. Expressions are sympy's; `m.rate(u)` is the rate of an input.
+Errors are `DeclarationError` and name the file and line of the declaration.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+import sympy
+
+from .declare import (
+    TIME,
+    DeclarationError,
+    Definition,
+    EquilibriumCurve,
+    Model,
+    Parameter,
+    Quantity,
+    State,
+    nearest,
+    rate,
+)
+from .sizes import usual_size
+from .units import UnitError, parse
+
+Expression: TypeAlias = sympy.Expr | float
+STARTS = ("free", "shared")
+
+
+@dataclass
+class Build:
+    """What is declared so far; `model()` is the model, a value that never changes again."""
+
+    name: str
+    description: str = ""
+    documentation: str = ""
+    _inputs: list[Quantity] = field(default_factory=list)
+    _parameters: list[Parameter] = field(default_factory=list)
+    _states: dict[str, tuple[Quantity, Expression, Expression | None]] = field(default_factory=dict)
+    _derivatives: dict[str, sympy.Expr] = field(default_factory=dict)
+    _definitions: list[Definition] = field(default_factory=list)
+    _outputs: list[str] = field(default_factory=list)
+    _curve: EquilibriumCurve | None = None
+    _lines: dict[str, str] = field(default_factory=dict)
+
+    def input(
+        self, name: str, unit: str, description: str = "", *, nominal: float = 1.0, display_unit: str | None = None
+    ) -> sympy.Symbol:
+        """A signal that drives the model; `nominal` is its usual largest value in `unit`."""
+        q = self._quantity(name, unit, description or name, nominal=nominal, display_unit=display_unit)
+        self._inputs.append(q)
+        return q.symbol
+
+    def parameter(
+        self,
+        name: str,
+        unit: str,
+        value: float,
+        description: str = "",
+        *,
+        minimum: float | None = None,
+        maximum: float | None = None,
+        source: str = "",
+        tunable: bool = True,
+        display_unit: str | None = None,
+    ) -> sympy.Symbol:
+        """A number of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
+        q = self._quantity(
+            name,
+            unit,
+            description or name,
+            value=value,
+            minimum=minimum,
+            maximum=maximum,
+            source=source,
+            nominal=abs(value) or 1.0,
+            display_unit=display_unit,
+        )
+        if not q.allows(value):
+            raise DeclarationError(
+                f"{_here()}: parameter {name!r}: expected {minimum} to {maximum} {unit} but was given {value:g}"
+            )
+        self._parameters.append(Parameter(q, tunable=tunable))
+        return q.symbol
+
+    def state(
+        self,
+        name: str,
+        unit: str,
+        description: str = "",
+        *,
+        start: Expression | str = 0.0,
+        nominal: float = 1.0,
+        minimum: float | None = None,
+        equilibrium: Expression | None = None,
+        display_unit: str | None = None,
+    ) -> sympy.Symbol:
+        """What the plant remembers; `derivative` says how it changes, `nominal` is its usual largest value in `unit`.
+
+        `start` is a number, an expression of parameters and inputs, "free" (an unknown of every recording) or "shared"
+        (one unknown for all recordings): both declare the parameter `<name>_start`, which fits find. The equations end
+        at `minimum`.
+        """
+        q = self._quantity(name, unit, description or name, minimum=minimum, nominal=nominal, display_unit=display_unit)
+        if isinstance(start, str):
+            if start not in STARTS:
+                raise DeclarationError(
+                    f"{_here()}: state {name!r}: start: expected a number, an expression, 'free' or "
+                    f"'shared' but was given {start!r}"
+                )
+            above = max(0.0, minimum or 0.0)
+            unknown = self._quantity(
+                f"{name}_start",
+                unit,
+                f"{description or name} at the start",
+                value=above + 0.5 * nominal if minimum is not None else 0.5 * nominal,
+                nominal=nominal,
+                minimum=minimum,
+                display_unit=display_unit,
+            )
+            self._parameters.append(Parameter(unknown, start="each" if start == "free" else "shared"))
+            start = unknown.symbol
+        self._states[name] = (q, start, equilibrium)
+        return q.symbol
+
+    def define(
+        self,
+        name: str,
+        unit: str,
+        expression: Expression,
+        description: str = "",
+        *,
+        nominal: float | None = None,
+        display_unit: str | None = None,
+    ) -> sympy.Symbol:
+        """A named intermediate, computed in the order of declaration. Without `nominal`, its size where inputs, states
+        and parameters have theirs is taken."""
+        value = self._checked(name, expression)
+        size = usual_size(value, self._sizes()) if nominal is None else nominal
+        q = self._quantity(name, unit, description or name, nominal=size, display_unit=display_unit)
+        self._definitions.append(Definition(q, value))
+        return q.symbol
+
+    def derivative(self, state: sympy.Symbol, expression: Expression) -> None:
+        """How a state changes, in its unit per second."""
+        name = str(state)
+        if name not in self._states:
+            raise DeclarationError(
+                f"{_here()}: derivative of {name!r}: there is no such state{nearest(name, self._states)}"
+            )
+        if name in self._derivatives:
+            raise DeclarationError(f"{_here()}: the derivative of {name!r} is given twice; add the terms up in one")
+        self._derivatives[name] = self._checked(f"the derivative of {name}", expression)
+
+    def output(
+        self,
+        name: str,
+        unit: str,
+        expression: Expression,
+        description: str = "",
+        *,
+        nominal: float | None = None,
+        display_unit: str | None = None,
+    ) -> sympy.Symbol:
+        """What can be recorded of the model: a definition that is put out."""
+        symbol = self.define(name, unit, expression, description, nominal=nominal, display_unit=display_unit)
+        self._outputs.append(name)
+        return symbol
+
+    def equilibrium_curve(self, curve: EquilibriumCurve) -> None:
+        """The balance at rest of a model with a fold (see `EquilibriumCurve`); states then have an `equilibrium`."""
+        self._curve = curve
+
+    def model(self) -> Model:
+        """The declared model; `DeclarationError` where something is missing."""
+        for name in self._states:
+            if name not in self._derivatives:
+                raise DeclarationError(
+                    f"{self._lines[name]}: the state {name!r} has no derivative; add m.derivative({name}, ...)"
+                )
+        if not self._outputs:
+            raise DeclarationError(f"{_here()}: {self.name} puts out nothing; add m.output(name, unit, expression)")
+        states = tuple(
+            State(q, self._derivatives[name], sympy.sympify(start), None if rest is None else sympy.sympify(rest))
+            for name, (q, start, rest) in self._states.items()
+        )
+        with _located():
+            return Model(
+                self.name,
+                self.description or self.name,
+                self.documentation,
+                tuple(self._inputs),
+                tuple(self._parameters),
+                tuple(self._definitions),
+                states,
+                tuple(self._outputs),
+                self._curve,
+            )
+
+    def rate(self, signal: sympy.Symbol) -> sympy.Symbol:
+        """The rate of an input: known where the recording is straight or band-limited, zero where it is held."""
+        names = [q.name for q in self._inputs]
+        if str(signal) not in names:
+            raise DeclarationError(f"{_here()}: rate of {signal}: there is no such input{nearest(str(signal), names)}")
+        return rate(self._inputs[names.index(str(signal))])
+
+    def _quantity(self, name: str, unit: str, description: str, **more: float | str | None) -> Quantity:
+        """A quantity with a name that is free and fit for every language, and a unit that can be read."""
+        if not name.isidentifier() or not name.isascii():
+            raise DeclarationError(f"{_here()}: expected a name of letters, digits and _ but was given {name!r}")
+        if name == "time" or name in [f"{q.name}_rate" for q in self._inputs]:
+            meant = "the time" if name == "time" else "the rate of an input"
+            raise DeclarationError(f"{_here()}: {name!r} already means {meant}; take another name")
+        if name in self._lines:
+            raise DeclarationError(
+                f"{_here()}: {name!r} is declared already, in {self._lines[name]}; take another name"
+            )
+        try:
+            parse(unit)
+        except UnitError as problem:
+            raise DeclarationError(f"{_here()}: {name!r}: {problem}") from None
+        nominal = more.get("nominal")
+        if not isinstance(nominal, int | float) or not (0 < nominal < math.inf):
+            raise DeclarationError(
+                f"{_here()}: {name!r}: nominal: expected a usual size above 0 but was given {nominal!r}"
+            )
+        self._lines[name] = _here()
+        return Quantity(name, unit, description, **more)  # type: ignore[arg-type]
+
+    def _checked(self, name: str, expression: Expression) -> sympy.Expr:
+        value = sympy.sympify(expression)
+        known = {TIME, *(q.symbol for q in self._inputs), *(rate(q) for q in self._inputs)}
+        known |= {*(p.quantity.symbol for p in self._parameters), *(d.quantity.symbol for d in self._definitions)}
+        known |= {q.symbol for q, _, _ in self._states.values()}
+        for symbol in sorted(value.free_symbols - known, key=str):
+            raise DeclarationError(
+                f"{_here()}: {name} uses {symbol}, which is not declared before it"
+                f"{nearest(str(symbol), sorted(map(str, known)))}"
+            )
+        return value
+
+    def _sizes(self) -> dict[sympy.Symbol, sympy.Expr | float]:
+        """Usual values: parameters have theirs, inputs and states their nominal ones; definitions stand for theirs."""
+        found: dict[sympy.Symbol, sympy.Expr | float] = {TIME: 0.0}
+        found |= {p.quantity.symbol: float(p.quantity.value or 0.0) for p in self._parameters}
+        found |= {q.symbol: q.nominal for q in (*self._inputs, *(q for q, _, _ in self._states.values()))}
+        found |= {rate(q): 0.0 for q in self._inputs}
+        return found | {d.quantity.symbol: d.expression for d in self._definitions}
+
+
+def _here() -> str:
+    """File and line of the nearest caller outside this file."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+        frame = frame.f_back
+    return f"{Path(frame.f_code.co_filename).name}, line {frame.f_lineno}"
+
+
+@contextmanager
+def _located() -> Iterator[None]:
+    """Errors of the finished model, with the line that asked for it."""
+    try:
+        yield
+    except DeclarationError as problem:
+        raise DeclarationError(f"{_here()}: {problem}") from None

@@ -1,0 +1,52 @@
+"""Patients by name or from a TOML file, whole or based on another."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..errors import UserError
+from .declare import nearest
+from .patients import PATIENTS
+from .units import UnitError, quantity
+from .windkessel import PARAMETERS, checked_patient, patient
+
+BASE = "based_on"
+
+
+def read_patient(text: str) -> dict[str, float]:
+    """A patient by name, or from a TOML file of `name = "value unit"` (or numbers in SI units).
+
+    A file that starts with `based_on = "failing"` needs to name only what differs from that patient.
+    """
+    if text in PATIENTS:
+        return patient(text)
+    path = Path(text)
+    if path.suffix != ".toml":
+        return patient(text)  # tells which patients there are
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as problem:
+        raise UserError(f"{path}: cannot be read as a patient set: {problem}") from None
+    base = given.pop(BASE, None)
+    if base is not None and (not isinstance(base, str) or base not in PATIENTS):
+        raise UserError(f"{path}: {BASE}: there is no patient {base!r}{nearest(str(base), PATIENTS)}")
+    values = {name: _value(path, name, value) for name, value in given.items()}
+    return checked_patient({**(patient(base) if base else {}), **values}, path.name)
+
+
+def as_toml(values: Mapping[str, float]) -> str:
+    """A patient's values (SI) as `read_patient` reads them."""
+    whole = {p.quantity.name for p in PARAMETERS if p.quantity.type == "Integer"}
+    return "".join(f"{name} = {int(v) if name in whole else repr(float(v))}\n" for name, v in values.items())
+
+
+def _value(path: Path, name: str, value: object) -> float:
+    declared = {p.quantity.name: p.quantity for p in PARAMETERS}
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise UserError(f'{path}: {name}: expected a number, or text like "1.2 mL/mmHg", and nothing else')
+    try:
+        return quantity(str(value), declared[name].unit if name in declared else "1")
+    except UnitError as problem:
+        raise UserError(f"{path}: {name}: {problem}") from None

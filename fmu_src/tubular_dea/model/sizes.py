@@ -1,0 +1,44 @@
+"""Numbers behind symbols: an expression evaluated, and the usual size of a definition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import sympy
+
+FUNCTIONS: list[Any] = [
+    {"positive_part": lambda x: max(x, 0.0), "step": lambda x: float(x > 0), "whole": math.floor},
+    "math",
+]
+
+
+def evaluator(expression: sympy.Expr) -> tuple[list[sympy.Symbol], Callable[..., float]]:
+    """The symbols of an expression, and it as a function of their values: nan where it has no real value."""
+    arguments = sorted(sympy.sympify(expression).free_symbols, key=str)
+    function = sympy.lambdify(arguments, expression, FUNCTIONS)
+
+    def value(*numbers: float) -> float:
+        try:
+            found = function(*numbers)
+        except (ArithmeticError, ValueError):
+            return math.nan
+        return math.nan if isinstance(found, complex) else float(found)
+
+    return arguments, value
+
+
+def usual_size(expression: sympy.Expr, given: Mapping[sympy.Symbol, sympy.Expr | float]) -> float:
+    """|expression| where the symbols have their usual values (or are what they stand for); 1 where that is no size."""
+    symbols, value = evaluator(expression)
+    size = abs(value(*(_value(s, given) for s in symbols)))
+    return size if 0 < size < math.inf else 1.0
+
+
+def _value(symbol: sympy.Symbol, given: Mapping[sympy.Symbol, sympy.Expr | float]) -> float:
+    known = given[symbol]
+    if not isinstance(known, sympy.Expr):
+        return float(known)
+    symbols, value = evaluator(known)
+    return value(*(_value(s, given) for s in symbols))

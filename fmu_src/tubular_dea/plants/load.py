@@ -1,0 +1,108 @@
+"""A plant by its name, or from a user's file: what `--plant` takes.
+
+::
+
+    load_plant("tube")                       a plant that is shipped
+    load_plant("cascaded_tanks.py")          PLANT of that file
+    load_plant("tanks.py:LINEAR")            another value of it
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+import traceback
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+from ..errors import ArgumentError, UserError
+from ..model.declare import DeclarationError, nearest
+from .plant import Plant
+
+SHIPPED = {"tube": "tube", "aorta": "aorta"}  # name: module beside this one
+PLANT = "PLANT"
+
+
+class PlantError(ArgumentError):
+    """A plant that cannot be had; the text names the file, the line where there is one, and what was expected."""
+
+
+def load_plant(text: str) -> Plant:
+    """The plant that `text` names: a shipped one, or FILE.py[:NAME]; `PlantError` in one line where there is none."""
+    if text in SHIPPED:
+        return shipped(text)
+    file, _, name = text.rpartition(":") if not text.endswith(".py") else (text, "", "")
+    path = Path(file)
+    if path.suffix != ".py":
+        raise PlantError(
+            "plant", f" {text}: expected FILE.py[:NAME] or a plant that is shipped{nearest(text, SHIPPED)}"
+        )
+    if not path.is_file():
+        raise PlantError("plant", f" {text}: there is no file {path}")
+    return _chosen(path, _imported(path), name or PLANT)
+
+
+def shipped(name: str) -> Plant:
+    """A plant of this package."""
+    plant = importlib.import_module(f"{__package__}.{SHIPPED[name]}").PLANT
+    assert isinstance(plant, Plant)
+    return plant
+
+
+def shipped_of(model: str) -> Plant | None:
+    """The shipped plant whose model has that name."""
+    return next((plant for plant in map(shipped, SHIPPED) if plant.name == model), None)
+
+
+def _imported(path: Path) -> ModuleType:
+    """The file's module, under a name of its own; its folder is searched for what it imports."""
+    name = f"plant_{path.stem}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    folder = str(path.resolve().parent)
+    sys.modules[name] = module
+    sys.path.insert(0, folder)
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as problem:
+        sys.modules.pop(name, None)
+        raise PlantError("", _told(path, problem)) from None
+    finally:
+        sys.path.remove(folder)
+    return module
+
+
+def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
+    """The plant of that name in a module, with its catalogue made: what is wrong with a place shows now."""
+    there = [n for n, value in vars(module).items() if isinstance(value, Plant)]
+    if name not in vars(module):
+        also = f"; there are {', '.join(there)}: choose one by {path.name}:NAME" if there else ""
+        raise PlantError("", f"{path}: expected a value {name} = Plant(...) but there is none{also}")
+    value = vars(module)[name]
+    if not isinstance(value, Plant):
+        raise PlantError("", f"{path}: expected {name} to be a Plant but it is of type {type(value).__name__}")
+    plant = replace(value, file=f"{path.name}:{name}")
+    try:
+        _ = plant.catalogue
+    except UserError as problem:
+        raise PlantError("", f"{path}: {problem}") from None
+    return plant
+
+
+def _told(path: Path, problem: BaseException) -> str:
+    """What went wrong in a plant file, in one line: file, line, reason."""
+    if isinstance(problem, SyntaxError):
+        return f"{path}, line {problem.lineno}: cannot be read as Python: {problem.msg}"
+    lines = [
+        f.lineno
+        for f in traceback.extract_tb(problem.__traceback__)
+        if Path(f.filename) == path.absolute() or Path(f.filename) == path
+    ]
+    where = f"{path}, line {lines[-1]}" if lines else str(path)
+    reason = str(problem).removeprefix(f"{path.name}, line {lines[-1]}: ") if lines else str(problem)
+    kind = "" if isinstance(problem, DeclarationError) else f"{type(problem).__name__}: "
+    return f"{where}: {kind}{' '.join(reason.split())}"

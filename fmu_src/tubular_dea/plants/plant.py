@@ -1,0 +1,260 @@
+"""What a plant is: a model, the signals it is recorded by, and the places where something may be missing.
+
+::
+
+     inputs                    model                      outputs
+    ---[ path ]--->  balances, coefficients, ...  ---[ path ]---> recorded
+          ^                ^            ^                ^
+          |                |            |                |
+        places: where a law (offset, lag, friction, power, ...) or an effect of the plant's own may act
+
+A plant file holds one value `PLANT = Plant(model, inputs, outputs, places)`; `identify`, `close-loop`, `build`,
+`simulate` and `sweep` take it by `--plant FILE.py`. The engine behind them knows plants, places, laws and recordings,
+and no quantity of any plant by name. `cosim_examples/plants` has three to copy from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import sympy
+
+from ..laws import Place, candidates, check
+from ..model.declare import DeclarationError, Model, Quantity, nearest, rate
+from ..model.effect import Effect
+from ..protocol import Protocol
+
+Values = Mapping[str, float]
+Drives = Sequence[Protocol]
+
+
+@dataclass(frozen=True)
+class Input:
+    """A recorded signal that drives the model; `name` is the model's input.
+
+    Between samples it is `held` (a set point, or a switch), straight (the default), or `band_limited` (an analogue
+    signal behind a filter). A recording whose largest value (SI) is not between `least` and `most` was labelled with a
+    wrong unit: `mislabelled` says what it then is, below and above. `zero` is the usual size of a monitor's own zero
+    error (SI; 0: there is none). `channel` is the word of reports for what acts on its way into the plant. `direct`
+    says whether an output follows it at once; None: as the plant's model has it.
+    """
+
+    name: str
+    held: bool = False
+    band_limited: bool = False
+    least: float = 0.0
+    most: float = math.inf
+    mislabelled: tuple[str, str] = ("", "")
+    zero: float = 0.0
+    channel: str = ""
+    direct: bool | None = None
+
+
+@dataclass(frozen=True)
+class Output:
+    """A recorded signal that the model is held against; `name` is the model's output that says what a sensor reports.
+
+    `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
+    from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
+    `required` is False for a second output that files may have; `jumps` is True for one that feels an input's rate (a
+    current), and says nothing in the moment of a switching.
+    """
+
+    name: str
+    columns: Mapping[str, str] = field(default_factory=dict)
+    least: float = 0.0
+    most: float = math.inf
+    mislabelled: tuple[str, str] = ("", "")
+    zero: float = 0.0
+    channel: str = "sensor"
+    rest: float | None = None
+    required: bool = True
+    jumps: bool = False
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """All names under which it may stand in a file, the usual one first."""
+        return tuple(self.columns) or (self.name,)
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Parameters that may be exchanged without any change of the answer: `pairs` of names, both ways.
+
+    `ordered` tells whether values are in the order in which they are reported.
+    """
+
+    pairs: Mapping[str, str]
+    ordered: Callable[[Values], bool]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of a staged fit: `names` from the experiments that `select` picks from the protocols (numbers of them).
+
+    `prepare` may move the values before the step.
+    """
+
+    names: tuple[str, ...]
+    words: str
+    select: Callable[[Drives], list[int]]
+    prepare: Callable[[Values], Values] = dict
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A model with its signals, places and effects. `DeclarationError` where these name what the model has not.
+
+    `own` are the plant's own effects by id. `geometry` names parameters that `bench.toml` may set. `starts` are named
+    starting values for fits beside the declared ones; `safer` moves values to where the model has an answer more
+    likely, tried in turn; `restart` names parameters that a search does not bring back by itself. `standard` makes the
+    protocols that are usual on a bench, by name, `experiments` feasible ones, with their descriptions, within the
+    largest inputs recorded. `latent` holds, by channel, effects that stand for anything that acts there; without it
+    they are made from the places. `own_channels` are those of the model's own parameters. A recording has at least
+    `least_samples`, lasts at least `shortest` [s] and has at most `coarsest` [s] between samples. Inputs faster than
+    `bandwidth` [Hz] hardly reach the outputs. `file` is where it was declared, as `--plant` has it.
+    """
+
+    model: Model
+    inputs: Sequence[Input]
+    outputs: Sequence[Output]
+    places: Sequence[Place] = ()
+    own: Mapping[str, Effect] = field(default_factory=dict)
+    geometry: Sequence[str] = ()
+    exchanges: Sequence[Exchange] = ()
+    stages: Sequence[Stage] = ()
+    starts: Mapping[str, Values] = field(default_factory=dict)
+    safer: Sequence[Callable[[Values], Values]] = ()
+    restart: Sequence[str] = ()
+    standard: Callable[[], dict[str, Protocol]] | None = None
+    experiments: Callable[[Mapping[str, float]], dict[str, Protocol]] | None = None
+    latent: Mapping[str, Effect] = field(default_factory=dict)
+    own_channels: Mapping[str, str] = field(default_factory=dict)
+    least_samples: int = 50
+    shortest: float = 0.0
+    coarsest: float = math.inf
+    bandwidth: float = math.inf
+    file: str = ""
+
+    def __post_init__(self) -> None:
+        driven = [q.name for q in self.model.inputs]
+        for signal in self.inputs:
+            if signal.name not in driven:
+                raise DeclarationError(
+                    f"{self.name}: Input({signal.name!r}): {self.model.name} has no such input"
+                    f"{nearest(signal.name, driven)}"
+                )
+        missing = [name for name in driven if name not in [s.name for s in self.inputs]]
+        if missing:
+            raise DeclarationError(
+                f"{self.name}: expected an Input for every input of {self.model.name} but there is "
+                f"none for {missing[0]!r}"
+            )
+        if not self.outputs:
+            raise DeclarationError(f"{self.name}: expected at least one Output but was given none")
+        for output in self.outputs:
+            if output.name not in self.model.outputs:
+                raise DeclarationError(
+                    f"{self.name}: Output({output.name!r}): {self.model.name} puts out no such "
+                    f"quantity{nearest(output.name, self.model.outputs)}"
+                )
+        for what, names in self._named().items():
+            for name in names:
+                if name not in self.model.parameter_values():
+                    raise DeclarationError(
+                        f"{self.name}: {what}: {self.model.name} has no parameter {name!r}"
+                        f"{nearest(name, self.model.parameter_values())}"
+                    )
+        for place in self.places:
+            check(self.model, place)
+        at_once = _at_once(self.model, [o.name for o in self.outputs])
+        inputs = [s if s.direct is not None else replace(s, direct=s.name in at_once) for s in self.inputs]
+        object.__setattr__(self, "inputs", tuple(inputs))
+
+    def _named(self) -> dict[str, list[str]]:
+        """Every parameter that a plant names, by where."""
+        return {
+            "geometry": list(self.geometry),
+            **{f"Output({o.name!r})": [n for n in o.columns.values() if n] for o in self.outputs},
+            "exchanges": [n for e in self.exchanges for pair in e.pairs.items() for n in pair],
+            **{f"Stage({s.words!r})": list(s.names) for s in self.stages},
+            **{f"starts {name!r}": list(values) for name, values in self.starts.items()},
+            "restart": list(self.restart),
+        }
+
+    @property
+    def free_starts(self) -> dict[str, str]:
+        """The parameters that are unknown start values: "each" recording has its own, or they are "shared" by all."""
+        return {p.quantity.name: p.start for p in self.model.parameters if p.start}
+
+    @property
+    def each_start(self) -> dict[str, float]:
+        """The unknown start values of which each recording has its own, with their usual sizes (SI)."""
+        return {n: self.quantity(n).nominal for n, kind in self.free_starts.items() if kind == "each"}
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self.model.name
+
+    @cached_property
+    def catalogue(self) -> Mapping[str, Effect]:
+        """Everything that may be missing, by id: the plant's own effects, then every law at its places."""
+        found = dict(self.own)
+        for place in self.places:
+            found |= {effect.id: effect for effect in candidates(self.model, place) if effect.id not in found}
+        return MappingProxyType(found)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Where effects may act, in the plant's own words."""
+        return tuple(dict.fromkeys(effect.channel for effect in self.catalogue.values()))
+
+    def quantity(self, name: str) -> Quantity:
+        """A quantity of the model."""
+        return self.model.quantity(name)
+
+    def ordered(self, values: Values) -> dict[str, float]:
+        """The same tube, tank or circuit with exchangeable parameters in the order in which they are reported."""
+        found = dict(values)
+        for exchange in self.exchanges:
+            if set(exchange.pairs) <= set(found) and not exchange.ordered(found):
+                found = {name: found[exchange.pairs.get(name, name)] for name in found}
+        return found
+
+    def exchanged(self, values: Values) -> dict[str, str]:
+        """By name, where each parameter's value comes from when `values` are put in order."""
+        names = {name: name for name in values}
+        for exchange in self.exchanges:
+            if set(exchange.pairs) <= set(values) and not exchange.ordered(values):
+                names = {name: names[exchange.pairs.get(name, name)] for name in names}
+        return names
+
+    def with_model(self, model: Model) -> Plant:
+        """The plant with another model (other values, or an effect already in it)."""
+        return replace(self, model=model)
+
+    def headers(self) -> str:
+        """A line of headings as it is expected in a file."""
+        cells = ["time [s]", *(f"{s.name} [{self.quantity(s.name).unit}]" for s in self.inputs)]
+        cells += [f"{o.headings[0]} [{self.quantity(o.name).unit}]" for o in self.outputs if o.required]
+        return ",".join(cells)
+
+    def nominal_inputs(self, drives: Drives) -> dict[str, float]:
+        """The largest value of every input over some protocols, with its sign."""
+        joined = {s.name: np.concatenate([d.inputs[s.name] for d in drives]) for s in self.inputs}
+        return {name: float(v[int(np.argmax(np.abs(v)))]) for name, v in joined.items()}
+
+
+def _at_once(model: Model, outputs: Sequence[str]) -> set[str]:
+    """The inputs that some of the outputs follow at once, and not by way of states alone."""
+    reached = {model.quantity(name).symbol for name in outputs}
+    for definition in reversed(model.definitions):
+        if definition.quantity.symbol in reached:
+            reached |= sympy.sympify(definition.expression).free_symbols
+    return {q.name for q in model.inputs if reached & {q.symbol, rate(q)}}

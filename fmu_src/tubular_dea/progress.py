@@ -1,0 +1,37 @@
+"""Progress of long work on standard error: a bar on a terminal, a line every few seconds where there is none."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from tqdm import tqdm
+
+EVERY = 5.0  # s between lines where the output is no terminal
+
+
+class Lines(tqdm):
+    """A bar for log files: each state is a line of its own, and work that is done at once has none."""
+
+    def __init__(self, **options: Any) -> None:
+        self._shown = False
+        self.disable: bool
+        super().__init__(mininterval=EVERY, maxinterval=EVERY, delay=EVERY, ascii=True, ncols=100, **options)
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+        """Write the state as a line."""
+        self._shown = True
+        print(str(self) if msg is None else msg, file=sys.stderr, flush=True)
+        return True
+
+    def close(self) -> None:
+        """The last line, where there was one before."""
+        if not self.disable and self._shown:
+            self.display()
+        self.leave = False
+        self.disable = True
+
+
+def progress_bar(**options: Any) -> Any:
+    """A tqdm bar with these options, for standard error as it is."""
+    return tqdm(**options) if sys.stderr.isatty() else Lines(**options)

@@ -1,0 +1,10 @@
+"""Recordings of any laboratory, as tables of numbers: `read(path)`. Knows files, and no plant.
+
+Text with any delimiter, decimal mark, encoding and head; MATLAB (both formats), HDF5, TDMS and Parquet with the extra
+`files`. The first bytes tell the format, not the ending.
+"""
+
+from .files import is_recording, read
+from .table import Column, NoTableError, ReadError, Table
+
+__all__ = ["Column", "NoTableError", "ReadError", "Table", "is_recording", "read"]

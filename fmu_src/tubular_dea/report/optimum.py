@@ -1,0 +1,106 @@
+"""The best pulse for a patient: the map of all timings with the optimum and the default marked, and what it gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+from matplotlib.figure import Figure
+
+from ..control.optimum import BEGINS, ENDS, OBJECTIVES, Optimum, Pulse
+from ..cosim.course import Course
+from ..cosim.master import Run
+from ..files import write_atomically
+from .assist import plotly_loops, plotly_panels, pressure_volume
+from .compare import table
+from .figures import png, sized
+from .page import Page
+from .rhythm import panels, window
+
+ROBUSTNESS = ("disturbed", "change", "limits")
+
+
+def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[str, Course], command: str) -> list[Path]:
+    """Write optimum.html and optimum.png to `out`."""
+    page = Page("The best pulse", sentence(best))
+    page.text(f"To run it: {command}")
+    page.heading("Every timing, each at its best voltage within the limits")
+    page.figure(_plotly_map(best), f"Change of {OBJECTIVES[best.objective][1]} [%]; empty: forbidden by the limits.")
+    page.heading("How much it may be off")
+    page.table(ROBUSTNESS, robustness(best))
+    page.heading("The optimum and the default, as the scheduler runs them")
+    page.table(*table(courses))
+    page.figure(plotly_loops(pressure_volume(runs, min(c.judged[-1] for c in courses.values()))), "One beat each.")
+    made = panels(runs, window(runs["optimum"], courses["optimum"]), {})
+    page.figure(plotly_panels(made), "Shaded: pulses of the optimum.")
+    write_atomically(out / "optimum.png", png(draw_map(best)))
+    return [page.write(out / "optimum.html"), out / "optimum.png"]
+
+
+def sentence(best: Optimum) -> str:
+    """The optimum in words."""
+    begin, end = 1e3 * best.pulse.begin * best.period, 1e3 * best.pulse.end * best.period
+    words, place = OBJECTIVES[best.objective][1], "before" if best.ahead < 0 else "after"
+    return (
+        f"The best pulse is {best.pulse.voltage / 1e3:.2f} kV from {begin:.0f} to {end:.0f} ms after the R wave, "
+        f"begun {abs(1e3 * best.ahead):.0f} ms {place} ejection begins without it: {words} changes by "
+        f"{100 * best.gain:+.1f} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
+        f"(the default: {100 * best.default_gain:+.1f} %)."
+    )
+
+
+def robustness(best: Optimum) -> list[list[str]]:
+    """Rows (disturbance, change of the objective, whether limits are met)."""
+    return [[c.what, f"{100 * c.gain:+.2f} %", "met" if c.within else "exceeded"] for c in best.robustness]
+
+
+def _marks(best: Optimum) -> list[tuple[str, Pulse, str, str]]:
+    """Name, pulse and symbol (as plotly and as matplotlib call it)."""
+    return [("optimum", best.pulse, "star", "*"), ("default", best.default, "circle", "o")]
+
+
+def _plotly_map(best: Optimum) -> go.Figure:
+    scale = 1e3 * best.period
+    grid = go.Heatmap(
+        x=BEGINS * scale, y=ENDS * scale, z=100 * best.gains.T, colorscale="Viridis_r", colorbar={"title": "%"}
+    )
+    figure = go.Figure(grid)
+    for name, pulse, symbol, _ in _marks(best):
+        marker = {"symbol": symbol, "size": 15, "color": "#c8402f", "line": {"color": "white", "width": 1}}
+        figure.add_trace(
+            go.Scatter(
+                x=[pulse.begin * scale],
+                y=[pulse.end * scale],
+                mode="markers+text",
+                text=[name],
+                textposition="top center",
+                name=name,
+                marker=marker,
+                showlegend=False,
+            )
+        )
+    figure.add_vline(x=1e3 * best.without["ejection_begins"], line_dash="dash")
+    figure.update_xaxes(title="begin of the pulse after R [ms]; dashed: ejection begins")
+    return figure.update_yaxes(title="end of the pulse after R [ms]").update_layout(height=520)
+
+
+def draw_map(best: Optimum, figure: Figure | None = None) -> Figure:
+    """The map as a picture, in `figure` if it is given."""
+    figure = sized(figure, 8, 6)
+    axis = figure.subplots()
+    scale = 1e3 * best.period
+    image = axis.pcolormesh(BEGINS * scale, ENDS * scale, np.ma.masked_invalid(100 * best.gains.T), cmap="viridis_r")
+    figure.colorbar(image, label=f"change of {OBJECTIVES[best.objective][1]} [%]")
+    for name, pulse, _, symbol in _marks(best):
+        place = (pulse.begin * scale, pulse.end * scale)
+        axis.plot(*place, symbol, color="#c8402f", markersize=14, markeredgecolor="white")
+        axis.annotate(name, place, xytext=(8, 8), textcoords="offset points", color="#1b2733", fontweight="bold")
+    begins = 1e3 * best.without["ejection_begins"]
+    axis.axvline(begins, color="#1b2733", linestyle="--", linewidth=1)
+    axis.text(begins + 3, axis.get_ylim()[0] + 8, "ejection begins", rotation=90, va="bottom", color="#1b2733")
+    axis.set_xlabel("begin of the pulse after R [ms]")
+    axis.set_ylabel("end of the pulse after R [ms]")
+    axis.set_title(f"Best voltage within the limits at every timing; optimum {best.pulse.voltage / 1e3:.2f} kV")
+    return figure

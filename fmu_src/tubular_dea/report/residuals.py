@@ -1,0 +1,73 @@
+"""What a model leaves of every experiment, before and after its effects were found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..discover.engine import Discovery
+from ..identify.adjust import with_own
+from ..identify.study import Piece
+from ..kernel import KernelError
+from ..model.declare import Quantity
+from .figures import COLOURS, legend_above, sized
+from .parts import shown_unit, thinned
+
+
+@dataclass(frozen=True)
+class Answered:
+    """One output of a piece: the record (n,) at `time` (n,) [s], and the answers (n,) of the models by name.
+
+    `label` and `unit` are those in which all of them are shown; `quantity` is the output. Samples
+    had the `weight` (n,) in fits.
+    """
+
+    piece: Piece
+    time: np.ndarray
+    record: np.ndarray
+    models: dict[str, np.ndarray]
+    label: str
+    unit: str
+    quantity: Quantity
+    weight: np.ndarray
+
+
+def answered(found: Discovery) -> Iterator[Answered]:
+    """Every output of every piece beside the base model ("before") and the one with the named effects ("after")."""
+    study, base = found.study, found.search.base_study  # a record's own numbers are those that suit each model
+    before = base.response((), base.pieces).outputs(found.base.fitted.values)
+    try:
+        after = study.response(found.named.ids, study.pieces).outputs(found.named.fitted.values)
+    except KernelError:
+        after = before
+    for first, piece, y0, y1 in zip(base.pieces, study.pieces, before, after, strict=True):
+        own0, own1 = with_own(base, first, y0), with_own(study, piece, y1)
+        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+            q = study.plant.quantity(reading.output)
+            scale, unit = shown_unit(q)
+            models = {"before": own0[part] / scale} | ({"after": own1[part] / scale} if found.named.ids else {})
+            label = reading.output.replace("_", " ")  # the heading in the files may be that of another quantity
+            yield Answered(piece, reading.times, piece.record[part] / scale, models, label, unit, q, piece.weight[part])
+
+
+def residuals(found: Discovery, figure: Figure | None = None) -> Figure:
+    """The residuals of all experiments, one panel each, in `figure` if it is given."""
+    shown = list(answered(found))
+    figure = sized(figure, 9, 0.8 + 1.5 * len(shown))
+    axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    for number, (axis, one) in enumerate(zip(axes, shown, strict=True)):
+        for colour, (name, answer) in zip(COLOURS, one.models.items(), strict=False):
+            axis.plot(thinned(one.time), thinned(one.record - answer), color=colour, linewidth=1, label=name)
+        axis.set_ylabel(f"{one.label} [{one.unit}]")
+        held = " (held out)" if one.piece.held_out else ""
+        axis.set_title(f"{one.piece.name}{held}", fontsize=9, loc="left")
+        axis.grid(alpha=0.3)
+        axis.spines[["top", "right"]].set_visible(False)
+        if number == 0:
+            legend_above(axis)
+    axes[-1].set_xlabel("time [s]")
+    figure.suptitle("Residuals: record less model")
+    return figure

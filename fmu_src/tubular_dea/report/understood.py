@@ -1,0 +1,189 @@
+"""What was understood of a folder of recordings, before anything is fitted: as text, and drawn."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..identify.data import Experiment, Recordings, Source
+from ..identify.drive import Drive, drives
+from ..identify.sampling import rate
+from ..identify.study import sensor_noise
+from ..model.declare import Quantity
+from ..plants.plant import Output
+from ..recordings.table import some
+from .figures import COLOURS, png, sized
+from .parts import readable, shown_unit
+
+FIRST = 5  # samples whose median is what a record begins with
+
+
+class Understanding:
+    """The recordings with the edges and the noise that were found in them."""
+
+    def __init__(self, recordings: Recordings) -> None:
+        self.recordings = recordings
+        self.drives = drives(recordings.experiments, recordings.plant.inputs, recordings.noise)
+        self.noise = sensor_noise(recordings, self.drives)
+
+    def lines(self) -> list[str]:
+        """A table, one line a file, below what all files have in common."""
+        experiments = self.recordings.experiments
+        samples = sum(e.time.size for e in experiments)
+        name = self.recordings.plant.name
+        head = f"{self.recordings.source}: {len(experiments)} experiments of {name}, {samples} samples"
+        return [head, *self._formats(), *self._geometry(), *self._noises(), "", *self._table(), *self._remarks()]
+
+    def _formats(self) -> Iterator[str]:
+        """Formats, columns and what was not used, where all files agree in one line each."""
+        yield from self._common("format", lambda source: source.format)
+        yield from self._common(
+            "columns", lambda source: ", ".join(f"{name} = {column!r}" for name, column in source.columns.items())
+        )
+        yield from self._common("not used", lambda source: ", ".join(map(repr, source.unused)))
+        if self.recordings.left_out:
+            yield f"no table   {', '.join(self.recordings.left_out)}: left out"
+
+    def _common(self, label: str, says: Callable[[Source], str]) -> Iterator[str]:
+        said = {e.name: says(e.source) for e in self.recordings.experiments if e.source}
+        for text, count in Counter(said.values()).most_common():
+            if text:
+                files = [name for name, own in said.items() if own == text]
+                where = "" if count == len(self.recordings.experiments) else f" ({some(files, 4)})"
+                yield f"{label:10s} {text}{where}"
+
+    def _geometry(self) -> Iterator[str]:
+        plant, given = self.recordings.plant, self.recordings.geometry
+        if plant.geometry:
+            known = plant.model.parameter_values() | given
+            said = [
+                f"{n} {_amount(known[n], plant.quantity(n))}{' (bench.toml)' if n in given else ''}"
+                for n in plant.geometry
+                if n in known
+            ]
+            yield f"geometry   {', '.join(said)}"
+
+    def _noises(self) -> Iterator[str]:
+        """Standard deviations of all monitors and sensors, and where they were taken from."""
+        plant, stated = self.recordings.plant, self.recordings.noise
+        said = []
+        for signal in plant.inputs:
+            level = float(np.median([d.noise[signal.name] for d in self.drives]))
+            said.append(
+                f"{signal.name} {_amount(level, plant.quantity(signal.name))}"
+                f"{' (bench.toml)' if signal.name in stated else ''}"
+            )
+        for name, noise in self.noise.items():
+            words = f"{_output(plant.outputs, name).headings[0]} {_amount(noise.rms, plant.quantity(name))}"
+            said.append(words + (f" (correlation {noise.correlation:.2f})" if noise.correlation else ""))
+        yield f"noise      {', '.join(said)}"
+
+    def _table(self) -> Iterator[str]:
+        """How each file was sampled, how it starts and what it reads then, how often a held input switches."""
+        shown = {name: shown_unit(self.recordings.plant.quantity(name)) for name in self.signals}
+        rows = [
+            [
+                "file",
+                "samples",
+                "length",
+                "rate",
+                "edges",
+                "rise",
+                "start",
+                *(f"{name} [{unit}]" for name, (_, unit) in shown.items()),
+            ]
+        ]
+        for experiment, driven in zip(self.recordings.experiments, self.drives, strict=True):
+            rows.append([*_row(experiment, driven), *(_first(experiment, n, s) for n, (s, _) in shown.items())])
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        for row in rows:
+            padded = [c.rjust(w) for c, w in zip(row, widths, strict=True)]
+            yield "  ".join([row[0].ljust(widths[0]), *padded[1:]])
+
+    @property
+    def signals(self) -> list[str]:
+        """The inputs, and the outputs that any file has."""
+        plant, experiments = self.recordings.plant, self.recordings.experiments
+        there = [o.name for o in plant.outputs if any(o.name in e.outputs for e in experiments)]
+        return [*(s.name for s in plant.inputs), *there]
+
+    def _remarks(self) -> Iterator[str]:
+        said = [(e.source.path.name, r) for e in self.recordings.experiments if e.source for r in _remarks_of(e.source)]
+        if said:
+            yield ""
+        for file, remark in said:
+            yield f"{file}: {remark}"
+
+    def picture(self) -> bytes:
+        """`drawing` as PNG."""
+        return png(self.drawing())
+
+    def drawing(self, figure: Figure | None = None) -> Figure:
+        """All signals of all files: one row a file, one column a signal, edges marked; in `figure` if it is given."""
+        plant, experiments, names = self.recordings.plant, self.recordings.experiments, self.signals
+        figure = sized(figure, 4.2 * len(names), 0.6 + 1.25 * len(experiments))
+        axes = figure.subplots(len(experiments), len(names), squeeze=False)
+        for number, (row, experiment, driven) in enumerate(zip(axes, experiments, self.drives, strict=True)):
+            for column, (axis, name) in enumerate(zip(row, names, strict=True)):
+                scale, unit = shown_unit(plant.quantity(name))
+                values = experiment.inputs.get(name, experiment.outputs.get(name))
+                if values is not None:
+                    axis.plot(experiment.time, values / scale, color=COLOURS[column % len(COLOURS)], linewidth=0.8)
+                _dressed(axis, f"{name} [{unit}]" if number == 0 else "", driven, name)
+            row[0].set_ylabel(experiment.name, rotation=0, ha="right", va="center", fontsize=8)
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]", fontsize=8)
+        return figure
+
+
+def _dressed(axis: Axes, title: str, driven: Drive, name: str) -> None:
+    axis.grid(alpha=0.3)
+    axis.tick_params(labelsize=7)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.set_title(title, fontsize=9)
+    for edge in driven.edges:
+        if edge.input == name:
+            axis.axvline(edge.time, color="0.6", linewidth=0.5, zorder=0)
+
+
+def _first(experiment: Experiment, name: str, scale: float) -> str:
+    """What a signal reads first; "" where the file has none."""
+    values = experiment.inputs.get(name, experiment.outputs.get(name))
+    return "" if values is None else f"{float(np.nanmedian(values[:FIRST])) / scale + 0.0:.2f}".replace("-0.00", "0.00")
+
+
+def _row(experiment: Experiment, driven: Drive) -> list[str]:
+    steps = np.diff(experiment.time)
+    uneven = "" if np.max(steps) < 1.5 * np.median(steps) else " with gaps"
+    rises = [edge.rise for edge in driven.edges if edge.rise > 0]
+    return [
+        experiment.name,
+        f"{experiment.time.size}",
+        f"{np.ptp(experiment.time):.4g} s",
+        f"{rate(experiment.time):.5g} Hz{uneven}",
+        f"{len(driven.edges)}",
+        f"{1e3 * float(np.median(rises)):.2g} ms" if rises else "-",
+        experiment.start,
+    ]
+
+
+def _remarks_of(source: Source) -> Iterator[str]:
+    yield from source.remarks
+    if source.missing:
+        yield "no number in " + ", ".join(f"{n} cells of {name}" for name, n in source.missing.items())
+
+
+def _amount(value: float, quantity: Quantity) -> str:
+    """A value with one to three digits before the point, or in the unit that its quantity is shown in."""
+    scale, shown = readable(value, quantity.unit)
+    if shown == quantity.unit and not 0.1 <= abs(value) < 1e3:
+        scale, shown = shown_unit(quantity)
+    return f"{value / scale:.3g} {shown}" if shown != "1" else f"{value:g}"
+
+
+def _output(outputs: Sequence[Output], name: str) -> Output:
+    return next(o for o in outputs if o.name == name)

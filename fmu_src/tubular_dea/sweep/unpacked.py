@@ -1,0 +1,67 @@
+"""FMUs made elsewhere, unpacked once a process, and what they declare."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import shutil
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import fmpy
+
+from ..files import unpack
+from ..model.declare import Quantity
+from .expression import PlanError
+from .models import ExternalFmu
+
+
+@cache
+def unpacked(fmu: ExternalFmu) -> tuple[str, Any]:
+    """The folder it is unpacked in, and its description; once a process."""
+    folder = tempfile.mkdtemp(prefix="tubular-dea-fmu-")
+    try:
+        path = Path(folder) / "model.fmu"
+        path.write_bytes(fmu.content)
+        unpack(path, Path(folder))
+        description = fmpy.read_model_description(folder)
+    except Exception as problem:
+        shutil.rmtree(folder)
+        raise PlanError(
+            f"model: {fmu.name}: cannot be read as an FMU: {problem}; expected an archive with a valid description"
+        ) from None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder, description
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The parameters, the inputs, and all else that an FMU declares, by name; units as it gives them."""
+
+    parameters: dict[str, Quantity]
+    inputs: dict[str, Quantity]
+    variables: dict[str, Quantity]
+
+
+def declared(fmu: ExternalFmu) -> Declared:
+    """What the FMU declares."""
+    _, description = unpacked(fmu)
+    found = Declared({}, {}, {})
+    for v in description.modelVariables:
+        with contextlib.suppress(TypeError, ValueError):
+            unit = v.unit or (v.declaredType.unit if v.declaredType else None) or "1"
+            q = Quantity(v.name, unit, v.description or "", _number(v.start), "", _number(v.min), _number(v.max))
+            if v.causality == "input":
+                found.inputs[v.name] = q
+            (found.parameters if v.causality == "parameter" else found.variables)[v.name] = q
+    return found
+
+
+def _number(text: object) -> float | None:
+    if text is None:
+        return None
+    word = str(text).lower()
+    return float(word == "true") if word in ("true", "false") else float(word)

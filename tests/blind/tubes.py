@@ -1,0 +1,166 @@
+"""A tube on the bench and what it does: the door to tube.c."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from blind.effects import EVERYTHING, TABLE_ROWS
+
+SOURCE = Path(__file__).parent / "tube.c"
+TIGHT, LOOSE = 1e-8, 1e-6  # tolerances of tube.c: for recordings, and for differences of them
+MMHG = 133.322  # Pa
+TABLE_I = {"r_o": 15e-3, "l_o": 24.5e-3, "h_o": 1e-3, "h_ao": 100e-6, "rho": 1e3, "n_layers": 8.0}
+TABLE_III = {
+    "C_1": 333.056e3,
+    "C_2": -32.5032e3,
+    "C_3": 2.86041e3,
+    "eps_r": 2.8,
+    "eta_o": 745.854e3,
+    "k_1": 19.6758e6,
+    "eta_1": 6495.68e3,
+    "k_2": 2.414e6,
+    "eta_2": 6508.21e3,
+}
+
+
+class BurstError(ValueError):
+    """The tube does not survive what is done to it."""
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Nine identified parameters, the geometry (both SI), and what hides: a name and its numbers."""
+
+    identified: dict[str, float] = field(default_factory=TABLE_III.copy)
+    geometry: dict[str, float] = field(default_factory=TABLE_I.copy)
+    hidden: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def without(self, name: str) -> Tube:
+        """The same tube with one thing less hidden in it."""
+        return replace(self, hidden={n: v for n, v in self.hidden.items() if n != name})
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is done to a tube: pressure [Pa] and voltage [V] in cubic pieces over time [s]; `hard` ends have corners."""
+
+    pressure: PPoly
+    voltage: PPoly
+    hard: np.ndarray
+
+    @property
+    def start(self) -> float:
+        """Where it begins, with the tube at rest [s]."""
+        return float(self.pressure.x[0])
+
+    def pieces(self, late: float) -> tuple[np.ndarray, ...]:
+        """Starts of common pieces, and their coefficients in rising powers; the pressure comes `late` [s]."""
+        pressure = self.pressure
+        if late:
+            first = pressure(pressure.x[0])
+            c = np.column_stack([np.append(np.zeros(pressure.c.shape[0] - 1), first), pressure.c])
+            x = np.concatenate([[pressure.x[0]], pressure.x + late])
+            pressure = PPoly(c, x)
+        stop = min(pressure.x[-1], self.voltage.x[-1])
+        inner = np.concatenate([pressure.x, self.voltage.x, self.hard, self.hard + late])
+        grid = np.unique(np.round(inner[(inner > self.start) & (inner < stop)], 12))
+        grid = np.concatenate([[self.start], grid[np.diff(grid, prepend=self.start) > 1e-9], [stop]])
+        corners = np.append(np.concatenate([self.hard, self.hard + late]), stop)
+        return grid, _rising(pressure, grid), _rising(self.voltage, grid), _among(grid, np.sort(corners))
+
+
+def _among(grid: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """1 where a time of the grid is one of the (sorted) corners, 0 elsewhere, for C."""
+    after = np.minimum(np.searchsorted(corners, grid), corners.size - 1)
+    gap = np.minimum(np.abs(corners[after] - grid), np.abs(corners[np.maximum(after - 1, 0)] - grid))
+    return (gap < 2e-9).astype(np.int8)
+
+
+def _rising(signal: PPoly, grid: np.ndarray) -> np.ndarray:
+    """Coefficients (pieces, 4) of the signal about the starts of a finer grid's pieces."""
+    at = (grid[:-1] + grid[1:]) / 2  # within the piece, whichever side of a jump its start is on
+    shift = at - grid[:-1]
+    d = [signal(at, k) for k in range(4)]
+    return np.column_stack(
+        [
+            d[0] - shift * d[1] + shift**2 / 2 * d[2] - shift**3 / 6 * d[3],
+            d[1] - shift * d[2] + shift**2 / 2 * d[3],
+            (d[2] - shift * d[3]) / 2,
+            d[3] / 6,
+        ]
+    )
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    source = SOURCE.read_bytes() + SOURCE.with_name("radau.h").read_bytes()
+    key = hashlib.sha256(source).hexdigest()[:16]
+    built = Path(tempfile.gettempdir()) / f"blind-tube-{key}.so"
+    if not built.exists():
+        partial = built.with_suffix(f".{np.random.default_rng().integers(1 << 32)}")
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            "-O2",
+            "-std=gnu99",
+            "-shared",
+            "-fPIC",
+            "-o",
+            str(partial),
+            str(SOURCE),
+            "-lm",
+        ]
+        subprocess.run(command, check=True)
+        partial.replace(built)
+    return ctypes.CDLL(str(built))
+
+
+def run(
+    tube: Tube, drive: Drive, times: np.ndarray, *, clock: float = 0.0, monitor_lag: float = 0.0, tol: float = TIGHT
+) -> tuple[np.ndarray, np.ndarray]:
+    """What noiseless sensors read at `times` [s]: radius [m] and current [A] (0 without a `monitor_lag` [s]).
+
+    Drifts begin at `clock` [s] on the drive's own time. BurstError where the tube does not survive.
+    """
+    hidden = tube.hidden
+    grid, p, v, hard = drive.pieces(hidden.get("pressure_delay", (0.0,))[0])
+    on = np.zeros((TABLE_ROWS, 4))
+    for name, numbers in hidden.items():
+        on[EVERYTHING[name].number, : 1 + len(numbers)] = (1, *numbers)
+    constants = np.array([*tube.geometry.values(), *tube.identified.values(), monitor_lag, -clock])
+    asked = np.ascontiguousarray(times - hidden.get("sensor_delay", (0.0,))[0])
+    stretch, current = np.zeros(asked.size), np.zeros(asked.size)
+    good = _library().trajectory(
+        _ptr(constants),
+        _ptr(on),
+        ctypes.c_long(grid.size - 1),
+        _ptr(grid),
+        _ptr(p),
+        _ptr(v),
+        _ptr(hard),
+        ctypes.c_double(tol),
+        ctypes.c_long(asked.size),
+        _ptr(asked),
+        _ptr(stretch),
+        _ptr(current),
+    )
+    if not good:
+        raise BurstError(f"the tube bursts with {hidden or 'nothing'} hidden in it")
+    return tube.geometry["r_o"] * stretch, current
+
+
+def _ptr(array: np.ndarray) -> ctypes.c_void_p:
+    assert array.flags.c_contiguous
+    return array.ctypes.data_as(ctypes.c_void_p)

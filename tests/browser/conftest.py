@@ -1,0 +1,46 @@
+"""One browser for all tests of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from lab_page import BENCH, BROWSER, DRIVER, Page
+
+from tubular_dea.cli import main
+
+
+@pytest.fixture(scope="session")
+def lab_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page with the bench's recordings, as the command writes it."""
+    path = tmp_path_factory.mktemp("lab") / "lab.html"
+    assert main(["lab", "--data", str(BENCH), "--out", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(scope="session")
+def downloads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the browser saves files."""
+    return tmp_path_factory.mktemp("downloads")
+
+
+@pytest.fixture(scope="session")
+def browser(lab_file: Path, downloads: Path) -> Iterator[Page]:
+    """One browser for all tests."""
+    pytest.importorskip("selenium", reason="the test extra brings selenium")
+    if not BROWSER or not DRIVER:
+        pytest.skip("chromium and its driver are not installed (apt-get install chromium chromium-driver)")
+    page = Page(lab_file, downloads)
+    page.size(1280)
+    yield page
+    page.driver.quit()
+
+
+@pytest.fixture
+def page(browser: Page) -> Iterator[Page]:
+    """The page, freshly opened; it must neither log anything nor ask for anything."""
+    browser.open()
+    yield browser
+    assert browser.messages() == []
+    assert browser.requests() == []

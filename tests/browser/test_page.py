@@ -1,0 +1,272 @@
+"""What people do with the page: every control, files dropped, links, take-aways, accessibility, pictures of views."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from lab_page import BENCH, Page
+
+from tubular_dea.identify.data import read_folder
+from tubular_dea.lab.opened import closed_loop
+from tubular_dea.lab.page import write
+from tubular_dea.model.effect import with_effects
+from tubular_dea.plants.saved import load
+from tubular_dea.plants.tube import PLANT
+
+VIEWS = ("tube", "heart", "data")
+AXE_TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
+
+
+def test_the_page_is_small_and_carries_its_licences(lab_file: Path) -> None:
+    text = lab_file.read_text(encoding="utf-8")
+    assert len(text.encode()) <= 1_500_000
+    assert "Leon Sorokin" in text and "http-equiv" not in text
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_control_can_be_used(page: Page, view: str) -> None:
+    """Each range, number, choice, box and button moves, and nothing is logged (the fixture looks)."""
+    page.show(view)
+    page.run("for (const d of document.querySelectorAll('details')) d.open = true;")
+    counted = page.run(
+        """
+        const root = document.getElementById(`view-${given[0]}`), seen = {};
+        const tell = (element, kind) => element.dispatchEvent(new Event(kind, { bubbles: true }));
+        for (const element of [...root.querySelectorAll("input, select")]) {
+          if (!element.isConnected || element.type === "file") continue;
+          seen[element.type] = (seen[element.type] ?? 0) + 1;
+          if (element.type === "range") { for (const v of [120, 500]) { element.value = v; tell(element, "input"); } }
+          else if (element.type === "number") {
+            for (const v of ["", "-1e30"]) { element.value = v; tell(element, "input"); }
+            tell(element, "blur");
+          }
+          else if (element.type === "checkbox") { element.click(); element.click(); }
+          else for (const option of [...element.options]) { element.value = option.value; tell(element, "change"); }
+          await new Promise((r) => requestAnimationFrame(r));
+        }
+        for (const button of [...root.querySelectorAll("button")]) {
+          if (!button.isConnected || /csv|png|map-start/i.test(button.id)) continue;
+          seen.button = (seen.button ?? 0) + 1;
+          button.click();
+        }
+        await new Promise((r) => setTimeout(r, 400));
+        return seen;
+    """,
+        view,
+    )
+    assert counted["range"] > 10 and counted["button"] > 5, counted
+
+
+def test_values_out_of_bounds_are_refused_in_words(page: Page) -> None:
+    told = page.run("""
+        const number = document.querySelector("#view-tube input[data-name=eps_r]");
+        number.value = "-3";
+        number.dispatchEvent(new Event("input", { bubbles: true }));
+        const problem = number.closest(".field").querySelector(".problem");
+        return [number.getAttribute("aria-invalid"), problem.textContent, lab.state.tube.set.eps_r ?? null];
+    """)
+    assert told[0] == "true" and told[1].startswith("expected 1 to") and told[2] is None
+
+
+def test_a_tube_that_runs_away_says_so_and_steps_back(page: Page) -> None:
+    told = page.run("""
+        lab.change("tube", (s) => { s.tube.inputs.voltage.high = 8; s.tube.inputs.pressure.high = 120; });
+        await new Promise((r) => setTimeout(r, 200));
+        const alert = document.querySelector("#view-tube [role=alert]"), text = alert.textContent;
+        document.getElementById("undo-burst").click();
+        await new Promise((r) => setTimeout(r, 200));
+        return [text, alert.textContent, lab.state.tube.inputs.voltage.high];
+    """)
+    assert "runs away" in told[0] and told[1] == "" and 3 < told[2] < 8
+
+
+def test_by_hand_the_record_follows_the_sliders_and_can_be_taken_back(page: Page) -> None:
+    page.run("""
+        for (const name of ["pressure", "voltage"]) lab.change("tube", (s) => { s.tube.inputs[name].kind = "hand"; });
+        lab.change("tube", (s) => { s.tube.inputs.pressure.level = 90; });
+    """)
+    page.wait("lab.state.tube.record && lab.state.tube.record.time.at(-1) > 1")
+    page.run("lab.change('tube', (s) => { s.tube.inputs.voltage.level = 8.5; s.tube.inputs.pressure.level = 115; });")
+    page.wait("document.getElementById('undo-burst')")
+    page.run("document.getElementById('undo-burst').click(); await new Promise((r) => setTimeout(r, 200));")
+    assert page.run("return document.querySelector('#view-tube [role=alert]').textContent;") == ""
+    assert page.run("return lab.state.tube.inputs.voltage.level;") < 8.5
+
+
+STATE = {
+    "view": "heart",
+    "si": True,
+    "theme": "dark",
+    "tube": {"inputs": {"pressure": {"kind": "beat", "high": 117.5}}, "set": {"C_1": 321.5}, "stop": 7},
+    "heart": {
+        "patient": "stiff",
+        "rhythm": "bigeminy",
+        "beats": 14,
+        "set": {"heart.R": 1.1, "scheduler.voltage_on": 4.75},
+    },
+    "data": {"on": ["sensor_lag"], "set": {"eps_r": 2.65}, "shown": "03_step_6kV"},
+}
+
+
+def test_a_link_holds_the_whole_state(page: Page) -> None:
+    there = page.run(
+        "lab.adopt(lab.merged(lab.defaults(), given[0], ''));return [lab.link(), JSON.stringify(lab.state)];", STATE
+    )
+    page.wait("lab.H.result")
+    page.open(there[0])
+    assert page.run("return JSON.stringify(lab.state);") == there[1]
+    assert page.run("return document.getElementById('view-heart').hidden;") is False
+
+
+@pytest.mark.parametrize(
+    "fragment", ["#nothing", "#s=%%%", "#s=e30x", "#s=eyJ2aWV3IjoibW9vbiJ9", "#s=eyJ0dWJlIjp7InNldCI6eyJDXzEiOi01fX19"]
+)
+def test_a_broken_link_opens_the_default_with_a_notice(page: Page, fragment: str) -> None:
+    page.open(fragment)
+    assert "cannot be read" in page.run("return document.getElementById('notice').textContent;")
+    assert page.run("return JSON.stringify(lab.state) === JSON.stringify(lab.defaults());")
+
+
+def test_files_are_dropped_and_refused(page: Page) -> None:
+    page.show("data")
+    good = (BENCH / "03_step_6kV.csv").read_text()
+    page.run(
+        """
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([given[0]], "dropped.csv"));
+        transfer.items.add(new File([given[0].replace("pressure [Pa]", "pressure [V]")], "wrong.csv"));
+        const drop = new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true });
+        document.getElementById("drop").dispatchEvent(drop);
+        await new Promise((r) => setTimeout(r, 300));
+    """,
+        good,
+    )
+    page.wait("lab.D.runs && lab.D.runs.length === 7")
+    assert page.run("return lab.D.experiments.map((e) => e.name);").count("dropped") == 1
+    told = page.run("return document.querySelector('#view-data [role=alert]').textContent;")
+    assert told.startswith("wrong.csv, line 1") and "expected a unit like 'Pa'" in told
+
+
+def test_an_effect_changes_what_is_left(page: Page) -> None:
+    page.show("data")
+    page.wait("lab.D.runs")
+    before = page.run("return document.querySelector('#view-data [role=status]').textContent;")
+    page.run("document.getElementById('effect-pressure_offset').click();")
+    page.wait("lab.D.before && !lab.D.same && !lab.D.latest.busy")
+    after = page.run("return document.querySelector('#view-data [role=status]').textContent;")
+    assert before.startswith("All together: RMSE") and "before" in after
+
+
+def test_pictures_tables_and_the_model_can_be_saved(page: Page, downloads: Path) -> None:
+    page.run("lab.change('tube', (s) => { s.tube.set.C_1 = 350; }); await new Promise((r) => setTimeout(r, 200));")
+    page.run(
+        "for (const id of ['pressure-csv', 'pressure-png', 'curve-csv', 'all-csv', 'save-model']) {"
+        " document.getElementById(id).click(); await new Promise((r) => setTimeout(r, 150)); }"
+    )
+    names = ("pressure.csv", "pressure.png", "curve.csv", "tube.csv", "model.json")
+    for _ in range(100):
+        if all((downloads / name).exists() for name in names):
+            break
+        page.run("await new Promise((r) => setTimeout(r, 100));")
+    assert (downloads / "pressure.png").read_bytes().startswith(b"\x89PNG")
+    assert (downloads / "pressure.csv").read_text().startswith("time [s],pressure [Pa],snap-through [Pa]\n0,0,")
+    assert (downloads / "curve.csv").read_text().startswith("curve,lambda_2 [1],pressure [Pa]\nstable,")
+    assert load(downloads / "model.json").parameter_values()["C_1"] == 350e3
+    assert json.loads((downloads / "model.json").read_text())["effects"] == []
+
+
+def test_a_map_is_computed_with_progress_and_adopted(page: Page) -> None:
+    page.show("heart")
+    page.run("lab.change('heart', (s) => { s.heart.beats = 6; });")
+    page.run("document.getElementById('map-start').click();")
+    page.wait("lab.H.map.cells && lab.H.map.cells.size > 5")
+    assert page.run("return document.getElementById('map-progress').value;") > 0
+    page.run("document.getElementById('map-start').click();")
+    page.wait("!lab.H.map.going")
+    page.run("""
+        for (const key of ["ArrowUp", "ArrowRight", "Enter"])
+          lab.H.map.canvas.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+    """)
+    assert page.run("return lab.state.heart.set['scheduler.voltage_on'];") > 5.5
+
+
+def test_keys_alone_reach_views_handles_and_play(page: Page) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    ActionChains(page.driver).send_keys(" ").perform()
+    assert page.run("return lab.T.playing;") is False
+    page.run("document.getElementById('tab-tube').focus();")
+    ActionChains(page.driver).send_keys(Keys.ARROW_RIGHT).perform()
+    page.wait("lab.state.view === 'heart' && lab.H.result")
+    page.run("document.getElementById('handle-on').focus();")
+    ActionChains(page.driver).send_keys(Keys.ARROW_LEFT * 3).perform()
+    assert page.run("return lab.state.heart.set['scheduler.on_fraction'];") == pytest.approx(0.035)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("view", VIEWS)
+def test_axe_finds_nothing(page: Page, view: str, theme: str) -> None:
+    axe = pytest.importorskip("axe_core_python", reason="the test extra brings axe-core-python")
+    page.run(f"lab.change('theme', (s) => {{ s.theme = '{theme}'; }});")
+    page.show(view)
+    page.run("for (const d of document.querySelectorAll('details')) d.open = true;")
+    page.driver.execute_script((Path(axe.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.run(
+        "return (await axe.run(document, { runOnly: given[0] })).violations"
+        ".map((v) => [v.id, v.help, v.nodes.slice(0, 3).map((n) => n.html)]);",
+        AXE_TAGS,
+    )
+    assert found == []
+
+
+@pytest.mark.parametrize(("width", "theme"), [(1280, "light"), (1280, "dark"), (390, "light")])
+@pytest.mark.parametrize("view", VIEWS)
+def test_pictures_of_each_view(page: Page, view: str, width: int, theme: str) -> None:
+    page.run(f"lab.change('theme', (s) => {{ s.theme = '{theme}'; }});")
+    page.size(width)
+    page.show(view)
+    assert page.run("return document.documentElement.scrollWidth;") <= width  # nothing has to be scrolled sideways
+    assert page.shot(f"{view}-{width}-{theme}", width).stat().st_size > 20_000
+
+
+def test_a_closed_loop_page_switches_before_and_after(browser: Page, tmp_path: Path) -> None:
+    lag = PLANT.own["electrode_resistance"]
+    found = with_effects(PLANT.model, [lag.id], PLANT.own).with_values({**lag.typical, "C_1": 320e3})
+    content = closed_loop(read_folder(BENCH, PLANT), found, {"C_1": 310e3}, {"model": "closed/model.json", "data": "b"})
+    own = browser.path
+    try:
+        browser.path = write(tmp_path / "lab.html", content)
+        browser.open()
+        browser.wait("lab.D.runs && lab.D.before")
+        assert browser.run("return lab.state.view;") == "data"
+        chosen = "return [lab.dataValues().C_1, lab.dataValues().electrode_share];"
+        assert browser.run(chosen) == [320e3, 1]
+        browser.run("""
+            const list = document.getElementById("setting-data");
+            list.value = list.options[1].value;
+            list.dispatchEvent(new Event("change", { bubbles: true }));
+        """)
+        assert browser.run(chosen) == [310e3, 0]
+        browser.show("heart")  # with the effect inside the assisted loop
+        assert browser.run("return lab.H.result.with.reason;") == ""
+        assert "--model closed/model.json" in browser.run("return lab.command();")
+        assert browser.messages() == [] and browser.requests() == []
+    finally:
+        browser.path = own
+
+
+def test_without_webassembly_the_page_says_so(browser: Page) -> None:
+    browser.driver.execute_cdp_cmd("Page.enable", {})
+    made = browser.driver.execute_cdp_cmd(
+        "Page.addScriptToEvaluateOnNewDocument", {"source": "delete window.WebAssembly;"}
+    )
+    try:
+        browser.driver.get("about:blank")
+        browser.driver.get(browser.path.as_uri())
+        assert "no WebAssembly" in browser.run("return document.getElementById('main').textContent;")
+    finally:
+        browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", made)
+    assert browser.messages() == []

@@ -1,0 +1,67 @@
+"""Pages of other plants: whatever a plant file declares is played, compared with records, and has its effects."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from lab_page import Page, commands, table
+
+from tubular_dea.cli import main
+from tubular_dea.kernel import Kernel
+from tubular_dea.plants.load import load_plant
+from tubular_dea.protocol import Protocol
+
+TANKS = Path(__file__).parents[2] / "cosim_examples" / "plants" / "cascaded_tanks.py"
+
+
+def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
+    path, plant = tmp_path / "tanks.html", load_plant(str(TANKS))
+    assert main(["lab", "--plant", str(TANKS), "--out", str(path)]) == 0
+    drive = Protocol.of([0.0, 10.0, 10.0, 60.0], pump=[2.0, 2.0, 6.0, 6.0])
+    recorded = Kernel(plant.model).simulate(drive, np.arange(0.0, 60.0, 0.25), {"k1": 0.03})
+    pump = np.where(recorded.time < 10, 2.0, 6.0)
+    lines = [
+        "time [s],pump [V],level_2 [V]",
+        *(f"{t:.3f},{u:.12g},{y:.12g}" for t, u, y in zip(recorded.time, pump, recorded["level_2"], strict=True)),
+    ]
+    assert browser.requests() == []  # of the page that was open until now
+    own = browser.path
+    try:
+        browser.path = path
+        browser.open()
+        values = browser.run(
+            "lab.compute(); const r = lab.T.result; return [Array.from(r.run.time),"
+            " Array.from(r.run.values.level_2), r.drive.time, r.drive.inputs.pump];"
+        )
+        played = Kernel(plant.model).simulate(Protocol.of(values[2], pump=values[3]), np.array(values[0]))
+        assert np.array_equal(played["level_2"], values[1])
+        commands(tmp_path, browser.run("return lab.command();"))
+        again = table(tmp_path / "run" / "response.csv")
+        np.testing.assert_allclose(np.interp(again["time"], values[0], values[1]), again["level_2"], rtol=1e-6)
+        browser.show("data")
+        assert browser.run("return lab.facts.effects.map((e) => e.id);") == list(plant.catalogue)
+        text = "\n".join(lines)
+        browser.run(
+            "await lab.takeFiles([new File([given[0]], 'tanks.csv')]);"
+            "lab.change('data', (s) => { s.data.set.k1 = 0.03; });",
+            text,
+        )
+        browser.wait("lab.D.runs && !lab.D.latest.busy && !lab.D.same")
+        left = browser.run(
+            "return Math.max(...lab.D.runs[0].values.level_2.map("
+            "(v, i) => Math.abs(v - lab.D.experiments[0].outputs.level_2[i])));"
+        )
+        assert left < 1e-5
+        commands(tmp_path, browser.run("return lab.command();"))
+        again = table(tmp_path / "run" / "response.csv")
+        np.testing.assert_allclose(
+            np.interp(recorded.time, again["time"], again["level_2"]), recorded["level_2"], rtol=1e-5
+        )
+        made = json.loads((tmp_path / "model.json").read_text())
+        assert (made["plant"], made["parameters"]["k1"]["value"]) == (str(TANKS), 0.03)
+        assert browser.messages() == [] and browser.requests() == []
+    finally:
+        browser.path = own
+        browser.open()  # others of this session go on there

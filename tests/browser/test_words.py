@@ -1,0 +1,175 @@
+"""Files dropped on the page are understood, or refused, exactly as the command line does: same numbers, same words."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lab_page import BENCH, Page
+
+from laboratory import drawn
+from tubular_dea.errors import UserError
+from tubular_dea.identify.data import read_experiment
+from tubular_dea.identify.start import detected
+from tubular_dea.plants.tube import PLANT
+
+SEEDS = 80
+GOOD = (BENCH / "03_step_6kV.csv").read_text()
+
+
+def lines(edit: object) -> str:
+    """The good recording with its lines changed by a function."""
+    return "\n".join(edit(GOOD.splitlines()))
+
+
+def cell(number: int, place: int, text: str) -> str:
+    def edit(rows: list[str]) -> list[str]:
+        cells = rows[number - 1].split(",")
+        rows[number - 1] = ",".join([*cells[:place], text, *cells[place + 1 :]])
+        return rows
+
+    return lines(edit)
+
+
+def column(place: int, change: object) -> str:
+    """The good recording with all numbers of a column changed."""
+
+    def edit(rows: list[str]) -> list[str]:
+        out = rows[:1]
+        for i, row in enumerate(rows[1:]):
+            cells = row.split(",")
+            cells[place] = f"{change(i, float(cells[place])):.9g}"
+            out.append(",".join(cells))
+        return out
+
+    return lines(edit)
+
+
+REFUSED = {
+    "empty": "",
+    "blank": "\n\n\n",
+    "prose": "dear diary,\ntoday the tube burst\n",
+    "headings alone": "time [s],pressure [Pa]\n",
+    "no pressure": GOOD.replace("pressure", "druck"),
+    "no unit": GOOD.replace("pressure [Pa]", "pressure"),
+    "wrong unit": GOOD.replace("[Pa]", "[V]"),
+    "unknown unit": GOOD.replace("[Pa]", "[mmgH]"),
+    "odd unit": GOOD.replace("[Pa]", "[parsec]"),
+    "twice": GOOD.replace("voltage [V]", "pressure [Pa]"),
+    "no output": GOOD.replace("radius", "depth"),
+    "both outputs": GOOD.replace("voltage [V]", "displacement [m]"),
+    "text in a cell": cell(100, 1, "oops"),
+    "infinite": cell(100, 1, "inf"),
+    "long cell": cell(77, 3, "x" * 90),
+    "quotes in a cell": cell(50, 2, "it's"),
+    "no time": cell(60, 0, ""),
+    "time goes back": cell(60, 0, "0.001"),
+    "too many cells": cell(60, 3, "0.015,4,5"),
+    "decimal commas": GOOD.replace(".", ","),
+    "too short": lines(lambda rows: rows[:30]),
+    "unclosed quote": cell(90, 1, '"12'),
+    "s labelled ms": GOOD.replace("time [s]", "time [ms]"),
+    "ms labelled s": column(0, lambda i, v: 1e3 * v),
+    "mmHg labelled Pa": column(1, lambda i, v: v / 133.322),
+    "kV labelled V": column(2, lambda i, v: v / 1e3),
+    "V labelled kV": GOOD.replace("voltage [V]", "voltage [kV]"),
+    "mm labelled m": column(3, lambda i, v: 1e3 * v),
+    "below rest": column(3, lambda i, v: v - 0.004),
+    "constant": column(3, lambda i, v: 0.015),
+    "frozen": column(3, lambda i, v: 0.0155 if 900 < i < 1000 else v),
+    "saturated": column(3, lambda i, v: min(v, 0.0166)),
+    "mostly gaps": column(1, lambda i, v: v if i % 3 == 0 else np.nan),
+    "output gone": column(3, lambda i, v: v if i < 40 else np.nan),
+}
+UNDERSTOOD = {
+    "good": GOOD,
+    "semicolons": GOOD.replace(",", ";"),
+    "tabs": GOOD.replace(",", "\t"),
+    "capitals": GOOD.replace("time [s]", "TIME (S)"),
+    "other units": GOOD.replace("voltage [V]", "Voltage / V").replace("[m]", "(m)"),
+    "gaps": column(1, lambda i, v: np.nan if 200 < i < 300 else v),
+    "doubled rows": lines(lambda rows: [*rows[:200], rows[199], *rows[200:220], rows[219], *rows[220:]]),
+    "comments": "# bench 3\n# tube 14\n" + GOOD,
+    "repeated headings": lines(lambda rows: [*rows[:300], rows[0], *rows[300:]]),
+    "coarse clock": column(0, lambda i, v: np.floor(100 * v) / 100),
+    "trailing text": GOOD + "end of file\n",
+    "extra column": lines(lambda rows: [f"{row},{'remark' if i == 0 else 'fine'}" for i, row in enumerate(rows)]),
+    "cut last line": GOOD.rstrip("\n")[:-12],
+    "latin-1": "# t = 23 °C, µ\n" + GOOD,
+    "starts loaded": lines(lambda rows: [rows[0], *rows[200:]]),
+}
+
+
+def as_bytes(name: str, text: str) -> bytes:
+    return text.encode("latin-1") if name == "latin-1" else text.encode()
+
+
+def by_python(path: Path) -> dict:
+    try:
+        e = read_experiment(path, PLANT)
+    except UserError as problem:
+        return {"refused": str(problem).replace(str(path), path.name)}
+    assert e.source is not None
+    return {
+        "time": e.time,
+        "inputs": e.inputs,
+        "outputs": e.outputs,
+        "loaded": detected(e, PLANT) != "rested",
+        "unused": list(e.source.unused),
+        "remarks": list(e.source.remarks),
+        "format": e.source.format,
+    }
+
+
+def by_page(page: Page, name: str, raw: bytes) -> dict:
+    return page.run(
+        """
+        const raw = Uint8Array.from(atob(given[1]), (c) => c.charCodeAt(0));
+        try {
+          const e = lab.readExperiment(given[0], raw);
+          const list = (v) => Array.from(v, (x) => Number.isNaN(x) ? null : x);
+          const lists = (values) => Object.fromEntries(Object.entries(values).map(([n, v]) => [n, list(v)]));
+          return { time: list(e.time), inputs: lists(e.inputs), outputs: lists(e.outputs),
+                   loaded: e.start !== "rested", unused: e.unused, remarks: e.remarks, format: e.format };
+        } catch (problem) {
+          return { refused: problem.message };
+        }
+    """,
+        name,
+        base64.b64encode(raw).decode(),
+    )
+
+
+def compare(page: Page, folder: Path, raw: bytes) -> dict:
+    path = folder / "a.csv"
+    path.write_bytes(raw)
+    wanted, got = by_python(path), by_page(page, path.name, raw)
+    assert got.get("refused") == wanted.get("refused")
+    if "refused" in wanted:
+        return wanted
+    np.testing.assert_allclose(got["time"], wanted["time"], rtol=1e-12, atol=1e-9)
+    for kind in ("inputs", "outputs"):
+        assert got[kind].keys() == wanted[kind].keys()
+        for name, values in wanted[kind].items():
+            np.testing.assert_allclose(np.array(got[kind][name], float), values, rtol=1e-12, atol=1e-15)
+    for said in ("loaded", "unused", "remarks", "format"):
+        assert got[said] == wanted[said], said
+    return wanted
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals_have_the_same_words(browser: Page, tmp_path: Path, name: str) -> None:
+    assert "refused" in compare(browser.ready(), tmp_path, as_bytes(name, REFUSED[name]))
+
+
+@pytest.mark.parametrize("name", UNDERSTOOD)
+def test_recordings_have_the_same_numbers(browser: Page, tmp_path: Path, name: str) -> None:
+    assert "refused" not in compare(browser.ready(), tmp_path, as_bytes(name, UNDERSTOOD[name]))
+
+
+def test_files_of_any_laboratory_are_read_alike(browser: Page, tmp_path: Path) -> None:
+    browser.ready()
+    understood = [seed for seed in range(SEEDS) if "refused" not in compare(browser, tmp_path, drawn(seed).raw)]
+    assert len(understood) > SEEDS / 3, understood

@@ -1,0 +1,49 @@
+"""Causes named on hardware that nobody here built; skipped where the measured data are not beside the project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from measured.table import MMHG, cases, run
+from shared_data import shared
+
+
+def result_of(name: str, folder: Path) -> dict:
+    shared("measured"), shared("aorta")
+    case = next(c for c in cases(folder) if c.name == name)
+    return run(case, folder / "out")[0]
+
+
+def test_tanks_with_a_linear_outflow_lack_its_power_law_and_the_overflow(tmp_path: Path) -> None:
+    result = result_of("tanks, linear outflow", tmp_path)
+    named = [e["id"] for e in result["effects"]]
+    assert named[0].startswith("power(outflow_")
+    assert any(name.startswith("spill_over(") for name in named)
+    assert result["error"]["recalibrated"]["held_out_rmse"] == pytest.approx(1.12, abs=0.02)
+    assert result["error"]["after"]["held_out_rmse"] <= 0.55
+    assert result["verdict"] == "partly_explained"
+    assert result["residual"]["remainder"]["rms"] > 0
+
+
+def test_the_pigs_flow_probe_is_late(tmp_path: Path) -> None:
+    result = result_of("pig in vivo", tmp_path)
+    assert "flow_delay" in [e["id"] for e in result["effects"]]
+    assert all(e["fit_percent"] >= 72 for e in result["error"]["after"]["per_experiment"].values())
+
+
+def test_the_silverbox_hardens_with_the_third_power(tmp_path: Path) -> None:
+    result = result_of("silverbox", tmp_path)
+    assert [e["id"] for e in result["effects"]] == ["cubic(velocity)"]
+    after = result["error"]["after"]["per_experiment"]
+    assert after["arrow"]["rmse"] <= 0.45e-3
+    assert after["multisine_2"]["rmse"] <= 0.35e-3
+
+
+def test_what_leaves_the_mock_loop_meets_a_resistance_that_grows(tmp_path: Path) -> None:
+    result = result_of("mock loop", tmp_path)
+    first = result["effects"][0]
+    assert "quadratic_resistance(outflow)" in [first["id"], *first["equivalent"]]
+    after = result["error"]["after"]["per_experiment"]
+    assert all(after[f"NV_step{n}"]["rmse"] <= 2.7 * MMHG for n in ("05", "10", "15"))

@@ -1,0 +1,374 @@
+"""When an effect is accepted, equal to another, given up again, and which verdict follows: on made-up numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from made_up import option
+from tubular_dea.discover import acceptance, engine, equivalence, held_out, noise_limit, power, revision
+from tubular_dea.discover.bank import Candidate, scores
+from tubular_dea.discover.bootstrap import null_scores
+from tubular_dea.discover.options import Option
+from tubular_dea.discover.revision import Search
+from tubular_dea.discover.rounds import Round
+
+LARGE = 40_000.0  # what a large effect leaves unexplained
+BASE = option(excess=LARGE, held_out=12_000.0)
+
+
+def found(base: Option, chosen: Option, **more: object) -> Search:
+    """A search that ended so."""
+    return Search(base, chosen, None, None, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("excess", "z_slow", "verdict"),
+    [
+        (0.0, 0.0, "no_effect"),
+        (300.0, 4.9, "no_effect"),
+        (300.0, 5.1, "unexplained"),  # slow parts stand out
+        (600.0, 0.0, "unexplained"),  # 4.2 standard deviations over all samples
+    ],
+)
+def test_verdict_without_any_effect(excess: float, z_slow: float, verdict: str) -> None:
+    base = option(excess=excess, z_slow=z_slow)
+    assert engine.decide(found(base, base), 1.0, {}) == verdict
+
+
+@pytest.mark.parametrize(
+    ("excess", "held_ratio", "verdict"),
+    [
+        (100.0, 1.0, "effect_found"),  # noise
+        (100.0, 1.5, "effect_found"),  # noise in training; the held-out experiments were asked before
+        (1800.0, 1.0, "effect_found"),  # 95.5 % explained, 1.086 times the noise
+        (1800.0, 1.12, "partly_explained"),  # the same, but more on held-out data
+        (2200.0, 1.0, "partly_explained"),  # 94.5 %
+        (19_000.0, 1.0, "partly_explained"),  # 52.5 %
+        (21_000.0, 1.0, "unexplained"),  # 47.5 %: not named where so much remains
+    ],
+)
+def test_verdict_by_what_an_effect_leaves(excess: float, held_ratio: float, verdict: str) -> None:
+    chosen = option("lag", excess=excess, held_out=4000.0)
+    assert engine.decide(found(BASE, chosen), held_ratio, {"lag": []}) == verdict
+
+
+def test_verdict_where_nearly_all_of_a_very_large_effect_is_explained() -> None:
+    base = option(excess=20 * LARGE, held_out=1e5)
+    for excess, verdict in ((4300.0, "effect_found"), (4500.0, "partly_explained")):  # 1.196 and 1.204 times the noise
+        assert engine.decide(found(base, option("lag", excess=excess)), 1.0, {"lag": []}) == verdict
+
+
+def test_verdict_where_effects_cannot_be_told_apart() -> None:
+    clean, partly = option("lag", excess=100.0), option("lag", excess=0.3 * LARGE)
+    assert engine.decide(found(BASE, clean), 1.0, {"lag": ["slew"]}) == "ambiguous"
+    assert engine.decide(found(BASE, partly), 1.0, {"lag": ["slew"]}) == "partly_explained"  # the remainder comes first
+
+
+@pytest.mark.parametrize(
+    ("unseen", "excess", "named"),
+    [
+        (BASE.held_out - 6.1, 0.49 * LARGE, True),
+        (BASE.held_out - 6.0, 0.49 * LARGE, False),  # held-out data gain no more than chance gives
+        (BASE.held_out + 50.0, 0.1 * LARGE, False),  # explains much, predicts nothing
+        (BASE.held_out - 5000.0, 0.51 * LARGE, False),  # predicts, but leaves more than half
+    ],
+)
+def test_a_name_is_earned_on_data_that_no_fit_has_seen(unseen: float, excess: float, named: bool) -> None:
+    chosen = option("lag", excess=excess, held_out=unseen)
+    assert acceptance.earned(BASE, chosen) is named
+    assert engine.decide(found(BASE, chosen), 9.0, {"lag": []}) == ("partly_explained" if named else "unexplained")
+
+
+def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() -> None:
+    base = option(excess=500.0, held_out=2500.0)
+
+    def told(excess: float, **more: float) -> tuple[bool, str]:
+        return acceptance.accept(base, base, option("lag", excess=excess, turned=0.1, **more), 30.0)
+
+    assert told(471.0) == (False, "refitted, lag gains 29.0, less than nulls do (30.0)")
+    blocks = told(450.0, cross=base.cross_validated, held_out=2400.0)
+    assert blocks == (False, "lag does not predict the blocks left out")
+    assert told(450.0, held_out=2501.0) == (False, "lag does not predict the held-out experiments")
+    assert told(450.0, held_out=2499.0)[0]
+    assert told(411.0, held_out=2507.0)[0] is False
+    assert told(410.0, held_out=2507.0)[0]  # strong: asked at the end
+    accepted, why = told(100.0, held_out=2100.0)
+    assert accepted and why == "lag gains 400.0, on blocks 400.0, held out 400.0"
+
+
+@pytest.mark.parametrize(
+    ("unseen", "turned", "across", "yes"),
+    [
+        (2490.0, 0.1, 99e3, True),  # squared distance 25: held-out data can tell, and do
+        (2510.0, 0.1, 0.0, False),
+        (2490.0, 0.06, 99e3, False),  # squared distance 9: they cannot; experiments left out in turn are asked
+        (2510.0, 0.06, 0.0, True),
+        (float("nan"), 0.0, 0.0, False),  # no answer there
+    ],
+)
+def test_unseen_data_are_those_that_can_tell(unseen: float, turned: float, across: float, yes: bool) -> None:
+    before = option(excess=500.0, held_out=2500.0)
+    after = option("lag", excess=400.0, held_out=unseen, turned=turned, across=across)
+    assert acceptance.confirmed(before, after) is yes
+
+
+@pytest.mark.parametrize(("value", "away"), [(1.21, True), (1.19, False), (0.81, False), (0.79, True)])
+def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) -> None:
+    """The standard error is 0.1, and the effect is off at 1."""
+    lag = SimpleNamespace(off={"lag": 1.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    fitted = replace(
+        option("lag").fitted,
+        values={"base": 1.0, "lag": value},
+        scaled=np.array([1.0, value]),
+        covariance=0.01 * np.eye(2),
+    )
+    assert acceptance.bounded_away(lag, fitted) is away
+    study = SimpleNamespace(catalogue={"lag": lag})
+    described = replace(option("lag", excess=100.0, held_out=2000.0), fitted=fitted)
+    assert engine.supported(study, found(BASE, described), described) is away
+    denied = replace(described, unseen=1.1 * BASE.unseen)
+    assert not engine.supported(study, found(BASE, denied), denied)
+    assert engine.supported(study, found(BASE, BASE), BASE)  # nothing is named
+
+
+def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact, vague = (
+        SimpleNamespace(off={name: off}, fit=(name,), parameters=[SimpleNamespace(name=name, minimum=None)])
+        for name, off in (("lag", 0.0), ("creep", 1.0))
+    )
+    study = SimpleNamespace(catalogue={"lag": exact, "creep": vague})
+    both = option("lag", "creep")
+    both = replace(both, fitted=replace(both.fitted, scaled=np.ones(3), covariance=0.01 * np.eye(3)))
+    alone = option("lag", excess=50.0)
+    search = found(BASE, both, gains={"lag": 11.0, "creep": 500.0})
+    monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: alone if ids == ("lag",) else None)
+    assert engine._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
+    assert search.rivals == [both]
+    assert engine._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
+
+
+def test_what_is_held_out_sees_what_may_be_missing_and_leaves_what_is_needed() -> None:
+    def best(shares: list[list[float]], information: list[float]) -> int:
+        sight = held_out._Sight(np.array(shares), np.array([[[i]] for i in information]))
+        return max(range(3), key=lambda i: sight.worth([i]))
+
+    assert best([[0.1, 0.3, 0.6], [0.0, 0.4, 0.6]], [100.0] * 3) == 1  # 0 sees too little, 2 leaves too little
+    assert best([[1.0, 0.0, 0.0], [0.0, 0.3, 0.7], [0.0, 0.3, 0.7]], [100.0] * 3) == 1
+    assert best([[0.3, 0.3, 0.4]] * 2, [1.0, 1000.0, 1000.0]) == 0  # the others determine the parameters
+    assert best([[0.0, 0.3, 0.7]] * 2, [1.0, 1e6, 1.0]) != 1  # it alone determines them
+
+
+def test_a_further_effect_must_be_more_than_another_form_of_the_first() -> None:
+    before = option("lag", excess=4000.0, held_out=3000.0)  # gained 36 000
+
+    def refused(gain: float, after: Option | None = None, first: Option = before) -> str:
+        return acceptance.no_further_effect(BASE, first, gain, "creep", after)
+
+    assert "another form of lag may be all there is" in refused(143.0)  # 0.4 % of what the first gained
+    assert refused(1999.0) == "creep removes less than half of what is left"
+    assert refused(2000.0) == ""
+    assert refused(1999.0, option("lag", "creep", excess=2001.0, z_slow=4.9)) == ""  # what is left are no slow parts
+    assert refused(1999.0, option("lag", "creep", excess=2001.0, z_slow=5.1)) != ""
+    nearly = option("lag", excess=1500.0)  # gained 38 500, and is nearly all there is
+    assert "another form" in refused(1100.0, first=nearly)  # 3 % are asked for
+    assert refused(1201.0, first=nearly) == ""  # removes what is left: no form of the first looks so much like it
+    clean = option("lag", excess=300.0, z_slow=4.0)
+    assert "another form" in refused(290.0, first=clean)
+
+
+def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
+    """Residuals of over three times the noise: a gain of any number of standard deviations may be chance of form."""
+    base = option(excess=40 * LARGE, held_out=4e5)
+    before = option("lag", excess=20 * LARGE, held_out=2e5, turned=0.1)
+    assert acceptance.far(before) and not acceptance.far(BASE)
+
+    def refused(gain: float) -> str:
+        return acceptance.no_further_effect(base, before, gain, "creep")
+
+    assert refused(5.0 * LARGE - 1) == "creep explains less than 25% of what is left"
+    assert refused(5.0 * LARGE + 1) == ""
+    worse = option("lag", "creep", excess=15 * LARGE, held_out=2.1e5, turned=0.2)
+    assert acceptance.accept(base, before, worse, 30.0) == (False, "creep does not predict the held-out experiments")
+    assert acceptance.accept(base, before, replace(worse, unseen=0.86 * before.unseen), 30.0)[0]
+    rival = option("slew", excess=20 * LARGE + 0.19 * before.misfit, held_out=2e5)
+    assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) == ("lag", "slew")  # a fifth of what is left
+    rival = option("slew", excess=20 * LARGE + 0.21 * before.misfit, held_out=2e5)
+    assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) is None
+
+
+def test_noise_is_no_more_than_a_residual_hides_from_its_past() -> None:
+    random, time = np.random.default_rng(6), np.arange(4000) / 250
+    slow = 3.0 * np.sin(2 * np.pi * 0.7 * time) + np.exp(-time)
+    noise = 0.2 * random.standard_normal((2, time.size))
+    bound = noise_limit.prediction_error([slow + n for n in noise])
+    assert 0.99 * noise.std() < bound < noise_limit.TOO_MUCH * noise.std()
+    assert noise_limit.prediction_error([np.zeros(100)]) == 0.0
+
+
+def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
+    """Drawn at the size that is told, an effect passes the nulls' threshold in about POWER of the records."""
+    random = np.random.default_rng(9)
+    jacobian, columns = random.standard_normal((800, 3)), random.standard_normal((800, 4))
+    columns[:, 1] = jacobian @ [1.0, 2.0, 3.0]  # what the base's own parameters do
+    listed = []
+    for i, name in enumerate(("lag", "hidden", "creep", "set")):
+        quantity = SimpleNamespace(name=name, minimum=None, maximum=None)
+        effect = SimpleNamespace(id=name, on={}, off={name: 0.0}, parameters=[quantity], shapes={})
+        listed.append(Candidate(effect, {}, (name,), columns[:, i : i + 1]))  # type: ignore[arg-type]
+    null = null_scores(listed, jacobian, draws=20_000)
+    sizes = power.smallest_visible(listed, jacobian, null)
+    assert sizes["hidden"] == {"hidden": None}
+    threshold = null.threshold(power.FALSE_ALARMS)
+    passed = []
+    for _ in range(400):
+        residual = sizes["lag"]["lag"] * columns[:, 0] + random.standard_normal(800)
+        passed.append(next(s.statistic for s in scores(listed, residual, jacobian) if s.id == "lag") > threshold)
+    assert np.mean(passed) == pytest.approx(power.POWER, abs=0.06)
+
+
+def test_what_leaves_noise_is_finished_unless_a_further_effect_could_hide_there() -> None:
+    base = option(excess=600.0)
+    assert acceptance.finished(base, option("lag", excess=50.0, z_slow=1.0))
+    assert acceptance.finished(base, option("lag", excess=50.0, z_slow=3.0))  # less than a further one has to gain
+    assert not acceptance.finished(base, option("lag", excess=200.0, z_slow=3.0))
+    assert not acceptance.finished(base, option("lag", excess=600.0, z_slow=0.0))  # not clean
+    assert not acceptance.finished(base, option("lag", excess=50.0, z_slow=1.0, exact=True))  # it has but one form
+
+
+def test_held_out_experiments_settle_which_of_the_accepted_stays() -> None:
+    one, two = option("lag", excess=2000.0, held_out=9000.0), option("lag", "creep", excess=0.0, held_out=9090.0)
+    assert acceptance.settled(BASE, [one, two]) is two  # worse by 90, less than a twentieth of its gain of 2000
+    worse = option("lag", "creep", excess=0.0, held_out=9101.0)
+    assert acceptance.settled(BASE, [one, worse]) is one
+    denied = option("lag", excess=LARGE - 100.0, held_out=BASE.held_out + 6.5)
+    assert acceptance.settled(BASE, [denied]) is BASE
+    together = option("lag", "creep", excess=0.0, held_out=2000.0)
+    assert acceptance.settled(BASE, [denied, together]) is together  # one of two alone may predict worse than none
+
+
+def test_evidence_pays_for_parameters() -> None:
+    plain, richer = option("lag", excess=100.0), option("creep", excess=91.0, parameters=3)
+    assert plain.evidence > richer.evidence  # 9 gained for 9.2
+    assert plain.evidence < option("creep", excess=90.0, parameters=3).evidence
+
+
+@pytest.mark.parametrize(
+    ("gain", "behind", "equal"),
+    [
+        (30_000.0, 590.0, True),
+        (30_000.0, 610.0, False),  # 2 % of a large gain
+        (1000.0, 119.0, True),
+        (1000.0, 121.0, False),  # weak evidence: 120 at most
+        (100.0, 59.0, True),
+        (100.0, 61.0, False),  # of little, 60 %
+        (10.0, 11.0, True),
+        (10.0, 13.0, False),  # chance
+    ],
+)
+def test_effects_are_equal_within_chance_and_form(gain: float, behind: float, equal: bool) -> None:
+    chosen, rival = option("lag", excess=0.0), option("slew", excess=behind)
+    assert equivalence.stands_in(rival, chosen, {"lag": gain}) == (("lag", "slew") if equal else None)
+
+
+def test_equals_differ_in_one_effect_and_are_listed_best_first() -> None:
+    chosen, gains = option("lag", "creep"), {"lag": 5000.0, "creep": 5000.0}
+    rivals = [
+        option("lag", "set", excess=5.0),
+        option("slew", "creep", excess=20.0),
+        option("slew", "set", excess=1.0),
+        option("lag", "set", excess=9.0),
+        option("lag", "mullins", excess=50.0),
+        option("lag", excess=4.0),
+        option("lag", "gain", excess=4000.0),
+    ]
+    assert equivalence.equivalents(chosen, rivals, gains) == {"lag": ["slew"], "creep": ["set", "mullins"]}
+
+
+STUDY = SimpleNamespace(
+    catalogue={
+        name: SimpleNamespace(typical={name: 1.0}, parameters=[SimpleNamespace(name=name)], refine=refine)
+        for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
+    }
+)
+
+
+def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> list[tuple]:
+    """Refits of `revision` give these options, by effects and finer forms; returns what was asked for."""
+    asked: list[tuple] = []
+
+    def fitted_option(study: object, ids: tuple, start: object, refined: tuple) -> Option | None:
+        finer = tuple(i for i in ids if i in refined)
+        asked.append((ids, finer))
+        return options.get((ids, finer))
+
+    monkeypatch.setattr(revision, "fitted_option", fitted_option)
+    return asked
+
+
+def taken(*options: Option) -> Round:
+    """A round in which the first of some options was accepted."""
+    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "", {})  # type: ignore[arg-type]
+
+
+def two_effects(**more: object) -> Search:
+    """Lag was found first (slew behind it by 100), then creep, which brought 1000."""
+    first = taken(option("lag", excess=1000.0), option("slew", excess=1100.0), option("set", excess=4000.0))
+    chosen = option("lag", "creep", excess=0.0, z_slow=0.0)
+    return found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": 1000.0}, **more)
+
+
+def test_an_earlier_effect_is_exchanged_where_another_does_better_in_company(monkeypatch: pytest.MonkeyPatch) -> None:
+    better = option("slew", "creep", excess=-100.0, z_slow=0.0)
+    asked = refits(
+        monkeypatch,
+        {
+            (("slew", "creep"), ()): better,
+            (("slew",), ()): option("slew", excess=1100.0),
+            (("creep",), ()): option("creep", excess=30_000.0),
+        },
+    )
+    search = two_effects()
+    revision.revise(STUDY, search, lambda what: None)
+    assert search.chosen is better
+    assert [r.ids for r in search.rivals] == [("lag", "creep")]
+    assert search.gains == {"creep": 1200.0, "slew": 30_100.0}
+    assert (("set", "creep"), ()) not in asked  # it was further behind than creep brought, times 2.5
+
+
+def test_an_effect_without_which_next_to_nothing_is_lost_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for lost, stays in ((11.0, False), (13.0, True)):
+        refits(
+            monkeypatch,
+            {(("creep",), ()): option("creep", excess=lost, z_slow=0.0), (("lag",), ()): option("lag", excess=1000.0)},
+        )
+        search = two_effects()
+        revision.revise(STUDY, search, lambda what: None)
+        assert search.chosen.ids == (("lag", "creep") if stays else ("creep",))
+        assert search.gains["lag"] == lost
+
+
+def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    rival = option("set", excess=2100.0)
+
+    def revised(coarse: Option, finer: Option, finer_rival: Option | None = None) -> Search:
+        refits(monkeypatch, {(("lag",), ("lag",)): finer, (("set",), ("set",)): finer_rival})
+        search = found(BASE, coarse, rivals=[rival], gains={"lag": 38_000.0})
+        revision.revise(STUDY, search, lambda what: None)
+        return search
+
+    coarse, finer = option("lag", excess=2000.0), option("lag", excess=100.0, refined=("lag",))
+    assert revised(coarse, finer).chosen is finer
+    assert revised(option("lag", excess=300.0, z_slow=4.0), finer).chosen.refined == ()  # noise asks for nothing
+    little = option("lag", excess=1985.0, refined=("lag",))  # 7.5 in log evidence
+    assert revised(coarse, little).chosen is coarse
+    denied = option("lag", excess=100.0, refined=("lag",), held_out=2000.0 + 0.05 * 1900.0 + 1.0)
+    assert revised(coarse, denied).chosen is coarse
+    best = option("set", excess=0.0, refined=("set",))  # a near rival gets its finer form too, and wins
+    search = revised(coarse, finer, best)
+    assert search.chosen is best
+    assert search.rivals == [finer]
+    assert search.gains == {"set": 38_000.0}

@@ -1,0 +1,239 @@
+"""What belongs to each record alone comes out of a set of them: zeros that differ between files, switching instants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy
+
+from test_plain_models import one_state
+from tubular_dea.identify import adjust
+from tubular_dea.identify.adjust import adjusted, with_own
+from tubular_dea.identify.data import Experiment, Recordings
+from tubular_dea.identify.drive import joined
+from tubular_dea.identify.fit import rmse
+from tubular_dea.identify.problem import Free, whitened
+from tubular_dea.identify.study import Study, study
+from tubular_dea.kernel import Kernel
+from tubular_dea.model.declare import Quantity
+from tubular_dea.plants.plant import Input, Output, Plant
+from tubular_dea.protocol import Protocol
+
+NOISE = 0.01  # of the sensor; the reading moves over some units
+PLANT = Plant(one_state(), [Input("load")], [Output("reading", zero=0.1)])
+SWITCHED = Plant(one_state(), [Input("load", held=True)], [Output("reading")])
+TRUTH = PLANT.model.parameter_values()
+FREE = [Free("tau", TRUTH["tau"], 0.0, None, True)]
+STEP = 0.02  # s, of the sampling: a twenty-fifth of the lag
+TIME = STEP * np.arange(400)
+KERNEL = Kernel(PLANT.model)
+
+
+def ramps(number: int) -> Protocol:
+    """Up in a second, down in another."""
+    height = 1.0 + 0.2 * (number % 4)
+    return Protocol.of([0, 1, 2, 4, 5, TIME[-1]], load=[0, 0, height, height, 0, 0])
+
+
+def switching(number: int, at: float, slow: float = 1.0) -> Protocol:
+    """On and off, each `at` a share of a sample before one; everything `slow` times slower."""
+    on, off, height = TIME[50] - at * STEP, TIME[230] - at * STEP, 1.0 + 0.2 * (number % 4)
+    return Protocol.of(slow * np.array([0, on, on, off, off, TIME[-1]]), load=[0, 0, height, height, 0, 0])
+
+
+def recorded(
+    number: int,
+    protocol: Protocol,
+    zero: float = 0.0,
+    monitor_zero: float = 0.0,
+    gain: float = 1.0,
+    late: float = 0.0,
+    slow: float = 1.0,
+) -> Experiment:
+    """A file whose sensor reads `zero` and `drift` too much, its monitor `monitor_zero` over `gain` times what was.
+
+    `late` samples ago, that is. The plant is `slow` times slower.
+    """
+    random, time = np.random.default_rng([number, 5]), slow * TIME
+    true = KERNEL.simulate(protocol, time, {"tau": slow * TRUTH["tau"]})["reading"]
+    reading = true + zero + NOISE * random.standard_normal(time.size)
+    then = np.clip(time - late * slow * STEP, 0, time[-1])
+    load = gain * protocol.at(then)["load"] + monitor_zero + 1e-4 * random.standard_normal(time.size)
+    return Experiment(f"file-{number}", time, {"load": load}, {"reading": reading}, np.arange(time.size))
+
+
+def study_of(listed: list[Experiment], plant: Plant = PLANT, held_out: tuple[str, ...] = ()) -> Study:
+    """A study of files."""
+    return study(Recordings(plant, listed, {}, {"reading": NOISE}, "synthetic"), held_out)
+
+
+def set_of(zeros: np.ndarray, held_out: tuple[str, ...] = ()) -> Study:
+    """A study of one file for each of `zeros`."""
+    return study_of([recorded(i, ramps(i), float(zero)) for i, zero in enumerate(zeros)], held_out=held_out)
+
+
+def switched(at: float, slow: float = 1.0) -> Study:
+    """A study of four files whose load switches between samples."""
+    return study_of([recorded(i, switching(i, at, slow), slow=slow) for i in range(4)], SWITCHED)
+
+
+def drawn(count: int, spread: float, common: float = 0.0) -> np.ndarray:
+    """Zeros of `count` files with exactly this spread about their mean `common`."""
+    zeros = np.random.default_rng(3).standard_normal(count)
+    zeros -= zeros.mean()
+    return common + spread * zeros / np.sqrt(np.sum(zeros**2) / (count - 1))
+
+
+@pytest.mark.parametrize("spread", [0.03, 0.5])
+def test_the_spread_of_zeros_between_files_comes_out(spread: float) -> None:
+    found = adjusted(set_of(drawn(10, spread)), (), TRUTH, FREE)
+    assert found.spread["reading"] == pytest.approx(spread, rel=0.1)
+
+
+def test_without_zeros_of_their_own_the_spread_is_about_nothing() -> None:
+    found = adjusted(set_of(np.zeros(10)), (), TRUTH, FREE)
+    assert found.spread["reading"] < 2 * NOISE / np.sqrt(TIME.size)  # what the mean of a file tells
+
+
+def test_an_offset_common_to_all_files_is_left_for_the_effect_that_explains_it() -> None:
+    for spread in (0.0, 0.05):
+        found = adjusted(set_of(drawn(10, spread, common=0.4)), (), TRUTH, FREE)
+        assert found.spread["reading"] < spread + 2 * NOISE / np.sqrt(TIME.size)
+        problem = found.problem((), [], TRUTH)
+        residual = problem.residuals(np.empty(0))
+        column = problem.whiten([np.ones(p.record.size) for p in found.training])
+        information = float(column @ column)
+        offset = -float(column @ residual) / information
+        assert offset == pytest.approx(0.4, abs=3 / np.sqrt(information))
+        assert (offset * np.sqrt(information)) ** 2 > 100  # stands out as much as an offset may
+        left = residual + offset * column
+        assert left @ left / left.size == pytest.approx(1, abs=0.06)
+
+
+def test_few_files_have_the_usual_spread() -> None:
+    for count, estimated in ((adjust.LEAST_FILES - 1, False), (adjust.LEAST_FILES, True)):
+        found = adjusted(set_of(drawn(count, 0.5)), (), TRUTH, FREE)
+        assert (found.spread["reading"] != 0.1) is estimated
+
+
+def test_held_out_files_lose_their_zeros_too_but_tell_nothing_of_the_spread() -> None:
+    zeros = np.append(drawn(9, 0.03), 40.0)
+    found = adjusted(set_of(zeros, held_out=("file-9",)), (), TRUTH, FREE)
+    assert found.spread["reading"] == pytest.approx(0.03, rel=0.1)
+    (piece,) = found.held_out
+    assert piece.own.sd[0] == found.spread["reading"]
+
+
+def test_errors_are_told_without_the_zeros() -> None:
+    found = adjusted(set_of(drawn(10, 0.5)), (), TRUTH, FREE)
+    answers = found.response((), found.pieces).outputs(TRUTH)
+    assert rmse([p.record for p in found.pieces], answers) == pytest.approx(0.5, rel=0.1)
+    for piece, answer in zip(found.pieces, answers, strict=True):
+        corrected = with_own(found, piece, answer) - piece.record
+        assert np.sqrt(np.mean(corrected**2)) == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_monitors_zero_is_told_by_what_it_does_to_the_output() -> None:
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    listed = [recorded(i, ramps(i), monitor_zero=float(z)) for i, z in enumerate(drawn(10, 0.05))]
+    assert adjusted(study_of(listed, plant), (), TRUTH, FREE).spread["load"] == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("at", [0.1, 0.5, 0.8])
+def test_the_instant_between_samples_comes_out(at: float) -> None:
+    work = switched(at)
+    before = work.problem((), [], TRUTH).residuals(np.empty(0))
+    for _ in range(2):
+        work = adjusted(work, (), TRUTH)
+    for piece in work.pieces:
+        for edge, shift, sample in zip(piece.driven.edges, piece.shifts, (50, 230), strict=True):
+            assert edge.latest - edge.earliest == pytest.approx(STEP)
+            assert edge.time + shift == pytest.approx(TIME[sample] - at * STEP, abs=0.05 * STEP)
+        moved = piece.case.protocol
+        np.testing.assert_allclose(moved.time, piece.driven.moved(piece.shifts).time)
+    if at != 0.5:  # where nothing tells, an edge stands in the middle
+        after = work.problem((), [], TRUTH).residuals(np.empty(0))
+        assert before @ before > 1.3 * before.size > 1.25 * (after @ after)
+
+
+@pytest.mark.parametrize("slow", [30.0, 1000.0])
+def test_instants_are_told_by_the_plant_in_its_own_time(slow: float) -> None:
+    """The same record of a slower plant has the same instants, and the same windows that tell them."""
+    usual, other = switched(0.1), switched(0.1, slow)
+    for _ in range(2):
+        usual = adjusted(usual, (), TRUTH)
+        other = adjusted(other, (), TRUTH | {"tau": slow * TRUTH["tau"]})
+    for one, two in zip(usual.pieces, other.pieces, strict=True):
+        np.testing.assert_allclose(two.shifts, slow * one.shifts, atol=0.05 * slow * STEP)
+        for a, b in zip(one.marginal.windows, two.marginal.windows, strict=True):
+            assert a.where == b.where
+            assert 2.3 * TRUTH["tau"] / STEP == pytest.approx(a.where.stop - a.where.start, rel=0.1)  # exp(-4.6) = 1 %
+
+
+def test_instants_of_several_inputs_come_out() -> None:
+    """The one switches while the answer to the other is still seen."""
+    push, lag = Quantity("push", "N", "Push", 0.0), one_state()
+    (x,) = lag.states
+    pushed = replace(
+        lag,
+        name="Pushed",
+        inputs=(*lag.inputs, push),
+        states=(replace(x, derivative=x.derivative + push.symbol / sympy.Symbol("tau", real=True)),),
+    )
+    plant = Plant(pushed, [Input("load", held=True), Input("push", held=True)], [Output("reading")])
+    sought = {"load": (TIME[50] - 0.1 * STEP, TIME[230] - 0.7 * STEP), "push": (TIME[56] - 0.8 * STEP, TIME[150])}
+    lines = [(np.array([0, on, on, off, off, TIME[-1]]), np.array([0, 0, 4, 4, 0, 0.0])) for on, off in sought.values()]
+    protocol = joined(lines, list(sought))
+    random = np.random.default_rng(8)
+    reading = Kernel(pushed).simulate(protocol, TIME)["reading"] + NOISE * random.standard_normal(TIME.size)
+    monitors = {n: v + 1e-4 * random.standard_normal(TIME.size) for n, v in protocol.at(TIME).items()}
+    work = study_of([Experiment("both", TIME, monitors, {"reading": reading}, np.arange(TIME.size))], plant)
+    for _ in range(2):
+        work = adjusted(work, (), TRUTH)
+    (piece,) = work.pieces
+    for input_, times in sought.items():
+        at = [e.time + s for e, s in zip(piece.driven.edges, piece.shifts, strict=True) if e.input == input_]
+        assert at == pytest.approx(times, abs=0.05 * STEP)
+
+
+def test_instants_take_no_more_from_the_record_than_is_counted() -> None:
+    work = adjusted(switched(0.3), (), TRUTH)
+    for piece in work.pieces:
+        windows = piece.marginal.windows
+        assert len(windows) == len(piece.driven.edges) == 2
+        for window, edge in zip(windows, piece.driven.edges, strict=True):
+            assert TIME[window.where][0] <= edge.earliest and TIME[window.where][-1] >= edge.latest
+            assert window.size > 3  # the record tells the instant much better than its samples do
+        assert piece.marginal.taken(piece.record.size).sum() == pytest.approx(2, abs=0.2)
+
+
+def test_a_record_at_its_truth_is_white_whatever_its_zero() -> None:
+    """Over many files the whitened residual has unit variance also along the zeros' own direction."""
+    found = adjusted(set_of(drawn(12, 0.5)), (), TRUTH, FREE)
+    along = []
+    for piece, answer in zip(found.pieces, found.response((), found.pieces).outputs(TRUTH), strict=True):
+        residual = piece.marginal.apply(whitened(piece.case, answer - piece.record, found.noise, piece.weight))
+        ones = np.ones(residual.size) / np.sqrt(residual.size)
+        along.append(float(ones @ residual))
+    assert np.sqrt(np.mean(np.square(along))) == pytest.approx(1, abs=0.2)
+
+
+def test_monitors_behind_a_filter_are_late_alike_in_all_files() -> None:
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    for late, found in ((0.5, 0.5), (0.0, 0.0), (-0.6, 0.0)):  # of a sample; what is late itself is no filter's doing
+        listed = [recorded(i, ramps(i), late=late) for i in range(10)]
+        work = study_of(listed, plant)
+        for _ in range(2):
+            work = adjusted(work, (), TRUTH, FREE)
+        assert work.late["load"] == pytest.approx(found, abs=0.1)
+        assert work.pieces[0].late["load"] == pytest.approx(work.late["load"] * STEP)
+
+
+def test_gains_that_differ_between_files_come_out() -> None:
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    for spread in (0.003, 0.0):
+        listed = [recorded(i, ramps(i), gain=1 + float(g)) for i, g in enumerate(drawn(10, spread))]
+        found = adjusted(study_of(listed, plant), (), TRUTH, FREE).spread["gain of load"]
+        assert found == pytest.approx(spread, abs=0.0015)

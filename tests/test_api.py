@@ -1,0 +1,288 @@
+"""The public functions of `tubular_dea`: their examples, their results, their errors, and what importing them costs."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import doctest
+import functools
+import inspect
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import venv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tubular_dea as td
+from tubular_dea.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = Path(td.__file__).parent
+RESULTS = sorted(name for name in td.__all__ if name.endswith("Result"))
+FUNCTIONS = sorted(name for name in td.__all__ if inspect.isfunction(getattr(td, name)))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder beside the examples' data."""
+    (tmp_path / "cosim_examples").symlink_to(ROOT / "cosim_examples", target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+EXAMPLES = [*FUNCTIONS, "Kernel", "Kernel.simulate", "Kernel.derivatives", "Protocol.of"]
+
+
+def public(name: str) -> Any:
+    return functools.reduce(getattr, name.split("."), td)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_of_every_function_runs(name: str, folder: Path) -> None:
+    (example,) = doctest.DocTestFinder(recurse=False).find(public(name), name, globs={})
+    assert example.examples, f"{name} has no example"
+    assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(example).failed == 0
+
+
+@pytest.mark.parametrize("name", [*EXAMPLES, "Kernel.parameters", "Kernel.mesh", "Kernel.jacobian", "Kernel.curve"])
+def test_every_argument_is_documented(name: str) -> None:
+    thing = public(name)
+    text = inspect.getdoc(thing) or ""
+    sections = re.split(r"\n(?:Returns|Attributes)\n-+\n", text.split("Parameters\n----------\n")[1])
+    assert len(sections) == 2, f"{name}: expected the sections Parameters and Returns"
+    documented = {
+        word.strip("* ")
+        for line in sections[0].splitlines()
+        if line and not line.startswith(" ")
+        for word in line.split(" : ")[0].split(",")
+    }
+    assert documented == set(inspect.signature(thing).parameters) - {"self"}
+    assert "Raises\n------\n" in text or "." in name
+
+
+def test_every_result_says_what_it_is() -> None:
+    """A dataclass with a docstring, tables where it has any, pictures, and all of it as files."""
+    for name in RESULTS:
+        result = getattr(td, name)
+        assert dataclasses.is_dataclass(result) and len(result.__doc__ or "") > 60, name
+        for method in ("to_pandas", "plot", "report", "lines"):
+            assert inspect.getdoc(getattr(result, method)), f"{name}.{method}"
+
+
+def test_one_list_of_names() -> None:
+    """What type checkers see is what there is."""
+    tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    (block,) = [n for n in tree.body if isinstance(n, ast.If)]
+    imports = [n for n in block.body if isinstance(n, ast.ImportFrom) and n.level]
+    seen = {alias.name: n.module for n in imports for alias in n.names}
+    assert seen == td._HOME
+    assert sorted(seen) == td.__all__
+    assert set(dir(td)) >= set(seen)
+
+
+def test_a_name_stays_a_function_whatever_is_imported() -> None:
+    code = """
+import tubular_dea.identify.fit, tubular_dea.sweep.plan, tubular_dea.discover.engine
+import tubular_dea as td
+from tubular_dea.identify import fit
+from tubular_dea.sweep import plan
+assert [f.__name__ for f in (td.identify, td.sweep, td.discover)] == ["identify", "sweep", "discover"]
+assert fit.__name__ == "tubular_dea.identify.fit" and plan.__name__ == "tubular_dea.sweep.plan"
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, env=_environment())
+
+
+def test_importing_the_package_imports_nothing_else() -> None:
+    code = "import sys; before = set(sys.modules); import tubular_dea; print(sorted(set(sys.modules) - before))"
+    said = subprocess.run([sys.executable, "-c", code], check=True, env=_environment(), capture_output=True, text=True)
+    heavy = {"numpy", "sympy", "scipy", "matplotlib", "plotly", "fmpy", "pandas", "xarray"}
+    assert not heavy & set(ast.literal_eval(said.stdout))
+    assert set(ast.literal_eval(said.stdout)) <= {"__future__", "tubular_dea"}, said.stdout
+
+
+def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = td.simulate(pressure="95 mmHg", voltage=0, stop=0.1)
+    for library in ("pandas", "xarray"):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(ImportError, match=rf"needs {library}.*pip install 'tubular-dea\[tables\]'"):
+            getattr(run, f"to_{library}")()
+
+
+def test_any_plant_is_simulated_as_the_tube_is(folder: Path) -> None:
+    file = "cosim_examples/plants/cascaded_tanks.py"
+    by_file = td.simulate(file, pump="step 0 3 V at 10", stop="100 s", interval="1 s")
+    by_plant = td.simulate(td.load_plant(file), {"pump": "step 0 3 V at 10"}, stop=100, interval=1)
+    assert by_file.time.size == 101
+    assert np.array_equal(by_file["level_2"], by_plant["level_2"])
+    assert by_file["level_2"][-1] > 2
+    assert by_file.units["level_2"] == "V" and next(iter(by_file.units)) == "pump"
+
+
+def test_a_result_is_what_the_command_writes(folder: Path) -> None:
+    drive = {"pressure": "95 mmHg", "voltage": "step 0 5 kV at 1"}
+    options = [word for name, text in drive.items() for word in (f"--{name}", text)]
+    assert main(["simulate", *options, "--stop", "2", "--set", "C_1=340kPa", "--out", "command"]) == 0
+    paths = td.simulate(stop=2, parameters={"C_1": "340 kPa"}, **drive).report("function")
+    for path in paths:
+        assert path.read_bytes() == Path("command", path.name).read_bytes()
+
+
+def test_a_tube_in_memory_is_assisted_and_saved_for_commands(folder: Path) -> None:
+    lagging = td.tube(["electrode_resistance"], tau_e="30 ms")
+    own = td.assist("failing", beats=5, tube=lagging)
+    voltage, inside = own.assisted["scheduler.voltage"], own.assisted["tube.electric_field"]
+    reached = np.argmax(voltage > 0.99 * voltage.max())
+    assert inside[reached] < 0.5 * inside.max()  # at the end of the flank, 30 ms are far from over
+    assert td.load(own.loop.model_file_in(folder)) == lagging
+
+
+def test_a_patient_in_memory_is_one_for_commands(folder: Path) -> None:
+    values = td.patient({**td.patient("stiff"), "C": "0.7 mL/mmHg"})
+    own = td.assist(values, beats=5)
+    assert (
+        own.without["heart.aortic_pressure"].max() < td.assist("stiff", beats=5).without["heart.aortic_pressure"].max()
+    )
+    assert td.patient(own.loop.patient_in(folder)) == values
+
+
+def test_tables_of_an_assisted_heart(folder: Path) -> None:
+    helped = td.assist("failing", beats=6, settings={"scheduler.on_time": "-10 ms"})
+    assert helped.loop.model_file_in(folder) == "" and not Path("model.json").exists()  # the paper's needs none
+    table = helped.to_pandas()
+    work = helped.course.assisted["stroke_work"]
+    assert table.loc["stroke_work", "with"] == work.mean and table.loc["stroke_work", "unit"] == "J"
+    assert helped.to_dict()["settings"]["scheduler.on_time"] == pytest.approx(-0.01)
+
+
+def test_recordings_in_memory_keep_their_names_and_geometry() -> None:
+    run = td.simulate(pressure="ramp 0 95 mmHg from 0 to 1", voltage="step 0 5 kV at 2", stop=3)
+    radius = {"time (s)": run.time, "p [mmHg]": run["pressure"] / 133.322, "U [kV]": run["voltage"] / 1e3}
+    radius["radius [mm]"] = 1e3 * run["radius"]
+    columns = {"pressure": "p", "voltage": 3}
+    data = td.read_recordings({"1e-3": radius, "b.c": radius}, columns=columns, geometry={"r_o": "14.9 mm"})
+    assert [e.name for e in data.experiments] == ["1e-3", "b.c"]
+    assert data["b.c"].outputs["measured_displacement"] == pytest.approx(run["radius"] - 14.9e-3)
+    assert data["b.c"].inputs["voltage"].max() == pytest.approx(5000)
+    frame = data.to_pandas()
+    assert frame.index.names == ["experiment", "time"] and frame.attrs["units"]["voltage"] == "V"
+
+
+MISTAKES = [
+    (lambda: td.tube(C_9=1), "parameters C_9=1: TubularDEA has no parameter 'C_9'"),
+    (lambda: td.tube(["resistance"]), "there is no effect 'resistance'"),
+    (lambda: td.tube(C_1="1 kV"), "expected a unit like 'Pa' but was given 'kV'"),
+    (lambda: td.tube(r_o=-1.0), "expected 0.0001 to 10.0 m but was given -1"),
+    (lambda: td.load("nothing.json"), "nothing.json: cannot be read"),
+    (lambda: td.load_plant("tupe"), "plant tupe: expected FILE.py"),
+    (lambda: td.simulate(pressure="95 mmHg"), "voltage is missing: expected a file of inputs"),
+    (lambda: td.simulate(presure="95 mmHg", voltage=0), "input presure: TubularDEA has no such input; did you mean"),
+    (
+        lambda: td.simulate(inputs="no.csv", voltage=0),
+        "voltage: it and inputs over a time of their own exclude each other",
+    ),
+    (lambda: td.simulate(pressure=1, voltage=0, interval=0), "interval: expected more than 0"),
+    (lambda: td.simulate(pressure=1, voltage=0, tolerance=0), "tolerance: expected 1e-12 to 1e-2"),
+    (lambda: td.simulate(pressure=1, voltage=0, stop="3 kV"), "stop: expected a unit like 's'"),
+    (lambda: td.simulate(pressure=float("nan"), voltage=0), "pressure"),
+    (lambda: td.read_recordings("nowhere"), "nowhere: expected a folder of recordings"),
+    (lambda: td.read_recordings({"a": {"time [s]": [0, 1], "pressure [Pa]": [1]}}), "data a: expected columns of one"),
+    (lambda: td.read_recordings("nowhere", columns={"radios": 3}), "nowhere"),
+    (lambda: td.identify("cosim_examples/data/bench", start="table-3"), "start table-3: TubularDEA has no such"),
+    (lambda: td.identify("cosim_examples/data/bench", starts=0), "starts: expected at least 1 but was given 0"),
+    (lambda: td.identify("cosim_examples/data/bench", free=["C_7"]), "no tunable parameter 'C_7'"),
+    (lambda: td.discover("cosim_examples/data/bench", seed=-1), "seed: expected at least 0 but was given -1"),
+    (lambda: td.discover("cosim_examples/data/bench", hold_out=["x"]), "hold_out x: there is no experiment 'x'"),
+    (lambda: td.assist("fialing"), "no patient 'fialing'; did you mean failing"),
+    (lambda: td.assist(voltage="high"), "voltage: expected a number"),
+    (lambda: td.assist(beats=2), "beats: expected at least 5"),
+    (lambda: td.assist(settings={"hart.C": 1}), "settings hart.C=1: expected scheduler, tube, heart"),
+    (lambda: td.assist(scheme="sor"), "scheme: expected one of jacobi, gauss-seidel, implicit"),
+    (lambda: td.assist(step=0), "step: expected a positive number of seconds"),
+    (lambda: td.assist(controller="40 mm"), "controller: expected"),
+    (lambda: td.assist(tube=td.load_plant("aorta")), "tube: expected a tube (TubularDEA) but it holds AorticAfterload"),
+    (lambda: td.compare({}), "cases: expected at least one case"),
+    (lambda: td.compare({"a": {"hart.C": 1}}), "cases hart.C=1: expected scheduler, tube, heart"),
+    (lambda: td.best_pulse(objective="speed"), "objective: expected one of"),
+    (lambda: td.best_pulse(largest_voltage="much"), "largest_voltage: expected a number"),
+    (lambda: td.patient({"C": 1}), "patient"),
+    (lambda: td.fit_patient("nothing.csv"), "nothing.csv"),
+    (lambda: td.sweep({"outputs": ["radius"]}, workers=0), "workers: expected at least 1 but was given 0"),
+    (lambda: td.sweep("nothing.toml"), "nothing.toml"),
+    (lambda: td.build_fmu("tube", "t.fmu", platforms="amiga"), "platforms: expected some of host, all"),
+    (lambda: td.build_fmu("tube", "t.fmu", fmi=1), "fmi: expected 2 or 3 but was given 1"),
+    (lambda: td.build_fmu(td.tube(["pressure_delay"]), "t.fmu", python=True), "python: TubularDEA has pure delays"),
+    (lambda: td.lab_page("aorta"), "model aorta: expected a model of TubularDEA but it holds AorticAfterload"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), MISTAKES, ids=[message[:40] for _, message in MISTAKES])
+def test_a_mistake_is_a_user_error_that_says_what_to_mend(
+    call: Callable[[], object], message: str, folder: Path
+) -> None:
+    before = sorted(folder.iterdir())
+    with pytest.raises(td.UserError) as caught:
+        call()
+    assert message in str(caught.value)
+    assert "--" not in str(caught.value) and "\n" not in str(caught.value)
+    assert sorted(folder.iterdir()) == before
+
+
+def test_the_command_names_the_option_where_python_names_the_argument(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words, shown in {
+        "simulate --pressure 1 --voltage 0 --set C_9=1": "--set C_9=1: TubularDEA has no parameter",
+        "assist --beats 2": "--beats: expected at least 5",
+        "assist --compare hart.C=1": "--compare hart.C=1: expected scheduler",
+        "assist --model aorta.json": "aorta.json: cannot be read",
+        "identify cosim_examples/data/bench --out out --start table-3": "--start table-3: TubularDEA has no such",
+        "simulate --plant tupe --pressure 1 --voltage 0": "--plant tupe: expected FILE.py",
+        "close-loop cosim_examples/data/bench --out out --hold-out x": "--hold-out x: there is no experiment 'x'",
+    }.items():
+        assert main(words.split()) == 2
+        assert shown in capsys.readouterr().err
+
+
+SCRIPT = """\
+import tubular_dea as td
+
+tube = td.tube(C_1="340 kPa")
+run = td.simulate(tube, pressure="95 mmHg", voltage="step 0 5 kV at 1", stop=3)
+displacement: float = run["radial_displacement"].max()
+run.plot().savefig("run.png")
+found = td.discover(td.read_recordings("bench"))
+names: list[str] = [effect.id for effect in found.effects]
+fitted: float = td.identify("bench").parameters["C_1"].value
+helped: str = td.assist("failing", "5.5 kV", tube=found.model).verdict
+columns = list(td.sweep({"model": tube, "outputs": ["radius"]}).units)
+td.build_fmu(found.model, "better.fmu")
+"""
+
+
+def test_a_users_mypy_is_strict_and_content(tmp_path: Path) -> None:
+    """With the package among the installed ones, where types count only beside a py.typed."""
+    venv.create(tmp_path / "venv", with_pip=False)
+    (installed,) = (tmp_path / "venv").glob("lib/python*/site-packages")
+    (installed / "tubular_dea").symlink_to(PACKAGE, target_is_directory=True)
+    (installed / "others.pth").write_text(sysconfig.get_path("purelib"))
+    interpreter = f"--python-executable={tmp_path / 'venv' / 'bin' / 'python'}"
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", interpreter, "script.py"]
+    for more, said in (("", "Success: no issues found"), ("td.simulate(tube, stop=[1])\n", '"list[int]"; expected')):
+        (tmp_path / "script.py").write_text(SCRIPT + more, encoding="utf-8")
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=_without_paths())
+        assert said in done.stdout, done.stdout + done.stderr
+
+
+def _without_paths() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "MYPYPATH")}
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}

@@ -1,0 +1,162 @@
+"""Switchings between samples, slow amplifiers, ramps, polarity, and how edges move: against what is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from tubular_dea.identify.data import Experiment
+from tubular_dea.identify.drive import drive, drives
+from tubular_dea.identify.edges import transitions
+from tubular_dea.plants.plant import Input
+
+NOISE = 4.0  # V
+
+
+VOLTAGE = [Input("voltage", held=True)]
+
+
+def switched(
+    rate: float,
+    rise: float,
+    exponential: bool = False,
+    beats: int = 60,
+    height: float = 5e3,
+    seed: int = 0,
+    noise: float = NOISE,
+) -> tuple[Experiment, np.ndarray]:
+    """Pulses that begin anywhere between samples of `rate` [Hz]; and the centroids of their edges."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0, beats / 1.2 + 1, 1 / rate)
+    on = 0.5 + np.arange(beats) / 1.2 + random.uniform(0, 1 / rate, beats)
+    off = on + 0.33 + random.uniform(0, 1 / rate, beats)
+
+    def risen(late: np.ndarray) -> np.ndarray:
+        late = np.maximum(late, 0)
+        return 1 - np.exp(-late / rise) if exponential else np.minimum(late / rise, 1)
+
+    clean = sum(risen(time - a) for a in on) - sum(risen(time - a) for a in off)
+    values = height * clean + noise * random.standard_normal(time.size)
+    centroids = np.sort(np.concatenate([on, off])) + (rise if exponential else rise / 2)
+    return Experiment("pulses", time, {"voltage": values}, {}, np.arange(time.size)), centroids
+
+
+@pytest.mark.parametrize("rate", [50.0, 250.0, 1000.0])
+@pytest.mark.parametrize("rise", [1e-6, 0.3e-3, 1.5e-3, 5e-3])
+def test_every_switching_is_found_within_its_bounds(rate: float, rise: float) -> None:
+    experiment, centroids = switched(rate, rise)
+    edges = drive(experiment, VOLTAGE).edges
+    assert len(edges) == centroids.size
+    error = np.array([e.time for e in edges]) - centroids
+    assert np.all(np.array([e.earliest for e in edges]) <= centroids + 1e-9)
+    assert np.all(np.array([e.latest for e in edges]) >= centroids - 1e-9)
+    expected = max(1 - 0.8 * rise * rate, 0.05) / np.sqrt(12) / rate  # a longer rise shows where it is
+    assert error.std() < 1.1 * expected
+    assert abs(error.mean()) < 3 * expected / np.sqrt(error.size)
+
+
+@pytest.mark.parametrize(("rise", "exponential"), [(1.5e-3, False), (5e-3, False), (1.5e-3, True)])
+def test_a_rise_is_told_from_samples_on_the_way(rise: float, exponential: bool) -> None:
+    experiment, _ = switched(250.0, rise, exponential)
+    found = np.median([e.rise for e in drive(experiment, VOLTAGE).edges])
+    assert found == pytest.approx(rise * (np.sqrt(12) if exponential else 1), rel=0.25)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.25, 0.5, 0.75])
+def test_what_a_filter_overshoots_by_is_no_level_and_moves_no_edge(shift: float) -> None:
+    """A filter against aliasing: second order, Butterworth, at 0.4 of the rate; its delay is common to all edges."""
+    fine = 32
+    at = np.arange(4 * 250 * fine) / (250.0 * fine)
+    jumped = np.where((at % 1.0) * 250 >= 125 + shift, 4000.0, 0.0)
+    filtered = lfilter(*butter(2, 0.4 * 2 / fine), jumped)[::fine]
+    values = filtered + NOISE * np.random.default_rng(1).standard_normal(filtered.size)
+    time = at[::fine]
+    found = drive(Experiment("filtered", time, {"voltage": values}, {}, np.arange(time.size)), VOLTAGE)
+    assert found.shown
+    rising = [e for e in found.edges if e.high > e.low]
+    assert len(rising) == 4
+    for edge in rising:
+        late = (edge.time % 1.0) * 250 - 125 - shift
+        assert late == pytest.approx(np.sqrt(2) / (2 * np.pi * 0.4), abs=0.25)  # samples
+        assert edge.rise == 0.0
+        assert edge.high == pytest.approx(4000, abs=6)
+
+
+def test_edges_from_sample_to_sample_are_not_shown() -> None:
+    assert not drive(switched(250.0, 1e-6)[0], VOLTAGE).shown
+    assert drive(switched(250.0, 5e-3)[0], VOLTAGE).shown
+
+
+def test_a_file_with_two_edges_borrows_the_rise_from_its_set() -> None:
+    many, _ = switched(250.0, 1.5e-3)
+    two = [switched(250.0, 1.5e-3, beats=1, seed=s) for s in range(40)]
+    alone = np.concatenate([[e.time for e in drive(e, VOLTAGE).edges] - c for e, c in two])
+    together = drives([many, *(e for e, _ in two)], VOLTAGE)[1:]
+    borrowed = np.concatenate([[e.time for e in d.edges] - c for d, (_, c) in zip(together, two, strict=True)])
+    assert borrowed.std() <= alone.std()
+    assert all(abs(e.rise - 1.5e-3) < 1e-3 for d in together for e in d.edges)
+
+
+def test_a_fast_record_of_a_slow_edge_follows_its_shape() -> None:
+    experiment, centroids = switched(5000.0, 1.5e-3, exponential=True, beats=6)
+    found = drive(experiment, VOLTAGE)
+    clean, _ = switched(5000.0, 1.5e-3, exponential=True, beats=6, noise=0.0)
+    line = found.protocol.at(experiment.time)["voltage"]
+    assert np.sqrt(np.mean((line - clean.inputs["voltage"]) ** 2)) < 0.2 * NOISE + 5e3 * 1e-4
+    assert [e.time for e in found.edges] == pytest.approx(centroids, abs=1e-4)
+
+
+@pytest.mark.parametrize("polarity", [1, -1])
+def test_ramps_are_no_switchings_and_steps_on_ramps_are(polarity: int) -> None:
+    time = np.arange(0, 10, 0.004)
+    ramp = np.interp(time, [0, 2, 4, 4.1, 6, 8, 10], [0, 0, 4000, 5000, 5000, 0, 0])
+    stepped = ramp + np.where((time > 2.999) & (time < 9), 1000.0, 0.0)
+    noise = NOISE * np.random.default_rng(1).standard_normal(time.size)
+    assert len(transitions(time, polarity * ramp + noise, NOISE)) == 0
+    found = transitions(time, polarity * stepped + noise, NOISE)
+    np.testing.assert_array_equal(found.after, [750, 2250])
+
+
+def test_a_set_point_switches_where_it_is_first_written() -> None:
+    time = np.arange(0, 4, 0.02)
+    written = Experiment("set point", time, {"voltage": np.where(time > 0.999, 4e3, 0.0)}, {}, np.arange(time.size))
+    (edge,) = drive(written, VOLTAGE).edges
+    assert (edge.time, edge.earliest, edge.latest) == pytest.approx((1.0, 0.98, 1.0))
+
+
+def test_edges_move_exactly_and_stop_at_each_other() -> None:
+    experiment, _ = switched(250.0, 1e-6, beats=3)
+    found = drive(experiment, VOLTAGE)
+    assert found.moved(np.zeros(6)).inputs["voltage"] == pytest.approx(found.protocol.inputs["voltage"])
+    shifts = np.array([1e-3, -1e-3, 0, 0, 0, 2e-3])
+    moved = found.moved(shifts, rise=0.5e-3)
+    for edge, by in zip(found.edges, shifts, strict=True):
+        at = edge.time + by + np.array([-0.26e-3, 0, 0.26e-3])
+        middle = (edge.low + edge.high) / 2
+        assert moved.at(at)["voltage"] == pytest.approx([edge.low, middle, edge.high], abs=1e-6)
+    far = found.moved(np.array([10.0, 0, 0, 0, 0, -10.0]))
+    assert np.all(np.diff(far.time) >= 0)
+    with pytest.raises(ValueError, match="expected 6 of them"):
+        found.moved(np.zeros(5))
+
+
+def test_a_step_too_small_to_matter_is_no_reason_to_refuse_a_record() -> None:
+    """Once in thousands of ramps neighbouring samples' noise looks like a switching; its line is left as it is."""
+    time = np.arange(0, 8, 0.004)
+    ramp = np.interp(time, [1, 7], [0, 7000]) + 4.0 * np.random.default_rng(1).standard_normal(time.size)
+    ramp[[1000, 1001]] = np.interp(time[[1000, 1001]], [1, 7], [0, 7000]) + np.array([-20.0, 21.0])
+    assert len(transitions(time, ramp, 4.0)) == 1
+    found = drive(Experiment("ramp", time, {"voltage": ramp}, 0 * time, time), VOLTAGE)
+    assert found.edges == ()
+    assert found.error["voltage"] < 1.1 * 4.0
+
+
+def test_a_filter_that_rings_does_not_switch_twice() -> None:
+    time = np.arange(0, 10, 0.02)
+    pulses = np.where((time % 2 > 1) & (time < 9), 5e3, 0.0)
+    rung = pulses.copy()
+    for begin in np.flatnonzero(np.diff(pulses)) + 1:
+        rung[begin : begin + 2] += np.sign(pulses[begin] - pulses[begin - 1]) * np.array([230.0, -20.0])
+    noisy = rung + NOISE * np.random.default_rng(6).standard_normal(time.size)
+    assert len(transitions(time, noisy, NOISE)) == np.count_nonzero(np.diff(pulses))

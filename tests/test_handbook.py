@@ -1,0 +1,123 @@
+"""The handbook: everything that is declared stands on it, and it opens without a network."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pytest
+from lxml import html
+
+import tubular_dea
+from tubular_dea.cli import main
+from tubular_dea.commands import COMMANDS
+from tubular_dea.docstrings import paragraph, rendered, signature, summary
+from tubular_dea.laws import laws
+from tubular_dea.model.dea import tubular_dea as tube
+from tubular_dea.plants import aorta
+from tubular_dea.plants.effects import catalogue
+
+TANKS = Path(__file__).parents[1] / "cosim_examples" / "plants" / "cascaded_tanks.py"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> html.HtmlElement:
+    """The page with a plant of a user's own."""
+    path = tmp_path_factory.mktemp("handbook") / "handbook.html"
+    assert main(["handbook", "--plant", str(TANKS), "--out", str(path)]) == 0
+    return html.fromstring(path.read_text(encoding="utf-8"))
+
+
+def entries(page: html.HtmlElement, section: str) -> dict[str, html.HtmlElement]:
+    (found,) = [s for s in page.iter("section") if s.findtext("h2") == section]
+    return {article.findtext("h3"): article for article in found.iter("article")}
+
+
+def test_everything_that_is_declared_has_an_entry(page: html.HtmlElement) -> None:
+    models = {"TubularDEA", "AorticAfterload", "AorticWindkessel", "HeartbeatScheduler", "TubeController"}
+    assert set(entries(page, "Models")) == models | {"CascadedTanks"}
+    assert list(entries(page, "What TubularDEA may lack")) == list(catalogue())
+    assert list(entries(page, "What AorticAfterload may lack")) == list(aorta.PLANT.catalogue)
+    assert "power(outflow_2)" in entries(page, "What CascadedTanks may lack")
+    assert list(entries(page, "Laws")) == list(laws())
+    assert sorted(entries(page, "Python")) == sorted(tubular_dea.__all__)
+    assert list(entries(page, "Commands")) == list(COMMANDS)
+
+
+def test_no_entry_is_empty_and_every_link_leads_somewhere(page: html.HtmlElement) -> None:
+    for article in page.iter("article"):
+        assert len(article.text_content()) > 60, article.findtext("h3")
+    there = [element.get("id") for element in page.iter() if element.get("id")]
+    assert len(there) == len(set(there))
+    links = [link.get("href") for link in page.iter("a")]
+    assert {link.removeprefix("#") for link in links} == set(there)
+    assert not page.xpath("//@src | //link | //script")
+
+
+def test_equations_parameters_and_options_are_there(page: html.HtmlElement) -> None:
+    model = entries(page, "Models")["TubularDEA"]
+    text = model.text_content()
+    assert len(list(model.iter("math"))) == len(tube().definitions) + len(tube().states)
+    for parameter in tube().parameters:
+        assert parameter.quantity.description in text
+    slew = entries(page, "What TubularDEA may lack")["amplifier_slew"]
+    assert "Trek" in slew.text_content()
+    assert len(list(slew.iter("math"))) >= 4
+    late = entries(page, "What TubularDEA may lack")["pressure_delay"].text_content()
+    assert "delayed_pressure=pressure(-pressure_delay+time)" in late.replace(" ", "")
+    assert "--optimise" in entries(page, "Commands")["assist"].text_content()
+
+
+def test_off_values_and_usual_sizes(page: html.HtmlElement) -> None:
+    (section,) = [s for s in page.iter("section") if s.findtext("h2") == "What TubularDEA may lack"]
+    rows = {row[0].text_content(): row.text_content() for row in section.find("table").iter("tr")}
+    assert "electrode_share 1" in rows["electrode_resistance"]
+    assert "tau_e 10 ms" in rows["electrode_resistance"]
+    assert "dV_1/dt = (V - V_1) / tau" in rows["electrode_resistance"]
+
+
+def test_numpydoc_sections_lists_and_literal_blocks() -> None:
+    text = """A thing, `made` of ``parts``::
+
+        drawing <--
+
+    1. First
+       and more.
+    2. Second.
+
+    Parameters
+    ----------
+    size : float
+        How large [m].
+
+        Not negative.
+    *rest
+        What else.
+
+    Examples
+    --------
+    >>> 1 < 2
+    True
+    """
+    page = html.fromstring(f"<div>{rendered(text)}</div>")
+    assert [c.text for c in page.iter("code")] == ["made", "parts"]
+    assert [p.text for p in page.iter("pre")] == ["drawing <--", ">>> 1 < 2\nTrue"]
+    assert [i.text for i in page.iter("li")] == ["First and more.", "Second."]
+    assert [t.text for t in page.iter("dt")] == ["size : float", "*rest"]
+    assert [d.text_content() for d in page.iter("dd")] == ["How large [m].Not negative.", "What else."]
+    assert summary(text) == "A thing, `made` of ``parts``::"
+
+
+def test_paragraphs_and_calls() -> None:
+    text = "What.\n\nEquations: a = b\nand c: d.\n\nSource: none."
+    assert paragraph(text, "Equation") == "a = b and c: d."
+    assert paragraph(text, "Typical") == ""
+
+    def called(self: object, a: argparse.Namespace, b: str = "x") -> list[int]: ...
+
+    assert signature("f", called) == "f(a: argparse.Namespace, b: str = 'x') -> list[int]"
+
+
+def test_a_folder_is_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["handbook", "--out", str(tmp_path)]) == 2
+    assert "expected the name of a file" in capsys.readouterr().err

@@ -1,0 +1,118 @@
+"""What the kernel is handed: each thing it cannot use has its own words, and what it can use gives the right answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.protocol import Protocol, ProtocolError
+
+PROTOCOL = Protocol.of([0, 1], pressure=[1e4, 1.2e4], voltage=[0, 4e3])
+TIMES = np.linspace(0, 1, 5)
+X, U = [1.1, 0.0, 0.0, 0.0], [1e4, 4e3]
+
+
+def times(*values: float) -> np.ndarray:
+    return np.array(values)
+
+
+def constant(time: list[float], pressure: list[float]) -> Protocol:
+    return Protocol(np.array(time), {"pressure": np.array(pressure), "voltage": np.zeros(len(time))})
+
+
+REFUSED: dict[str, tuple[Callable[[Kernel], object], str]] = {
+    "sign": (
+        lambda k: k.simulate(PROTOCOL, TIMES, {"C_1": -340e3}),
+        "C_1: expected at least 1 Pa but was given -340000",
+    ),
+    "half": (
+        lambda k: k.simulate(PROTOCOL, TIMES, {"n_layers": 7.5}),
+        "n_layers: expected an integer but was given 7.5",
+    ),
+    "maybe": (lambda k: k.parameters({"start_at_equilibrium": 2}), "start_at_equilibrium: expected true or false"),
+    "word": (lambda k: k.parameters({"C_1": "large"}), "C_1: expected a number in Pa but was given 'large'"),
+    "nan": (lambda k: k.parameters({"k_1": np.nan}), "k_1: expected a finite number in Pa but was given nan"),
+    "too large": (lambda k: k.parameters({"phi": 1.5}), "phi: expected at most 1 but was given 1.5"),
+    "unknown": (lambda k: k.parameters({"C_7": 1.0}), "no parameter 'C_7'; did you mean C_"),
+    "tolerance": (
+        lambda k: k.simulate(PROTOCOL, TIMES, tolerance=-1),
+        "tolerance: expected a positive number but was given -1",
+    ),
+    "tolerance nan": (
+        lambda k: k.mesh(PROTOCOL, tolerance=np.nan),
+        "tolerance: expected a positive number but was given nan",
+    ),
+    "steps": (
+        lambda k: k.simulate(PROTOCOL, TIMES, max_steps=0),
+        "max_steps: expected a positive number but was given 0",
+    ),
+    "times nan": (
+        lambda k: k.simulate(PROTOCOL, times(0, np.nan)),
+        "sample times: expected ascending times from 0 to 1 s",
+    ),
+    "times back": (
+        lambda k: k.simulate(PROTOCOL, times(0.5, 0.2)),
+        "sample times: expected ascending times from 0 to 1 s",
+    ),
+    "times flat": (lambda k: k.simulate(PROTOCOL, TIMES[None, :]), "sample times: expected ascending times"),
+    "mesh": (
+        lambda k: k.simulate(PROTOCOL, TIMES, mesh=times(0.5, 2.0)),
+        "mesh: expected ascending times from 0 to 1 s",
+    ),
+    "length": (
+        lambda k: k.simulate(Protocol(times(0, 1), {"pressure": times(0), "voltage": times(0, 0)}), TIMES),
+        "pressure: expected 2 values, one a time, but was given 1",
+    ),
+    "input nan": (
+        lambda k: k.simulate(constant([0, 1], [np.nan, 0]), TIMES),
+        "pressure: expected a finite number in Pa",
+    ),
+    "backwards": (lambda k: k.simulate(constant([1, 0], [0, 0]), TIMES), "two finite times [s] that do not descend"),
+    "no length": (
+        lambda k: k.simulate(constant([1, 1], [0, 0]), times(1.0)),
+        "an end after its start but both are at 1 s",
+    ),
+    "curve input": (lambda k: k.curve(times(1.2), {"volts": 1.0}), "no input 'volts'; did you mean voltage"),
+    "curve value": (lambda k: k.curve(times(1.2), {"voltage": np.inf}), "voltage: expected a finite number in V"),
+    "curve place": (lambda k: k.curve(times(np.nan), {}), "lambda_2: expected a list of finite numbers"),
+    "short states": (
+        lambda k: k.derivatives([1, 0], U),
+        "states: expected 4 values (lambda_2, lambda_2_rate, sigma_vis1",
+    ),
+    "short inputs": (lambda k: k.jacobian(X, [0]), "inputs: expected 2 values (pressure, voltage) but was given 1"),
+    "states nan": (lambda k: k.derivatives([1, 0, np.nan, 0], U), "states: expected finite numbers but was given nan"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused(kernel: Kernel, case: str) -> None:
+    call, words = REFUSED[case]
+    with pytest.raises(KernelError) as refusal:
+        call(kernel)
+    assert words in str(refusal.value)
+
+
+def test_a_missing_input_is_named(kernel: Kernel) -> None:
+    with pytest.raises(ProtocolError, match="the protocol lacks voltage; it has pressure"):
+        kernel.simulate(Protocol(times(0, 1), {"pressure": times(0, 0)}), TIMES)
+
+
+@pytest.mark.parametrize("names", [(), ("C_1",)])
+def test_no_times_give_no_values(kernel: Kernel, names: tuple[str, ...]) -> None:
+    found = kernel.simulate(PROTOCOL, times(), sensitivities=names)
+    assert found["lambda_2"].shape == (0,)
+    assert all(found.sensitivities[n].shape == (0, 1) for n in found.sensitivities) or not names
+
+
+@pytest.mark.parametrize("names", [(), ("C_1",)])
+@pytest.mark.parametrize("at", [0.5, 1e-3, 300.0])
+def test_breakpoints_one_ulp_apart_are_a_jump(kernel: Kernel, names: tuple[str, ...], at: float) -> None:
+    end = at + 0.2
+    samples = times(0, 0.5 * at, at, at + 0.1, end)
+    near = constant([0, at, np.nextafter(at, np.inf), end], [1e4, 1e4, 1.2e4, 1.2e4])
+    jump = constant([0, at, at, end], [1e4, 1e4, 1.2e4, 1.2e4])
+    found, expected = (kernel.simulate(p, samples, sensitivities=names)["lambda_2"] for p in (near, jump))
+    assert np.max(np.abs(found - expected)) < 1e-9

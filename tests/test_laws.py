@@ -1,0 +1,246 @@
+"""Every law at every kind of place: off it is the base, on it shows, its units fit, C, Python and tangents agree."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from dimensions import mismatches
+from tubular_dea.emit.python import compile_python
+from tubular_dea.kernel import Kernel
+from tubular_dea.laws import Balance, Coefficient, Path, candidates
+from tubular_dea.laws.places import laws
+from tubular_dea.model.build import Build
+from tubular_dea.model.declare import DeclarationError, Model
+from tubular_dea.model.effect import Effect
+from tubular_dea.protocol import Protocol
+
+
+def oscillator() -> Model:
+    """A mass on a spring with a damper, pushed; the output feels the rate of the push too."""
+    m = Build("Oscillator", "A mass on a spring")
+    force = m.input("force", "N", nominal=2.0)
+    mass, c, k = m.parameter("mass", "kg", 0.5), m.parameter("c", "N.s/m", 1.0), m.parameter("k", "N/m", 20.0)
+    cable = m.parameter("cable", "m.s/N", 1e-3)
+    x = m.state("x", "m", start="free", nominal=0.1)
+    v = m.state("v", "m/s", nominal=0.7)
+    spring = m.define("spring", "N", k * x)
+    m.derivative(x, v)
+    m.derivative(v, (force - c * v - spring) / mass)
+    m.output("position", "m", x + cable * m.rate(force), nominal=0.1)
+    return m.model()
+
+
+def tanks() -> Model:
+    """Two tanks in a row."""
+    m = Build("Tanks", "Two tanks in a row")
+    pump = m.input("pump", "V", nominal=5)
+    k1, k2, gain = m.parameter("k1", "1/s", 0.5), m.parameter("k2", "1/s", 0.4), m.parameter("gain", "m/V/s", 0.02)
+    upper, lower = m.state("upper", "m", start="shared", nominal=0.2), m.state("lower", "m", start=0.1, nominal=0.2)
+    q1, q2 = m.define("flow_1", "m/s", k1 * upper), m.define("flow_2", "m/s", k2 * lower)
+    m.derivative(upper, gain * pump - q1)
+    m.derivative(lower, q1 - q2)
+    m.output("level", "m", lower)
+    return m.model()
+
+
+def sensor() -> Model:
+    """A static law: no state at all."""
+    m = Build("Sensor", "A bridge and its supply")
+    load, supply = m.input("load", "N", nominal=100.0), m.input("supply", "V", nominal=10.0)
+    gain = m.parameter("gain", "1/N", 1e-5)
+    m.output("bridge", "V", gain * load * supply)
+    return m.model()
+
+
+PLACES = {
+    "oscillator": (
+        oscillator,
+        (
+            Path("force"),
+            Balance("v", displacement="x"),
+            Coefficient("spring", of="x"),
+            Coefficient("c", of="v"),
+            Path("position", of="v"),
+        ),
+    ),
+    "tanks": (
+        tanks,
+        (
+            Path("pump", of="lower"),
+            Balance("upper", below="lower"),
+            Balance("lower"),
+            Coefficient("flow_1", of="upper"),
+            Path("level"),
+        ),
+    ),
+    "sensor": (sensor, (Path("load", of="supply"), Path("bridge", of="load"))),
+}
+DRIVES = {
+    "oscillator": Protocol.of([0, 0.3, 0.5, 0.7, 1.2, 1.4, 3], force=[0, 2.5, 2.5, -2, -2, 1, 3]),
+    "tanks": Protocol.of([0, 3, 3, 8, 8, 20], pump=[8, 8, 2, 2, 6, 6]),
+    "sensor": Protocol.of([0, 1, 2, 3], load=[0, 150, -120, 30], supply=[10, 10, 11, 10]),
+}
+CASES = [(plant, i) for plant, (_, places) in PLACES.items() for i in range(len(places))]
+
+
+@cache
+def at(plant: str, place: int) -> tuple[Effect, ...]:
+    make, places = PLACES[plant]
+    return tuple(candidates(make(), places[place]))
+
+
+LAWS = [(plant, place, i) for plant, place in CASES for i in range(len(at(plant, place)))]
+
+
+def named(case: tuple[str, int, int]) -> str:
+    return at(case[0], case[1])[case[2]].id
+
+
+@cache
+def kernel_of(plant: str, place: int | None = None) -> Kernel:
+    """The plant with every law at a place in it (and off)."""
+    model = PLACES[plant][0]()
+    for effect in at(plant, place) if place is not None else ():
+        model = effect(model)
+    return Kernel(model)
+
+
+def run(plant: str, place: int | None = None, values: dict[str, float] | None = None, **more) -> np.ndarray:
+    drive = DRIVES[plant]
+    kernel = kernel_of(plant, place)
+    times = np.linspace(0, drive.time[-1], 201)
+    return kernel.simulate(drive, times, values, tolerance=1e-9, **more)[kernel.outputs[0]]
+
+
+def shown(effect: Effect) -> dict[str, float]:
+    """Values at which the law has its usual size in these records: ends and levels where the records come to."""
+    levels = [n for n in effect.shapes if n.endswith(("range", "level"))]
+    return dict(effect.typical) | {n: effect.shapes[n][2] for n in levels}
+
+
+def test_every_law_is_here() -> None:
+    seen = {effect.id.split("(")[0] for plant, place in CASES for effect in at(plant, place)}
+    assert seen == set(laws())
+
+
+@pytest.mark.parametrize("case", LAWS, ids=named)
+def test_declaration(case: tuple[str, int, int]) -> None:
+    effect = at(case[0], case[1])[case[2]]
+    model = effect(PLACES[case[0]][0]())
+    assert model.effects == (effect.id,)
+    assert {q.name for q in effect.parameters} == set(effect.typical)
+    assert effect.off and effect.fit and effect.amplitudes
+    for line in ("Equation", "Source:", "Typical:", "::"):
+        assert line in effect.documentation, f"{effect.id}'s text lacks '{line}'"
+    for q in effect.parameters:
+        assert q.name.isidentifier() and q.source and q.description
+        for value in (effect.off.get(q.name, q.value), effect.typical[q.name], *effect.shapes.get(q.name, ())):
+            assert q.minimum <= value <= q.maximum, f"{q.name} = {value} is outside its own bounds"
+    assert any(effect.typical[n] != value for n, value in effect.off.items()), f"{effect.id} is off where it is typical"
+    assert mismatches(model) == []
+
+
+def test_the_check_of_dimensions_can_fail() -> None:
+    model = tanks()
+    assert mismatches(model) == []
+    assert mismatches(model.replace("flow_1", model["k1"] * model["pump"]))
+    assert mismatches(model.drive("upper", model["flow_1"] + model["upper"]))
+
+
+@pytest.mark.parametrize(("plant", "place"), CASES)
+def test_off_is_the_base_over_time(plant: str, place: int) -> None:
+    effects = at(plant, place)
+    shaped = {n: v for e in effects for n, v in (dict(e.typical) | dict(e.off)).items()}
+    base = run(plant)
+    assert np.max(np.abs(run(plant, place, shaped) - base)) < 1e-7 * np.max(np.abs(base))
+
+
+@pytest.mark.parametrize("case", LAWS, ids=named)
+def test_on_it_shows(case: tuple[str, int, int]) -> None:
+    plant, place, i = case
+    base = run(plant)
+    seen = run(plant, place, shown(at(plant, place)[i]))
+    assert np.all(np.isfinite(seen))
+    assert np.max(np.abs(seen - base)) > 2e-4 * np.max(np.abs(base))
+
+
+@pytest.mark.parametrize("case", LAWS, ids=named)
+def test_tangents_are_what_differences_say(case: tuple[str, int, int]) -> None:
+    """Derivatives to every parameter of the law, halfway on, over one mesh."""
+    plant, place, i = case
+    effect, kernel, drive = at(plant, place)[i], kernel_of(plant, place), DRIVES[plant]
+    on = shown(effect)
+    values = on | {n: 0.5 * (off + on[n]) for n, off in effect.off.items()}
+    values |= {q.name: 0.1 * (q.maximum or 1) for q in effect.parameters if values[q.name] == q.minimum}
+    names, output = [q.name for q in effect.parameters], kernel.outputs[0]
+    times, mesh = np.linspace(0, drive.time[-1], 101), kernel.mesh(drive, values, 1e-9)
+    found = kernel.simulate(drive, times, values, sensitivities=names, mesh=mesh)
+    scale = np.max(np.abs(found[output]))
+    for j, q in enumerate(effect.parameters):
+        step = 1e-5 * (abs(values[q.name]) or q.nominal)
+        moves = any(d.by == q.name for d in kernel.model.delays) or not kernel.states  # a delay moves the mesh
+        over = {"tolerance": 1e-11} if moves else {"mesh": mesh}
+        up, down = (kernel.simulate(drive, times, values | {q.name: values[q.name] + s}, **over) for s in (step, -step))
+        ours, theirs = found.sensitivities[output][:, j] * step, (up[output] - down[output]) / 2
+        wrong = np.abs(ours - theirs) > 1e-3 * np.max(np.abs(theirs)) + 2e-10 * scale
+        assert np.mean(wrong) < 0.05, f"{q.name}: {ours[wrong][:3]} and {theirs[wrong][:3]}"  # kinks are passed between
+
+
+@pytest.mark.parametrize(("plant", "place"), CASES)
+def test_c_and_python_agree(plant: str, place: int) -> None:
+    kernel, model = kernel_of(plant, place), kernel_of(plant, place).model
+    python = compile_python(model)
+    rng = np.random.default_rng(3)
+    values = {n: v for e in at(plant, place) for n, v in shown(e).items()}
+    p = tuple(kernel.parameters(values))
+    late = [d.of for d in model.delays]
+    for _ in range(5):
+        x = np.array([s.quantity.nominal for s in model.states]) * rng.uniform(-1.5, 1.5, len(model.states))
+        u = {q.name: q.nominal * rng.uniform(-1.5, 1.5) for q in model.inputs}
+        us = (*u.values(), *(u.get(of, 0.0) for of in late))
+        theirs = python.derivatives(0.0, tuple(x), us, (0.0,) * len(us), p, ())
+        ours = kernel.derivatives(x, np.array(list(u.values())), values)
+        assert ours == pytest.approx(np.array(theirs), rel=1e-9, abs=1e-12)
+
+
+def test_a_law_goes_by_the_plants_own_names() -> None:
+    place = Path("level", channel="sensor", names={"lag": "sensor_lag", "lag.tau": "tau_sensor"}, laws=("lag",))
+    (effect,) = candidates(tanks(), place)
+    assert effect.id == "sensor_lag" and effect.channel == "sensor"
+    assert [q.name for q in effect.parameters] == ["tau_sensor", "sensor_lag_share"]
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (
+            Path("pumpe"),
+            "Path('pumpe'): expected an input, or an output that is a definition but was given 'pumpe'; did",
+        ),
+        (Path("upper"), "Path('upper'): expected an input, or an output that is a definition but was given 'upper'"),
+        (Balance("flow_1"), "Balance('flow_1'): expected a state but was given 'flow_1', a definition"),
+        (
+            Balance("upper", below="pump"),
+            "Balance('upper', below='pump'): expected a state but was given 'pump', an input",
+        ),
+        (
+            Balance("upper", displacement="lower"),
+            "expected a displacement whose rate is in 'm', as upper is; lower is in",
+        ),
+        (
+            Coefficient("lower"),
+            "Coefficient('lower'): expected a definition or a parameter but was given 'lower', a state",
+        ),
+        (Coefficient("flow_1", of="flow_2"), "expected an input, a state or a definition before flow_1 but was given"),
+        (Balance("upper", laws=("stop",)), "the law stop cannot act there: a `displacement`"),
+        (Path("pump", laws=("stop",)), "the law stop cannot act there"),
+        (Path("pump", laws=("stopp",)), "there is no law 'stopp'; did you mean stop?"),
+    ],
+)
+def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:
+    with pytest.raises(DeclarationError) as problem:
+        candidates(tanks(), place)
+    assert words in str(problem.value)

@@ -1,0 +1,154 @@
+"""Monitors as laboratories have them: coloured, filtered, coarse, fast, long, band-limited, with a trigger."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, lsim, lti, sosfilt
+
+from tubular_dea.identify.band import band_limited, noise_floor
+from tubular_dea.identify.data import DataError, Experiment
+from tubular_dea.identify.drive import drive, drives
+from tubular_dea.identify.edges import Edge
+from tubular_dea.identify.monitors import level, memory, polyline
+from tubular_dea.identify.trigger import triggered
+from tubular_dea.plants.plant import Input
+
+TIME = np.arange(0, 16, 0.004)
+HOLDS = np.interp(TIME, [0, 1, 6, 6.02, 16], [0, 12e3, 12e3, 9e3, 9e3])
+PRESSURE = [Input("pressure")]
+
+
+def beating(count: int, rate: float = 250.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times and pressure of heartbeats, straight between six corners each."""
+    beat = [(0, 75), (0.08, 100.8), (0.2, 118), (0.33, 101.6), (0.36, 104.3), (0.6, 87.2)]
+    knots = np.array([(0, 0), (0.6, 75), *((0.8 + i / 1.2 + t, p) for i in range(count) for t, p in beat)]).T
+    time = np.arange(0, knots[0, -1], 1 / rate)
+    return time, 133.322 * np.interp(time, *knots)
+
+
+def recorded(time: np.ndarray, name: str, values: np.ndarray) -> Experiment:
+    return Experiment("record", time, {name: values}, {}, np.arange(time.size) + 2)
+
+
+@pytest.mark.parametrize("count", [12, 60, 240])
+def test_many_beats_are_followed_to_the_last(count: int) -> None:
+    time, truth = beating(count)
+    noisy = truth + 25 * np.random.default_rng(0).standard_normal(time.size)
+    line = polyline(time, noisy, level(noisy))
+    error = np.interp(time, time[line.corners], line.values) - truth
+    assert np.sqrt(np.mean(error**2)) < 0.5 * 25
+    assert np.sqrt(np.mean(error[time > time[-1] - 2] ** 2)) < 0.7 * 25
+    assert line.corners.size < 11 * count
+
+
+@pytest.mark.parametrize("colour", ["0.5", "0.9", "filtered"])
+def test_coloured_noise_makes_no_corners_and_is_no_less_than_it_is(colour: str) -> None:
+    white = np.random.default_rng(1).standard_normal(TIME.size)
+    if colour == "filtered":
+        noise = 50 * sosfilt(butter(4, 0.25, output="sos"), white)
+        truth = 50.0  # of its averages: a filter leaves low frequencies as they are
+    else:
+        noise = 25 * lfilter([np.sqrt(1 - float(colour) ** 2)], [1, -float(colour)], white)
+        truth = 25 * float(np.sqrt((1 + float(colour)) / (1 - float(colour))))
+    found = drives([recorded(TIME, "pressure", HOLDS + noise)], PRESSURE)[0]
+    assert found.corners["pressure"].size < 2 * 12  # half of them in the middle of pieces
+    assert found.noise["pressure"] == pytest.approx(truth, rel=0.35)
+
+
+def test_a_moving_signal_is_not_taken_for_noise_with_a_memory() -> None:
+    for rate in (50.0, 250.0, 1000.0):
+        time, truth = beating(40, rate)
+        assert memory(truth + 25 * np.random.default_rng(2).standard_normal(time.size)) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("step", [12.5, 50.0, 133.322])
+def test_a_coarse_monitor(step: float) -> None:
+    noisy = step * np.round((HOLDS + 25 * np.random.default_rng(3).standard_normal(TIME.size)) / step)
+    found = drive(recorded(TIME, "pressure", noisy), PRESSURE)
+    assert found.corners["pressure"].size < 2 * 20  # half of them in the middle of pieces
+    assert np.sqrt(np.mean((found.protocol.at(TIME)["pressure"] - HOLDS) ** 2)) < max(3, 0.06 * step)
+    assert found.noise["pressure"] == pytest.approx(np.hypot(25, step / np.sqrt(12)), rel=0.3)
+
+
+def test_an_input_that_is_sampled_too_slowly_is_refused() -> None:
+    time, truth = beating(40, 6.0)
+    with pytest.raises(DataError, match=r"record, column 'pressure': sampled at 6 Hz .* record at \d+ Hz"):
+        drive(recorded(time, "pressure", truth), PRESSURE)
+
+
+def test_a_band_limited_input_is_known_between_its_samples() -> None:
+    random = np.random.default_rng(4)
+    lines, phases = random.uniform(1, 200, 60), random.uniform(0, 7, 60)
+
+    def signal(time: np.ndarray) -> np.ndarray:
+        return np.sin(2 * np.pi * np.outer(time, lines) + phases).sum(axis=1)
+
+    time = np.arange(4000) / 610.35
+    times, fine, stated = band_limited(time, signal(time), 0.0)
+    between = np.linspace(0.2, time[-1] - 0.2, 7919)
+    missed = np.std(np.interp(between, times, fine) - signal(between))
+    assert missed < 1.5 * stated < 0.01 * np.std(signal(time))
+    assert np.std(np.interp(between, time, signal(time)) - signal(between)) > 20 * missed
+    assert noise_floor(signal(time) + 0.05 * random.standard_normal(4000)) == pytest.approx(0.05, rel=0.15)
+    driven = drive(recorded(time, "force", signal(time)), [Input("force", band_limited=True)])
+    assert driven.error["force"] == stated
+    uneven = np.delete(time, 2000)
+    with pytest.raises(DataError, match="record, line 2002: .* band-limited"):
+        drive(recorded(uneven, "force", signal(uneven)), [Input("force", band_limited=True)])
+
+
+def test_states_feel_lines_with_the_spectrum_of_a_signal_as_the_signal_itself() -> None:
+    """An oscillator at 70 Hz, driven by a sum of sines, whose answer is known: two points a sample do."""
+    random = np.random.default_rng(5)
+    lines, phases = random.uniform(1, 200, 60), random.uniform(0, 7, 60)
+    own = 2 * np.pi * 70
+    system = lti([own**2], [1, 0.1 * own, own**2])
+    answers = own**2 / (own**2 - (2 * np.pi * lines) ** 2 + 0.1j * own * 2 * np.pi * lines)
+    time = np.arange(4000) / 610.35
+    waves = np.exp(1j * (2 * np.pi * np.outer(time, lines) + phases))
+    missed = {}
+    for direct in (False, True):
+        times, fine, _ = band_limited(time, waves.imag.sum(axis=1), 0.0, direct)
+        finer = (times.size - 1) // (time.size - 1)
+        answer = lsim(system, fine, times)[1][::finer]
+        missed[finer] = np.std((answer - (waves @ answers).imag)[1000:3500]) / np.std(answer)
+    (few, least), (many, usual) = sorted(missed.items())
+    assert few <= 2 < many, missed
+    assert least < usual / 2, missed
+
+
+@pytest.mark.parametrize("polarity", [1, -1])
+def test_a_trigger_tells_as_much_as_it_does(polarity: int) -> None:
+    random = np.random.default_rng(5)
+    time, step, delay = np.arange(0, 130, 0.004), 0.004, 2e-3
+    instants = np.sort(0.5 + np.arange(120) + random.uniform(0, 0.3, 120))
+    trigger = polarity * (np.searchsorted(instants, time, "right") % 2).astype(float)
+
+    def bounded(later: float) -> tuple[list[Edge], list[Edge]]:
+        last = np.searchsorted(time, instants + later) - 1
+        seen = [
+            Edge("voltage", t + later, time[i], time[i] + step, 0.0, 5e3 * (n % 2), 5e3 * (1 - n % 2))
+            for n, (t, i) in enumerate(zip(instants, last, strict=True))
+        ]
+        return seen, triggered(seen, time, trigger)
+
+    before, after = bounded(0.0)
+    assert [(e.earliest, e.latest) for e in after] == [(e.earliest, e.latest) for e in before]  # it says nothing new
+    before, after = bounded(delay)
+    width = [np.mean([e.latest - e.earliest for e in edges]) for edges in (before, after)]
+    assert width[1] < 0.8 * width[0]
+    assert all(e.earliest - 1e-9 <= t + delay <= e.latest + 1e-9 for e, t in zip(after, instants, strict=True))
+
+
+@pytest.mark.parametrize("name", ["pressure", "voltage"])
+def test_hum_of_the_mains_is_no_part_of_a_line(name: str) -> None:
+    level, noise = (HOLDS, 25.0) if name == "pressure" else (np.where((TIME > 4) & (TIME < 9), 4000.0, 0.0), 4.0)
+    monitor = PRESSURE if name == "pressure" else [Input("voltage", held=True)]
+    hum = noise * np.sin(2 * np.pi * 50.02 * TIME + 1)
+    values = level + hum + noise * np.random.default_rng(2).standard_normal(TIME.size)
+    found = drives([recorded(TIME, name, values)], monitor)[0]
+    line = found.protocol.at(TIME + (0.0 if name == "pressure" else 0.5 * (TIME[1] - TIME[0])))[name]
+    still = np.abs(np.gradient(level)) < 1e-6
+    assert np.std((line - level)[still]) < 0.15 * noise
+    assert found.noise[name] < 1.5 * noise

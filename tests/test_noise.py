@@ -1,0 +1,137 @@
+"""A sensor's noise from its records alone: level, colour, lines of the mains, mixed rates, nothing quiet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tubular_dea.identify.colour import Colour
+from tubular_dea.identify.hum import is_hum
+from tubular_dea.identify.noise import Noise, estimate
+
+RMS = 15e-6
+EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
+Make = Callable[[int, np.random.Generator], np.ndarray]
+
+
+def record(rate: float, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A tube that is driven at EVENTS and creeps afterwards, fast and slowly."""
+    time = np.arange(noise.size) / rate
+    output = np.zeros(time.size)
+    for size, event in zip((2e-3, -0.5e-3, 1e-3, -1e-3), EVENTS[:-1], strict=True):
+        late = np.maximum(time - event, 0)
+        output += size * (1 - 0.6 * np.exp(-late / 0.006) - 0.25 * np.exp(-late / 0.3) - 0.15 * np.exp(-late / 3.3))
+    return time, output + noise, EVENTS
+
+
+def records(make: Make, rates: tuple[float, ...] = (250.0,) * 8, seed: int = 0) -> list:
+    random = np.random.default_rng(seed)
+    return [record(rate, make(int(16 * rate), random)) for rate in rates]
+
+
+def coloured(phi: float, white: float = 0.0, rms: float = RMS) -> Make:
+    return lambda n, random: rms * Colour(phi, white).sample(n, random)
+
+
+def with_hum(make: Make, line: float, size: float, rate: float = 250.0) -> Make:
+    def noise(n: int, random: np.random.Generator) -> np.ndarray:
+        return make(n, random) + size * np.sin(2 * np.pi * line * np.arange(n) / rate + random.uniform(0, 7))
+
+    return noise
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9, 0.95, 0.97])
+def test_level_and_colour(phi: float) -> None:
+    found = estimate(records(coloured(phi)))
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+    assert found.correlation == pytest.approx(phi, abs=max(0.01, 0.1 * (1 - phi)))
+    truth = RMS * np.sqrt((1 + phi) / (1 - phi))
+    assert abs(found.slow / truth - 1) < 3 * max(found.uncertainty, 0.02)
+    assert found.hum == found.lines == ()
+    assert found.uncertainty == 0.012 if phi == 0 else 0.012 < found.uncertainty < 0.1
+
+
+def test_white_and_slow_noise_together() -> None:
+    found = estimate(records(coloured(0.95, 0.5)))
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+    assert found.white == pytest.approx(0.5, abs=0.07)
+    assert found.tau == pytest.approx(-0.004 / np.log(0.95), rel=0.3)
+
+
+@pytest.mark.parametrize(("line", "size", "phi"), [(50.02, 3e-6, 0.0), (59.95, 10e-6, 0.9), (180.1, 5e-6, 0.0)])
+def test_hum_is_told_apart(line: float, size: float, phi: float) -> None:
+    found = estimate(records(with_hum(coloured(phi), line, size)))
+    assert found.hum == (pytest.approx(min(line, 250 - line), abs=0.03),)
+    assert found.lines == ()
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+
+
+def test_an_oscillation_that_is_not_the_mains_is_neither_noise_nor_hum() -> None:
+    found = estimate(records(with_hum(coloured(0.0), 7.3, 10e-6)))
+    assert found.hum == ()
+    assert found.lines == (pytest.approx(7.3, abs=0.03),)
+    assert found.rms == pytest.approx(RMS, rel=0.02)
+    assert is_hum(50.0, 0.004)
+    assert is_hum(10.0, 0.004)  # 240 Hz
+    assert not is_hum(7.3, 0.004)
+
+
+def test_slow_drift_of_a_sensor_is_no_noise() -> None:
+    def drifting(n: int, random: np.random.Generator) -> np.ndarray:
+        return coloured(0.0)(n, random) + 5e-6 * np.arange(n) / 250 + 1e-5 * np.sin(np.arange(n) / 250 / 3)
+
+    assert estimate(records(drifting)).rms == pytest.approx(RMS, rel=0.02)
+
+
+def test_rates_may_differ_from_file_to_file() -> None:
+    rates = (100.0, 250.0, 500.0, 1000.0)
+    random = np.random.default_rng(1)
+    mixed = [record(r, RMS * Colour(float(np.exp(-1 / r / 0.02))).sample(int(16 * r), random)) for r in rates]
+    found = estimate(mixed)
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+    assert found.tau == pytest.approx(0.02, rel=0.1)
+    for time, *_ in mixed:
+        white = found.whiten(time, found.sample(time, random))
+        assert np.std(white) == pytest.approx(1, rel=0.06)
+        assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(white.size)
+
+
+def test_without_any_quiet_stretch_the_doubt_is_larger() -> None:
+    random = np.random.default_rng(2)
+    time = np.arange(0, 60, 0.004)
+    beats = np.arange(0, 60, 0.13)
+    output = 1e-3 * np.exp(-np.mod(time, 0.13) / 0.02) + RMS * random.standard_normal(time.size)
+    found = estimate([(time, output, beats)])
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+    assert found.uncertainty >= 0.2
+    moving = estimate([(time, output, time)])  # an event at every sample
+    assert moving.uncertainty >= 0.2
+
+
+def test_some_quiet_samples_do_not_outweigh_all_the_others() -> None:
+    random = np.random.default_rng(4)
+    time = np.arange(0, 120, 0.004)
+    beats = np.append(np.arange(0, 100, 0.16), [100.0, *np.arange(100.48, 120, 0.16)]) - 1e-3
+    noise = 15e-6 * Colour(0.94).sample(time.size, random)
+    creep = 1e-3 * np.exp(-np.mod(time + 1e-6, 0.16) / 0.02) * ((time < 100.159) | (time > 100.479))
+    found = estimate([(time, noise + creep, beats)])
+    assert 0.75 * 15e-6 < found.rms < 1.6 * 15e-6  # stretches of 0.16 s tell noise that lasts 0.07 s no better
+    assert found.uncertainty >= 0.2
+
+
+@pytest.mark.parametrize(("phi", "white"), [(0.0, 0.0), (0.9, 0.0), (0.97, 0.4), (-0.3, 0.0)])
+def test_whitened_noise_is_white(phi: float, white: float) -> None:
+    random = np.random.default_rng(3)
+    noise = Noise(2.0, (1 - white) * phi, step=0.01, white=white)
+    time = np.arange(20000) * 0.01
+    time[12000:] += 5.0  # a gap
+    values = noise.sample(time, random)
+    assert values.std() == pytest.approx(2.0, rel=0.1)
+    found = noise.whiten(time, values)
+    lags = [float(np.mean(found[k:] * found[:-k])) for k in (1, 2, 5, 30)]
+    assert found.std() == pytest.approx(1, rel=0.02)
+    assert np.abs(lags).max() < 4 / np.sqrt(time.size)
+    columns = noise.whiten(time, np.stack([values, 2 * values], axis=1))
+    np.testing.assert_allclose(columns, np.stack([found, 2 * found], axis=1))

@@ -1,0 +1,116 @@
+"""There is one Rodas5P: whoever steps with it takes the same steps over the same problem."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from tubular_dea.emit import rodas5p
+from tubular_dea.export.python_fmu import slave_source
+from tubular_dea.kernel import Kernel
+from tubular_dea.kernel.batch import Batch, Breakpoints, Probe
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.declare import Model
+from tubular_dea.protocol import Protocol
+
+START = {"lambda_2_start": 1.15}
+TIME = [0.0, 0.4, 0.4, 1.0]
+PRESSURE, VOLTAGE = [1.1e4, 1.1e4, 1.3e4, 1.3e4], [0.0, 0.0, 5e3, 5e3]
+PROTOCOL = Protocol.of(TIME, pressure=PRESSURE, voltage=VOLTAGE)
+END = np.array([1.0])
+
+
+@pytest.fixture(scope="module")
+def slave(model: Model, tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    name, code = slave_source(model)
+    folder = tmp_path_factory.mktemp("slave")
+    (folder / f"{name}.py").write_text(code, encoding="utf-8")
+    sys.path.insert(0, str(folder))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(str(folder))
+
+
+def python_steps(slave: ModuleType, tolerance: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Where the accepted steps of the pythonfmu slave end."""
+    ends: list[float] = []
+    attempt = slave.attempt
+
+    def noted(begin: object, h: float, u: tuple, p: tuple) -> tuple:
+        x, error = attempt(begin, h, u, p)
+        if 0 <= error <= 1:
+            ends.append(begin.time + h)
+        return x, error
+
+    monkeypatch.setattr(slave, "attempt", noted)
+    p = tuple(START.get(v.name, v.start) for v in slave.VARIABLES if v.kind == "PARAMETER")
+    x, h = slave.start((0.0, 0.0), p), 0.0
+    for begin, end, u in ((0.0, 0.4, (1.1e4, 0.0)), (0.4, 1.0, (1.3e4, 5e3))):
+        x, h = slave.advance(begin, end, x, h, u, p, tolerance)
+    return ends
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_same_accepted_steps(
+    kernel: Kernel, slave: ModuleType, tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = kernel.mesh(PROTOCOL, START, tolerance)
+    plain = kernel.simulate(PROTOCOL, END, START, tolerance)
+    assert plain.steps == mesh.size
+    assert plain.rejected > 0, "refusals are part of it"
+
+    kept = kernel.simulate(PROTOCOL, END, START, mesh=mesh, sensitivities=["C_1"])
+    ends = np.array([[found[name][-1] for name in kernel.states] for found in (kept, plain)])
+    assert np.allclose(*ends, rtol=1e-9, atol=0), "tangents: to rounding, their steps being differences of times"
+
+    probes = [Probe("final", name) for name in kernel.states]
+    inputs = {
+        "pressure": Breakpoints(np.array([TIME]), np.array([PRESSURE])),
+        "voltage": Breakpoints(np.array([TIME]), np.array([VOLTAGE])),
+    }
+    rows = Batch(kernel.model, probes).trajectories(9, START, inputs, 1.0, tolerance)
+    assert np.all(rows.steps == mesh.size)
+    assert np.array_equal(rows.values, np.tile(ends[1], (9, 1))), "lanes: to the last bit"
+
+    ends = python_steps(slave, tolerance, monkeypatch)
+    assert len(ends) == mesh.size
+    apart = np.max(np.abs(np.array(ends) / mesh - 1))
+    assert apart < 1e-11 / tolerance, "Python: to rounding, which its equations do in another order"
+
+
+def test_a_method_of_order_five_with_an_error_of_order_four() -> None:
+    """The coefficients, by what they do: x' = -x and x' = cos t over one step of h and one of h / 2."""
+
+    def step(h: float, J: float, f, f_t: float) -> tuple[float, float]:
+        x0 = 1.0
+        shift, k, at = 1 / (h * rodas5p.GAMMA), [], x0
+        for stage in rodas5p.STAGES:
+            at = x0 + sum(a * b for a, b in zip(stage.a, k, strict=False)) if stage.a or not k else at + k[-1]
+            slopes = sum(c * b for c, b in zip(stage.c, k, strict=False)) / h
+            k.append((f(stage.alpha * h, at) + slopes + stage.delta * h * f_t) / (shift - J))
+        return at + k[-1], k[-1]
+
+    decay = [step(h, -1.0, lambda t, x: -x, 0.0) for h in (0.2, 0.1)]
+    drift = [step(h, 0.0, lambda t, x: np.cos(t + 0.3), -np.sin(0.3)) for h in (0.2, 0.1)]
+    exact = [[np.exp(-0.2), np.exp(-0.1)], [1 + np.sin(h + 0.3) - np.sin(0.3) for h in (0.2, 0.1)]]
+    for found, truth in zip((decay, drift), exact, strict=True):
+        errors = [abs(x - t) for (x, _), t in zip(found, truth, strict=True)]
+        estimates = [abs(e) for _, e in found]
+        assert 5.3 < np.log2(errors[0] / errors[1]) < 7.7
+        assert 4.3 < np.log2(estimates[0] / estimates[1]) < 6.7
+        assert errors[0] < estimates[0]
+
+
+def test_nothing_of_the_method_is_written_twice() -> None:
+    """Its coefficients are in one file of the package."""
+    package = Path(sys.modules["tubular_dea"].__file__).parent
+    texts = {p: p.read_text(encoding="utf-8") for p in package.rglob("*") if p.suffix in (".py", ".c", ".h", ".js")}
+    for number in ("0.21193756319429014", "-14.155112264123755", "37.80277123390563"):
+        assert [p.name for p, text in texts.items() if number in text] == ["rodas5p.py"]
+    assert Kernel(tubular_dea()).states

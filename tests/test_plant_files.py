@@ -1,0 +1,203 @@
+"""A plant in a user's file: it loads, it is saved and comes back, and what is wrong with it is said in one line."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from tubular_dea.cli import main
+from tubular_dea.kernel import Kernel
+from tubular_dea.laws import laws
+from tubular_dea.model.declare import DeclarationError
+from tubular_dea.model.effect import with_effects
+from tubular_dea.plants import Build
+from tubular_dea.plants.__main__ import main as tables
+from tubular_dea.plants.load import PlantError, load_plant
+from tubular_dea.plants.saved import ModelFileError, as_json, load
+from tubular_dea.protocol import Protocol
+
+EXAMPLES = Path(__file__).parents[1] / "cosim_examples/plants"
+HEAD = """from tubular_dea.plants import *
+m = Build("Tank", "A tank")
+pump = m.input("pump", "V", nominal=5)
+k = m.parameter("k", "1/s", 0.05, minimum=0)
+level = m.state("level", "V", start="free", nominal=10)
+m.derivative(level, k * (pump - level))
+m.output("reading", "V", level)
+"""
+PLANT = 'PLANT = Plant(m.model(), [Input("pump")], [Output("reading")], places=[Path("pump"), Balance("level")])\n'
+
+
+def written(folder: Path, text: str) -> str:
+    path = folder / "tank.py"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", ["cascaded_tanks.py", "cascaded_tanks.py:SQUARE_ROOT", "silverbox.py", "mock_loop.py"])
+def test_the_examples_load(name: str) -> None:
+    plant = load_plant(str(EXAMPLES / name))
+    assert plant.file.startswith(name)
+    assert len(plant.catalogue) > 20
+    assert len((EXAMPLES / name.partition(":")[0]).read_text().splitlines()) <= 60
+    model = with_effects(plant.model, tuple(plant.catalogue), plant.catalogue)
+    assert model.effects == tuple(plant.catalogue)
+
+
+def test_shipped_plants_by_name() -> None:
+    assert load_plant("tube").name == "TubularDEA"
+    assert load_plant("aorta").free_starts == {"p_C_start": "each"}
+
+
+def test_a_plant_is_saved_and_comes_back_with_its_effect(tmp_path: Path) -> None:
+    plant = load_plant(written(tmp_path, HEAD + PLANT))
+    model = plant.catalogue["saturation(pump)"](plant.model).with_values({"k": 0.1, "pump_saturation_range": 3.0})
+    file = tmp_path / "model.json"
+    file.write_text(as_json(model, plant=plant))
+    assert json.loads(file.read_text())["plant"] == "tank.py:PLANT"
+    assert load(file, plant) == model
+    with pytest.raises(ModelFileError, match="its plant 'Tank' is declared in tank.py:PLANT; give that file as"):
+        load(file)
+    file.write_text(as_json(model))
+    with pytest.raises(ModelFileError, match="expected a model of AorticAfterload but found one of 'Tank'"):
+        load(file, load_plant("aorta"))
+
+
+def test_a_start_value_is_free(tmp_path: Path) -> None:
+    """The response to a start value that differs from record to record, beside its exact solution."""
+    plant = load_plant(written(tmp_path, HEAD + PLANT))
+    assert plant.free_starts == {"level_start": "each"}
+    drive, times = Protocol.of([0, 30], pump=[2, 2]), np.linspace(0, 30, 31)
+    run = Kernel(plant.model).simulate(drive, times, {"level_start": 7.0}, sensitivities=["level_start", "k"])
+    fading = np.exp(-0.05 * times)
+    assert run["reading"] == pytest.approx(2 + 5 * fading, abs=1e-5)
+    assert run.sensitivities["reading"][:, 0] == pytest.approx(fading, abs=1e-5)
+    assert run.sensitivities["reading"][:, 1] == pytest.approx(-5 * times * fading, abs=1e-3)
+
+
+def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
+    m = Build("Sizes")
+    u, k = m.input("u", "V", nominal=4.0), m.parameter("k", "1/s", 0.5)
+    m.output("y", "V/s", m.define("q", "V/s", -k * u))
+    assert m.model().quantity("q").nominal == 2.0 and m.model().quantity("y").nominal == 2.0
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("def f(:\n", 1, "cannot be read as Python"),
+        ("\nimport no_such_module\n", 2, "ModuleNotFoundError: No module named 'no_such_module'"),
+        (HEAD + "m.define('q', 'V', level * lost)\n", 8, "NameError: name 'lost' is not defined"),
+        (HEAD + "m.parameter('k', '1/s', 1)\n", 8, "'k' is declared already, in tank.py, line 4"),
+        (HEAD + "m.parameter('c', 'furlong', 1)\n", 8, "'c': cannot read the unit 'furlong'"),
+        (HEAD + "m.parameter('c', '1/s', -1, minimum=0)\n", 8, "expected 0 to None 1/s but was given -1"),
+        (HEAD + "m.input('v', 'V', nominal=0)\n", 8, "nominal: expected a usual size above 0 but was given 0"),
+        (HEAD + "m.state('h', 'V', start='fre')\n", 8, "expected a number, an expression, 'free' or 'shared' but was"),
+        (HEAD + "m.derivative(k, level)\n", 8, "there is no such state; there are level"),
+        (HEAD + "m.derivative(level, pump)\n", 8, "the derivative of 'level' is given twice"),
+        (HEAD + "m.state('h', 'V')\nm.model()\n", 9, "the state 'h' has no derivative"),
+        (HEAD + "m.define('pump_rate', 'V/s', level)\n", 8, "'pump_rate' already means the rate of an input"),
+        (HEAD + PLANT.replace('Path("pump")', 'Path("pomp")'), 8, "Path('pomp'): expected an input, or an output that"),
+        (
+            HEAD + PLANT.replace('Balance("level")', 'Balance("k")'),
+            8,
+            "expected a state but was given 'k', a parameter",
+        ),
+        (HEAD + PLANT.replace('Input("pump")', 'Input("pum")'), 8, "Tank has no such input; did you mean pump?"),
+        (HEAD + PLANT.replace('Output("reading")', 'Output("level_2")'), 8, "Tank puts out no such quantity"),
+        (HEAD, None, "expected a value PLANT = Plant(...) but there is none"),
+        (HEAD + PLANT.replace("PLANT", "TANK"), None, "there are TANK: choose one by tank.py:NAME"),
+        (HEAD + "PLANT = m.model()\n", None, "expected PLANT to be a Plant but it is of type Model"),
+        (HEAD + "raise SystemExit(3)\n", 8, "SystemExit: 3"),
+    ],
+)
+def test_what_is_wrong_with_a_plant_file_is_said_in_one_line(text: str, line: int | None, words: str, tmp_path) -> None:
+    name = written(tmp_path, text)
+    with pytest.raises(PlantError) as problem:
+        load_plant(name)
+    said = str(problem.value)
+    assert words in said and "\n" not in said
+    assert said.startswith(f"{name}, line {line}: " if line else f"{name}: ")
+
+
+@pytest.mark.parametrize("name", ["nothing.py", "tupe", "tank.txt"])
+def test_no_such_plant(name: str) -> None:
+    with pytest.raises(PlantError, match=rf"plant {name}: "):
+        load_plant(name)
+
+
+def test_a_model_whose_starts_use_one_another_is_refused() -> None:
+    m = Build("Ring")
+    a = m.state("a", "1", start=1.0)
+    b = m.state("b", "1", start=2 * a)
+    m.derivative(a, b)
+    m.derivative(b, a)
+    m.output("y", "1", a)
+    model = m.model()
+    first, second = model.states
+    with pytest.raises(DeclarationError, match="the starts of a, b use one another"):
+        type(model)(**{**model.__dict__, "states": (type(first)(first.quantity, first.derivative, b), second)})
+
+
+def test_the_plant_of_the_readme_loads(tmp_path: Path) -> None:
+    text = (EXAMPLES.parents[1] / "README.md").read_text(encoding="utf-8")
+    block = next(b for b in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "PLANT" in b)
+    plant = load_plant(written(tmp_path, block))
+    assert plant.headers() == "time [s],drive [V],position [m]"
+    expected = {"dry_friction(v)", "cubic(v)", "softening(spring)", "delay(drive)", "saturation(position)"}
+    assert expected <= set(plant.catalogue)
+
+
+def test_the_index_of_laws_and_a_catalogue_are_printed(capsys) -> None:
+    assert tables([]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert len(rows) == 2 + len(laws())
+    assert tables([str(EXAMPLES / "silverbox.py")]) == 0
+    assert "| cubic(velocity) | velocity | velocity_cubic" in capsys.readouterr().out
+    assert tables(["nothing.py"]) == 1
+    assert capsys.readouterr().err == "error: plant nothing.py: there is no file nothing.py\n"
+
+
+def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, capsys) -> None:
+    plant = written(tmp_path, HEAD + PLANT)
+    assert (
+        main(
+            [
+                "simulate",
+                "--plant",
+                plant,
+                "--input",
+                "pump=3 V",
+                "--set",
+                "level_start=7",
+                "--stop",
+                "20",
+                "--out",
+                str(tmp_path / "run"),
+            ]
+        )
+        == 0
+    )
+    assert "reading from 4.472 to 7 V" in capsys.readouterr().out  # 3 + 4 / e
+    assert main(["build", "--plant", plant, "--out", str(tmp_path / "built")]) == 0
+    fmu = tmp_path / "built/fmi2/Tank.fmu"
+    found = fmpy.simulate_fmu(str(fmu), stop_time=20, start_values={"pump": 3.0, "level_start": 7.0})
+    assert found["reading"][-1] == pytest.approx(3 + 4 * np.exp(-1), abs=1e-4)
+    plan = (
+        'model = "tank.py"\nstudy = "trajectory"\neffects = ["saturation(pump)"]\noutputs = ["final reading"]\n'
+        '[run]\nstop = "20 s"\n[inputs]\npump = "3 V"\n[set]\npump_saturation_share = 1\n'
+        '[vary]\npump_saturation_range = ["2 V", "9 V"]\n'
+    )
+    (tmp_path / "plan.toml").write_text(plan)
+    assert main(["sweep", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "swept")]) == 0
+    rows = pq.read_table(next((tmp_path / "swept/parts").rglob("*.parquet"))).to_pydict()["final_reading"]
+    assert rows == pytest.approx([2 + 3 * np.exp(-1), 3 + 2 * np.exp(-1)], abs=1e-4)
+    assert main(["simulate", "--plant", plant, "--input", "pomp=3 V", "--out", str(tmp_path / "none")]) == 2
+    assert "--input pomp: Tank has no such input; did you mean pump?" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()

@@ -1,0 +1,118 @@
+"""What a plant is: what it names must be in its model, and the tube is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tubular_dea.model.declare import DeclarationError
+from tubular_dea.plants.effects import catalogue
+from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
+from tubular_dea.plants.tube import PLANT, TABLE_II
+from tubular_dea.protocol import Protocol
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"inputs": [Input("presure"), Input("voltage")]},
+            "TubularDEA: Input('presure'): TubularDEA has no such input; did you mean pressure?",
+        ),
+        (
+            {"inputs": [Input("pressure")]},
+            "expected an Input for every input of TubularDEA but there is none for 'voltage'",
+        ),
+        ({"outputs": []}, "expected at least one Output but was given none"),
+        ({"outputs": [Output("radius_of_it")]}, "Output('radius_of_it'): TubularDEA puts out no such quantity"),
+        ({"outputs": [Output("sigma_hoop")]}, "Output('sigma_hoop'): TubularDEA puts out no such quantity"),
+        (
+            {"outputs": [Output("radius", {"radius": "r_0"})]},
+            "Output('radius'): TubularDEA has no parameter 'r_0'; did you mean r_o?",
+        ),
+        ({"geometry": ["l_o", "lenght"]}, "geometry: TubularDEA has no parameter 'lenght'"),
+        (
+            {"exchanges": [Exchange({"k_1": "k_3", "k_3": "k_1"}, lambda v: True)]},
+            "exchanges: TubularDEA has no parameter",
+        ),
+        (
+            {"stages": [Stage(("C_1", "C_9"), "elastic", lambda drives: [0])]},
+            "Stage('elastic'): TubularDEA has no parameter 'C_9'",
+        ),
+        ({"starts": {"mine": {"C1": 3e5}}}, "starts 'mine': TubularDEA has no parameter 'C1'; did you mean C_1?"),
+        ({"restart": ["eta"]}, "restart: TubularDEA has no parameter 'eta'"),
+    ],
+)
+def test_a_plant_that_names_what_its_model_has_not_is_refused(change: dict, words: str) -> None:
+    with pytest.raises(DeclarationError) as refusal:
+        replace(PLANT, **change)
+    assert words in str(refusal.value)
+
+
+def test_the_headings_of_a_file_are_told_with_their_units() -> None:
+    assert PLANT.headers() == "time [s],pressure [Pa],voltage [V],radius [m]"
+    second = replace(PLANT, outputs=[*PLANT.outputs, Output("current", required=False)])
+    assert second.headers() == PLANT.headers()  # files may have it
+    assert Plant(PLANT.model, PLANT.inputs, [Output("charge")]).headers().endswith(",charge [C]")
+
+
+def test_the_tube_has_its_effects_in_its_channels() -> None:
+    assert set(catalogue()) <= set(PLANT.catalogue)
+    assert set(PLANT.channels) == {"electrical", "mechanical", "pressure", "sensor"}
+    assert {s.channel for s in PLANT.inputs} | {o.channel for o in PLANT.outputs} <= set(PLANT.channels)
+
+
+def test_exchangeable_branches_are_put_in_order() -> None:
+    values = PLANT.model.parameter_values()
+    assert PLANT.ordered(values) == values
+    swapped = values | {"k_1": values["k_2"], "k_2": values["k_1"], "eta_1": values["eta_2"], "eta_2": values["eta_1"]}
+    assert PLANT.ordered(swapped) == values
+    come = PLANT.exchanged(swapped)
+    assert {n: swapped[come[n]] for n in come} == values
+    assert PLANT.exchanged({"k_1": 1.0, "eta_1": 2.0}) == {"k_1": "k_1", "eta_1": "eta_1"}  # a branch is held
+
+
+def test_the_stages_take_the_experiments_that_they_are_about() -> None:
+    def driven(height: float, ramp: bool) -> Protocol:
+        rise = 5.0 if ramp else 0.0
+        return Protocol.of([0, 1, 1 + rise, 10], pressure=[0, 9e3, 9e3, 9e3], voltage=[0, 0, height, height])
+
+    drives = [driven(0.0, True), driven(6e3, False), driven(7e3, True), driven(4e3, True), driven(4e3, False)]
+    picked = {stage.names: stage.select(drives) for stage in PLANT.stages}
+    assert picked == {
+        ("C_1", "eps_r"): [3],
+        ("C_2", "C_3"): [2],
+        ("C_1", "eps_r", "C_2", "C_3"): [2, 3],
+        ("eta_o", "k_1", "eta_1", "k_2", "eta_2"): [4],
+    }
+    for stage in PLANT.stages:  # without such experiments, all of them
+        assert stage.select([driven(0.0, True)] * 2) == [0, 1]
+
+
+def test_equal_branches_are_moved_apart_before_they_are_searched() -> None:
+    start = PLANT.model.parameter_values() | TABLE_II
+    viscous = PLANT.stages[-1]
+    moved = viscous.prepare(start)
+    times = moved["eta_1"] / moved["k_1"], moved["eta_2"] / moved["k_2"]
+    assert times[1] == pytest.approx(5 * times[0])
+    assert viscous.prepare(moved) == moved
+
+
+def test_the_largest_inputs_keep_their_sign() -> None:
+    drives = [
+        Protocol.of([0, 1], pressure=[0, 5e3], voltage=[0, -6e3]),
+        Protocol.of([0, 1], pressure=[0, 9e3], voltage=[0, 4e3]),
+    ]
+    assert PLANT.nominal_inputs(drives) == {"pressure": 9e3, "voltage": -6e3}
+
+
+def test_feasible_experiments_stay_within_what_was_recorded() -> None:
+    assert PLANT.experiments is not None
+    made = PLANT.experiments({"pressure": 9e3, "voltage": -6e3})
+    assert len(made) >= 3
+    for words, protocol in made.items():
+        assert words and np.all(np.diff(protocol.time) >= 0)
+        assert np.abs(protocol.inputs["pressure"]).max() <= 9e3 + 1e-9
+        assert np.abs(protocol.inputs["voltage"]).max() <= 6e3 + 1e-9

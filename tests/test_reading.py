@@ -1,0 +1,275 @@
+"""Recordings with a laboratory's names and clocks: --columns, bench.toml, --dry-run, triggers, coarse times."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from laboratory import drawn, numbers
+from tubular_dea.cli import main
+from tubular_dea.identify import scales
+from tubular_dea.identify.data import DataError, read_experiment, read_folder
+from tubular_dea.identify.start import RESTED, UNKNOWN, detected
+from tubular_dea.plants.tube import PLANT
+
+EXAMPLE = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"
+OUTPUT = PLANT.outputs[0].name
+
+
+def table(n: int = 400) -> dict[str, np.ndarray]:
+    return numbers(np.random.default_rng(1), n)
+
+
+def written(folder: Path, columns: dict[str, np.ndarray], name: str = "a.csv") -> Path:
+    path = folder / name
+    path.parent.mkdir(exist_ok=True)
+    rows = [",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def strange(folder: Path, name: str = "a.csv") -> dict[str, np.ndarray]:
+    """A file whose headings only its laboratory understands; returns what it means."""
+    data = table()
+    written(
+        folder,
+        {
+            "t [s]": data["time"],
+            "AI1": data["pressure"] / 1e3,
+            "AI3 [kV]": data["voltage"] / 1e3,
+            "laser_1 [mm]": data["radius"] * 0,
+            "laser_2 [mm]": data["radius"] * 1e6,
+        },
+        name,
+    )
+    return data
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        ["pressure=AI1[kPa]", "voltage=AI3", "radius=laser_2[um]"],
+        ["pressure=2[kPa]", "voltage=3[kV]", "radius=5 [um]"],
+        ["time=t", "Pressure=ai1 [kPa]", "voltage=AI3 [kV]", "radius=LASER_2[um]"],
+        ["pressure=AI1[1000 Pa]", "voltage=AI3[1e3 V]", "radius=laser_2[0.001 mm]"],
+    ],
+)
+def test_columns_are_named_by_the_user(tmp_path: Path, columns: list[str]) -> None:
+    data = strange(tmp_path)
+    experiment = read_folder(tmp_path, PLANT, columns).experiments[0]
+    np.testing.assert_allclose(experiment.inputs["pressure"], data["pressure"], rtol=1e-8)
+    np.testing.assert_allclose(experiment.inputs["voltage"], data["voltage"], rtol=1e-8)
+    np.testing.assert_allclose(experiment.outputs[OUTPUT], data["radius"] - 0.015, atol=1e-10)
+    assert experiment.source and experiment.source.unused == ("laser_1 [mm]",)
+
+
+def test_bench_file_names_columns_too_and_the_command_line_goes_before(tmp_path: Path) -> None:
+    data = strange(tmp_path)
+    (tmp_path / "bench.toml").write_text(
+        '[columns]\npressure = "AI1 [kPa]"\nvoltage = 3\nradius = "laser_1 [um]"\n[geometry]\nn_layers = 6\n'
+    )
+    recordings = read_folder(tmp_path, PLANT, ["radius=laser_2[um]"])
+    np.testing.assert_allclose(recordings.experiments[0].outputs[OUTPUT], data["radius"] - 0.015, atol=1e-10)
+    assert recordings.geometry == {"n_layers": 6}
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (["radius"], ["--columns radius: expected SIGNAL=COLUMN"]),
+        (["radius="], ["expected SIGNAL=COLUMN"]),
+        (["radios=AI1"], ["there is no signal 'radios'; did you mean radius"]),
+        (["radius=AI1", "radius=AI2"], ["twice"]),
+        (["radius=AI1[furlong]"], ["unit like 'm' but found 'furlong'"]),
+        (["radius=AI4"], ["a.csv, line 1: column 'AI4' for radius is not there", "did you mean"]),
+        (["radius=9"], ["column '9' for radius is not there; found t [s], AI1"]),
+        (["pressure=AI1"], ["a.csv, line 1: column 'ai1' names no unit", "--columns 'pressure=2[Pa]'"]),
+        (["pressure=AI1[mm]"], ["column 'ai1': expected a unit like 'Pa' but was given 'mm'"]),
+        (["radius=laser_1", "displacement=laser_2"], ["expected one column 'radius [m]' or 'displacement [m]'"]),
+        ([], ["column 'pressure [Pa]' is missing; found t [s], AI1", "--columns pressure=ITS_NAME_OR_NUMBER"]),
+    ],
+)
+def test_choices_that_cannot_be_meant_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], columns: list[str], words: list[str]
+) -> None:
+    strange(tmp_path / "data")
+    complete = {"pressure=": "pressure=AI1[kPa]", "voltage=": "voltage=AI3", "radius=": "radius=laser_2[um]"}
+    if columns and columns[0] not in ("radius", "radius="):
+        columns = columns + [v for k, v in complete.items() if not any(c.startswith(k) for c in columns)]
+    options = ["--columns", *columns] if columns else []
+    assert main(["identify", str(tmp_path / "data"), "--out", str(tmp_path / "out"), *options]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and not (tmp_path / "out").exists()
+    for word in words:
+        assert word in said
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[geometri]\nr_o = 1\n", "found 'geometri'; did you mean geometry"),
+        ("[geometry]\nr_0 = 1\n", "'r_0' is not known; did you mean r_o"),
+        ("[geometry]\nn_layers = 7.5\n", "n_layers: expected a whole number but found 7.5"),
+        ("[noise]\nradus = 1\n", "'radus' is not known; did you mean radius"),
+        ("[noise]\nradius = '3 kV'\n", "radius: expected a unit like 'm' but was given 'kV'"),
+        ("[columns]\nradus = 'x'\n", "there is no signal 'radus'; did you mean radius"),
+        ("[start]\nb = 'rested'\n", "there is no experiment 'b'"),
+        ("[start]\na = 'restless'\n", "expected rested"),
+        ("[order]\na = '3 mm'\n", "expected a unit like 's'"),
+    ],
+)
+def test_what_bench_file_cannot_mean_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    strange(tmp_path)
+    (tmp_path / "bench.toml").write_text(text)
+    with pytest.raises(Exception, match="bench.toml") as refusal:
+        read_folder(tmp_path, PLANT)
+    assert words in str(refusal.value)
+
+
+def headed(**changed: np.ndarray) -> dict[str, np.ndarray]:
+    data = table() | changed
+    units = {"time": "time [s]", "pressure": "pressure [Pa]", "voltage": "voltage [V]", "radius": "radius [m]"}
+    return {units.get(name, name): values for name, values in data.items() if name != "current" or name in changed}
+
+
+def test_a_coarse_clock_was_even(tmp_path: Path) -> None:
+    experiment = read_experiment(written(tmp_path, headed(time=np.floor(table()["time"] * 100) / 100)), PLANT)
+    np.testing.assert_allclose(experiment.time, table()["time"], rtol=1e-9)
+    assert experiment.source and "250 Hz" in experiment.source.remarks[0]
+
+
+def test_rows_that_stand_there_twice_count_once(tmp_path: Path) -> None:
+    columns = {k: np.repeat(v, np.where(np.arange(400) % 50 == 7, 2, 1)) for k, v in headed().items()}
+    experiment = read_experiment(written(tmp_path, columns), PLANT)
+    assert experiment.time.size == 400 and np.all(np.diff(experiment.time) > 0)
+    assert experiment.source and "8 rows that stand there twice" in experiment.source.remarks[0]
+
+
+def test_a_time_that_stands_there_twice_is_spread(tmp_path: Path) -> None:
+    time = table()["time"].copy()
+    time[100] = time[99]
+    experiment = read_experiment(written(tmp_path, headed(time=time)), PLANT)
+    assert np.all(np.diff(experiment.time) > 0) and experiment.time[100] == pytest.approx(time[99] + 0.004)
+    assert experiment.source and "line 102" in experiment.source.remarks[0]
+
+
+def test_gaps_are_no_coarse_clock(tmp_path: Path) -> None:
+    columns = {k: np.delete(v, np.arange(200, 230)) for k, v in headed().items()}
+    experiment = read_experiment(written(tmp_path, columns), PLANT)
+    np.testing.assert_allclose(experiment.time, columns["time [s]"], rtol=1e-9)
+
+
+def test_two_recordings_in_one_file_are_told(tmp_path: Path) -> None:
+    path = written(tmp_path, headed())
+    path.write_text(path.read_text() * 2)
+    with pytest.raises(DataError, match=r"line 403, column 'time': .* or split the file where its headings are rep"):
+        read_experiment(path, PLANT)
+
+
+def test_a_clock_past_midnight(tmp_path: Path) -> None:
+    file = next(f for f in map(drawn, range(200)) if f.habits.time == "clock")
+    (tmp_path / "a.csv").write_bytes(file.raw)
+    experiment = read_experiment(tmp_path / "a.csv", PLANT)
+    np.testing.assert_allclose(experiment.time, np.arange(400) * 0.004, atol=1e-9)
+
+
+def test_a_trigger_is_a_switch(tmp_path: Path) -> None:
+    data = table()
+    trigger = np.where(data["time"] >= 1.0, 4.9, 0.1)
+    experiment = read_experiment(written(tmp_path, headed() | {"Trigger [V]": trigger}), PLANT)
+    np.testing.assert_array_equal(experiment.trigger, data["time"] >= 1.0)
+    still = read_experiment(written(tmp_path, headed() | {"trigger": trigger * 0}), PLANT)
+    assert still.trigger is None
+
+
+def test_notes_beside_the_files_are_left_aside_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written(tmp_path / "data", headed() | {"comment": np.zeros(400)})
+    (tmp_path / "data" / "README.txt").write_text("The tube was changed on\nMonday. Nothing else.\n")
+    (tmp_path / "data" / ".a.csv.swp").write_bytes(b"\0")
+    main(["identify", str(tmp_path / "data"), "--dry-run"])
+    said = capsys.readouterr().out
+    assert "no table   README.txt" in said and "not used   'comment'" in said
+
+
+def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
+    written(tmp_path, headed())
+    written(tmp_path, headed(), "a.txt")
+    with pytest.raises(DataError, match=r"one file an experiment but found a\.csv and a\.txt"):
+        read_folder(tmp_path, PLANT)
+
+
+@pytest.mark.parametrize("command", ["identify", "close-loop"])
+def test_dry_run_says_what_is_understood_and_fits_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    strange(tmp_path / "data")
+    columns = ["pressure=AI1[kPa]", "voltage=AI3", "radius=laser_2[um]"]
+    assert main([command, str(tmp_path / "data"), "--dry-run", "--columns", *columns]) == 0
+    said = capsys.readouterr().out
+    words = [
+        "1 experiments of TubularDEA, 400 samples",
+        "text (ASCII), commas",
+        "radius = 'laser_2 [mm] in um'",
+        "not used   'laser_1 [mm]'",
+        "250 Hz",
+        "rested",
+        "n_layers 8",
+        "1.596 s",
+    ]
+    for word in words:
+        assert word in said, said
+    assert not list(tmp_path.rglob("*.png"))
+    out = tmp_path / "out"
+    assert main([command, str(tmp_path / "data"), "--dry-run", "--columns", *columns, "--out", str(out)]) == 0
+    assert [p.name for p in out.iterdir()] == ["recordings.png"]
+    assert (out / "recordings.png").stat().st_size > 10_000
+
+
+def test_mixed_rates_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written(tmp_path / "data", headed())
+    written(tmp_path / "data", {h: v[::2] for h, v in headed().items()}, "b.csv")
+    assert main(["identify", str(tmp_path / "data"), "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    assert "250 Hz" in said and "125 Hz" in said
+
+
+@pytest.mark.parametrize(
+    ("signal", "factor", "words"),
+    [
+        ("pressure", 0.1, "pressure 10 times too small (kPa labelled mbar)"),
+        ("pressure", 7.50062, "pressure 7.5 times too large (mmHg labelled kPa)"),
+        ("voltage", 0.5, "voltage 2 times too small"),
+        ("radius", 2.0, "radius 2 times too large (a diameter for a radius)"),
+        ("radius", 0.1, "radius 10 times too small (cm labelled mm)"),
+        ("", 1.0, ""),
+    ],
+)
+def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, words: str) -> None:
+    recordings = read_folder(EXAMPLE, PLANT)
+    experiments = []
+    for e in recordings.experiments:
+        inputs = {n: v * factor if n == signal else v for n, v in e.inputs.items()}
+        outputs = {n: (v + 0.015) * (factor if signal == "radius" else 1) - 0.015 for n, v in e.outputs.items()}
+        experiments.append(dataclasses.replace(e, inputs=inputs, outputs=outputs))
+    said = scales.findings(dataclasses.replace(recordings, experiments=experiments))
+    assert words in said[0] if words else not said, said
+
+
+def test_without_out_there_is_only_a_dry_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written(tmp_path / "data", headed())
+    assert main(["identify", str(tmp_path / "data")]) == 2
+    assert "--out is missing" in capsys.readouterr().err
+
+
+def test_a_file_that_starts_under_a_small_load_is_told(tmp_path: Path) -> None:
+    """A ramp whose first second was cut off: 11 mmHg of 95, 0.3 mm of 3."""
+    data = table()
+    whole = read_experiment(written(tmp_path, headed(), "whole.csv"), PLANT)
+    assert detected(whole, PLANT) == RESTED
+    cut = read_experiment(written(tmp_path, {h: v[60:] for h, v in headed().items()}, "cut.csv"), PLANT)
+    assert detected(cut, PLANT) == UNKNOWN
+    stepped = read_experiment(written(tmp_path, headed(pressure=data["pressure"] + 2000), "step.csv"), PLANT)
+    assert detected(stepped, PLANT) == RESTED  # loaded at once, and the tube has not moved yet

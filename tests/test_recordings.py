@@ -1,0 +1,348 @@
+"""Files of laboratories: read to exactly the numbers that were meant, or refused with the place and what to do."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.constants
+import scipy.io
+
+from injuries import injured
+from laboratory import drawn
+from tubular_dea.identify.data import read_experiment
+from tubular_dea.model.units import converted, factor
+from tubular_dea.plants.tube import PLANT
+from tubular_dea.recordings import NoTableError, ReadError, Table, read
+from tubular_dea.recordings.cells import decimal_mark, numbers
+from tubular_dea.recordings.heading import parts
+
+SI = {"time": "s", "pressure": "Pa", "voltage": "V", "radius": "m", "current": "A"}
+NAMES = ("time", "pressure", "voltage", "radius")
+
+
+def saved(folder: Path, text: str | bytes, name: str = "a.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def columns(table: Table) -> dict[str, np.ndarray]:
+    return {c.name: c.values for c in table.columns}
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_files_of_any_laboratory(seed: int, tmp_path: Path) -> None:
+    file = drawn(seed)
+    table = read(saved(tmp_path, file.raw), NAMES)
+    by_name = {c.name: c for c in table.columns}
+    for name, values in file.values.items():
+        column = by_name[name]
+        assert not column.problem, file.habits
+        np.testing.assert_allclose(column.values, values, rtol=1e-14, atol=1e-9 if column.clock else 0, err_msg=name)
+        assert factor(column.unit, SI[name]) == pytest.approx(file.si[name], rel=1e-12), column.heading
+
+
+@pytest.mark.parametrize("seed", range(66))
+def test_injured_files_are_refused_with_the_place(seed: int, tmp_path: Path) -> None:
+    injury = injured(seed)
+    path = saved(tmp_path, injury.raw)
+    with pytest.raises(ReadError) as refusal:
+        read_experiment(path, PLANT)
+    said = str(refusal.value)
+    assert said.startswith(str(path)) and "\n" not in said and len(said) < 300 + len(str(path)), said
+    for word in injury.words:
+        assert word.lower() in said.lower(), (injury.kind, said)
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [
+        ("time [s]", "time", "s"),
+        ("time (s)", "time", "s"),
+        ("time_s", "time", "s"),
+        ("Time/s", "time", "s"),
+        ("TIME", "time", ""),
+        ("U / kV", "u", "kV"),
+        ("Radius, mm", "radius", "mm"),
+        ("p in mbar", "p", "mbar"),
+        ("laser_2", "laser_2", ""),
+        ("laser_2 [\u00b5m]", "laser_2", "\u00b5m"),
+        ("flow/(mL/s)", "flow", "mL/s"),
+        ("Radial displacement (mm)", "radial_displacement", "mm"),
+        ("V/Vmax", "v_vmax", ""),
+        ("radius_1", "radius_1", ""),
+        ("pressure [foo]", "pressure", "foo"),
+        ('"time [s]"', "time", "s"),
+        ("flow [L/min] (filtered)", "flow", "L/min"),
+    ],
+)
+def test_headings_are_taken_apart(heading: str, name: str, unit: str) -> None:
+    assert parts(heading) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected", "value"),
+    [
+        ("\u00b5m", "m", 1e-6),
+        ("\u03bcm", "m", 1e-6),
+        ("MBAR", "Pa", 100),
+        ("psig", "Pa", scipy.constants.psi),
+        ("Torr", "Pa", scipy.constants.torr),
+        ("cm H2O", "Pa", 98.0665),
+        ("atm", "Pa", scipy.constants.atm),
+        ("L\u00b7min^-1", "m3/s", 1e-3 / 60),
+        ("m\u00b3/s", "m3/s", 1),
+        ("bpm", "Hz", 1 / 60),
+        ("PA", "Pa", 1),
+        ("KV", "V", 1e3),
+        ("inch", "m", scipy.constants.inch),
+        ("kg/(m.s)", "Pa.s", 1),
+        ("m s-1", "m/s", 1),
+        ("microns", "m", 1e-6),
+        ("hours", "s", 3600),
+        ("mm Hg", "Pa", 133.322),
+        ("nA", "A", 1e-9),
+        ("hPa", "Pa", 100),
+        ("bar", "Pa", 1e5),
+        ("L/min", "m3/s", 1e-3 / 60),
+        ("mL/s", "m3/s", 1e-6),
+        ("uA", "A", 1e-6),
+        ("cm", "m", 1e-2),
+    ],
+)
+def test_units_as_they_are_written(unit: str, expected: str, value: float) -> None:
+    assert factor(unit, expected) == pytest.approx(value, rel=1e-12)
+
+
+def test_temperatures_have_a_zero_of_their_own() -> None:
+    assert converted(20.0, "\u00b0C", "K") == pytest.approx(293.15)
+    assert converted(68.0, "degF", "degC") == pytest.approx(20)
+
+
+@pytest.mark.parametrize(
+    ("cells", "values"),
+    [
+        (["1.234,5", "0,5"], [1234.5, 0.5]),
+        (["1,234.5", "0.5"], [1234.5, 0.5]),
+        (["1 234,5", "0,5"], [1234.5, 0.5]),
+        (["1'234.5", "2.5"], [1234.5, 2.5]),
+        (["0,012", "12,345"], [0.012, 12.345]),
+        (["999", "1,000"], [999, 1000]),
+        (["1,234,567", "12"], [1234567, 12]),
+        (["1000", "1,234"], [1000, 1.234]),
+        (["\u22121.5", "+2"], [-1.5, 2]),
+        (["1.5D+03", "2d-1"], [1500, 0.2]),
+        (["on", "OFF"], [1, 0]),
+        (["9.91E+37", "1"], [np.nan, 1]),
+    ],
+)
+def test_numbers_as_they_are_written(cells: list[str], values: list[float]) -> None:
+    np.testing.assert_array_equal(numbers(cells).values, values)
+
+
+def test_thousands_that_look_like_decimals_are_told_by_the_other_columns() -> None:
+    assert decimal_mark(["12,345", "13,456"]) == "?"
+    assert numbers(["12,345", "13,456"], ",").values[0] == 12.345
+    assert numbers(["12,345", "13,456"], ".").values[0] == 12345
+    assert numbers(["1.234", "12"], ",").values[0] == 1234
+    for cell in ("1_000", "inf", "1.5.2", "0x1F", "12 mV", "1e"):
+        assert numbers([cell, "1.5", "2.5"]).bad.tolist() == [0], cell
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t100\t100\t
+Y_Unit_Label\tPascal\tVolts\t
+X_Dimension\tTime\tTime\t
+Delta_X\t0.004\t0.004\t
+***End_of_Header***\t\t\t
+X_Value\tpressure\tvoltage\tComment
+0.000000\t1.5\t2.5
+0.004000\t2.5\t3.5
+0.008000\t3.5\t4.5
+"""
+
+
+def test_a_labview_measurement_file(tmp_path: Path) -> None:
+    table = read(saved(tmp_path, LVM, "a.lvm"))
+    found = [(c.name, c.unit) for c in table.columns[:3]]
+    assert found == [("x_value", "s"), ("pressure", "Pascal"), ("voltage", "Volts")]
+    np.testing.assert_array_equal(table.columns[1].values, [1.5, 2.5, 3.5])
+    assert table.notes["delta_x"] == "0.004, 0.004"
+
+
+def test_the_nearest_of_several_head_lines_is_not_always_the_heading(tmp_path: Path) -> None:
+    text = "time;pressure;voltage;radius\ns;Pa;V;m\nclock;monitor;amplifier;laser\n0;1;2;3\n1;2;3;4\n2;3;4;5\n"
+    table = read(saved(tmp_path, text), NAMES)
+    assert [(c.name, c.unit) for c in table.columns] == list(zip(NAMES, ["s", "Pa", "V", "m"], strict=True))
+    assert table.heading_line == 1
+
+
+def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+    text = "time [s],p [Pa]\n0,1\n1,2\ntime [s],p [Pa]\npump restarted\n\n2,3\n3"
+    table = read(saved(tmp_path, text))
+    np.testing.assert_array_equal(table.lines, [2, 3, 7])
+    said = " ".join(table.remarks)
+    for word in ("headings repeated: line 4", "line 5 'pump restarted'", "line 8, the last one, ends too early"):
+        assert word in said
+
+
+def test_a_cell_may_run_over_lines(tmp_path: Path) -> None:
+    table = read(saved(tmp_path, '"time\n[s]","p\n[mbar]"\n0,1\n1,"2"\n2,3\n'))
+    assert [(c.name, c.unit) for c in table.columns] == [("time", "s"), ("p", "mbar")]
+    np.testing.assert_array_equal(table.lines, [4, 5, 6])
+
+
+def test_without_headings_columns_have_numbers_only(tmp_path: Path) -> None:
+    table = read(saved(tmp_path, "0, 30.7\n0.005, 37.1\n0.01, 48.3\n"))
+    assert [c.heading for c in table.columns] == ["", ""] and table.heading_line == 0
+    np.testing.assert_array_equal(table.columns[1].values, [30.7, 37.1, 48.3])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"", ["empty"]),
+        (b"\xef\xbb\xbf", ["empty"]),
+        (b"  \n\n", ["empty"]),
+        (b"\x00" * 100, ["byte 0", "text"]),
+        (bytes(range(256)), ["text", "line 1"]),
+        (b"PK\x03\x04xx", ["spreadsheet", "export it as CSV"]),
+        (b"\x1f\x8b\x08", ["compressed"]),
+        (b"\xff\xfe" + b"a", ["UTF-16", "byte"]),
+        (b"notes on the bench\nnothing else\n", ["line 1", "no line holds numbers", "'notes on the bench'"]),
+        (b"time [s],p [Pa]\n0,1\n1,2,3\n2,3\n", ["line 3", "3 cells below 2 headings", "decimal commas"]),
+        (b"t p q\n0 1 2\n1 2\n2 3 4\n3 4 5\n", ["line 3", "2 cells below 3 headings", "spaces"]),
+        (b'time [s],p [Pa]\n0,1\n1,"2\n' + b"2,3\n" * 40, ["line 3", "closing quote"]),
+        (b"TDSm" + b"\0" * 50, ["TDMS"]),
+        (b"PAR1" + b"\0" * 50, ["Parquet"]),
+        (b"MATLAB 5.0 MAT-file" + b"\0" * 200, ["MATLAB 5"]),
+        (b"\x89HDF\r\n\x1a\n" + b"\0" * 50, ["HDF5"]),
+    ],
+)
+def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: bytes, words: list[str]) -> None:
+    path = saved(tmp_path, text)
+    with pytest.raises(ReadError) as refusal:
+        read(path)
+    said = str(refusal.value)
+    assert said.startswith(str(path)) and "\n" not in said
+    for word in words:
+        assert word in said
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("12x", "line 103, column 'p': expected a number but found '12x'"),
+        ("inf", "expected a finite number"),
+        ("-1.#INF", "expected a finite number"),
+        ("1_000", "found '1_000'"),
+        ("3,14", "4 cells below 3 headings"),
+    ],
+)
+def test_a_bad_cell_has_a_place(tmp_path: Path, cell: str, words: str) -> None:
+    rows = [f"{0.004 * i:.3f},{100 + i}.5,{i}.25" for i in range(300)]
+    rows[100] = f"0.400,{cell},100.25"
+    path = saved(tmp_path, "\n".join(["# a tube", "t [s],p [Pa],q [V]", *rows]))
+    if "cells" in words:
+        with pytest.raises(ReadError, match=words):
+            read(path)
+        return
+    table = read(path)
+    assert words in table.columns[1].problem and not table.columns[0].problem
+
+
+def test_a_bad_cell_in_the_first_row_is_no_heading(tmp_path: Path) -> None:
+    rows = "\n".join(f"{0.004 * i:.3f},{100 + i}.5,{i}.25" for i in range(1, 300))
+    table = read(saved(tmp_path, f"t [s],p [Pa],q [V]\n0.000,x,3\n{rows}\n"))
+    assert [c.name for c in table.columns] == ["t", "p", "q"]
+    assert "line 2, column 'p'" in table.columns[1].problem
+
+
+def test_notes_with_some_numbers_are_no_table(tmp_path: Path) -> None:
+    text = "Notes\nThe tube of 15 mm was changed on\n12 March 2024 and burst at 7 kV\nafter 300 beats, see page 4\n"
+    with pytest.raises(NoTableError):
+        read(saved(tmp_path, text, "README.txt"))
+
+
+def _arrays() -> dict[str, np.ndarray]:
+    t = np.arange(100) * 0.004
+    return {"time_s": t, "pressure_kPa": 8 + t, "voltage_V": 4000 * t, "radius_mm": 15 + t}
+
+
+def _check(table: Table) -> None:
+    found = {c.name: c for c in table.columns}
+    for heading, values in _arrays().items():
+        name, unit = heading.split("_")
+        np.testing.assert_allclose(found[name].values, values, rtol=1e-14)
+        assert found[name].unit == unit
+    assert table.row == "sample" and not any(c.problem for c in table.columns)
+
+
+def test_matlab_5(tmp_path: Path) -> None:
+    arrays = _arrays()
+    scipy.io.savemat(tmp_path / "a.mat", arrays | {"fs": 250.0, "operator": "nobody"})
+    _check(read(tmp_path / "a.mat"))
+    scipy.io.savemat(tmp_path / "b.mat", {"data": {k: v[:, None] for k, v in arrays.items()}})
+    _check(read(tmp_path / "b.mat"))
+    names = np.array(list(arrays), dtype=object)
+    scipy.io.savemat(tmp_path / "c.mat", {"data": np.column_stack([*arrays.values()]), "names": names})
+    _check(read(tmp_path / "c.mat"))
+
+
+def test_matlab_7(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="the extra `files` is not installed")
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        for name, values in _arrays().items():
+            file.create_dataset(f"data/{name}", data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
+    with (tmp_path / "a.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + b"\0" * 8 + b"\x00\x02IM")
+    table = read(tmp_path / "a.mat")
+    _check(table)
+    assert table.format == "MATLAB 7.3"
+
+
+def test_hdf5_with_units_as_attributes(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="the extra `files` is not installed")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for heading, values in _arrays().items():
+            name, unit = heading.split("_")
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+    _check(read(tmp_path / "a.h5"))
+
+
+def test_tdms(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="the extra `files` is not installed")
+    made = [
+        nptdms.ChannelObject("run", h.split("_")[0], v, {"unit_string": h.split("_")[1], "wf_increment": 0.004})
+        for h, v in list(_arrays().items())[1:]
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(made)
+    _check(read(tmp_path / "a.tdms"))
+
+
+def test_parquet(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow", reason="the extra `files` is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pyarrow.table(_arrays()), tmp_path / "a.parquet")
+    _check(read(tmp_path / "a.parquet"))
+
+
+@pytest.mark.parametrize(
+    ("library", "start"), [("h5py", b"\x89HDF\r\n\x1a\n"), ("nptdms", b"TDSm"), ("pyarrow.parquet", b"PAR1")]
+)
+def test_a_missing_library_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, library: str, start: bytes
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ReadError, match=rf"needs {library.partition('.')[0]}.*pip install 'tubular-dea\[files\]'"):
+        read(saved(tmp_path, start + b"\0" * 64))
