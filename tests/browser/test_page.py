@@ -222,6 +222,38 @@ def test_axe_finds_nothing(page: Page, view: str, theme: str) -> None:
     assert found == []
 
 
+@pytest.mark.parametrize("view", VIEWS)
+def test_nothing_is_wider_than_a_phone(page: Page, view: str) -> None:
+    """With everything open, at every control's ends, and before plots drawn for a wide window are drawn anew."""
+    page.show(view)
+    page.size(390)
+    wider = page.run(
+        """
+        const root = document.getElementById(`view-${given[0]}`), wider = [];
+        const tell = (element, kind) => element.dispatchEvent(new Event(kind, { bubbles: true }));
+        const look = async (after) => {
+          if (document.documentElement.scrollWidth > 390) wider.push(after);
+          await new Promise((r) => requestAnimationFrame(r));
+          if (document.documentElement.scrollWidth > 390) wider.push(`${after}, a frame later`);
+        };
+        for (const d of document.querySelectorAll("details")) d.open = true;
+        await look("all open");
+        for (const element of [...root.querySelectorAll("input[type=range], select")]) {
+          if (!element.isConnected) continue;
+          const values = element.options ? [...element.options].map((o) => o.value) : [0, 1000];
+          for (const value of values) {
+            element.value = value;
+            tell(element, element.options ? "change" : "input");
+            await look(`${element.id} = ${value}`);
+          }
+        }
+        return wider;
+    """,
+        view,
+    )
+    assert wider == []
+
+
 @pytest.mark.parametrize(("width", "theme"), [(1280, "light"), (1280, "dark"), (390, "light")])
 @pytest.mark.parametrize("view", VIEWS)
 def test_pictures_of_each_view(page: Page, view: str, width: int, theme: str) -> None:

@@ -60,7 +60,7 @@ class Ecg {
     const { on, off, limits } = this.get(), [a, b] = this.window;
     for (const [which, part] of [["on", on], ["off", off]]) {
       const element = this.handles[which], t = this.beat.at + part * this.beat.length;
-      element.style.left = `${100 * (t - a) / (b - a)}%`;
+      element.style.left = `clamp(.8rem, ${100 * (t - a) / (b - a)}%, 100% - .8rem)`; // one beyond the beats drawn stays in reach
       element.setAttribute("aria-valuenow", String(part));
       element.setAttribute("aria-valuemin", String(limits[which][0]));
       element.setAttribute("aria-valuemax", String(limits[which][1]));
