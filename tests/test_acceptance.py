@@ -222,7 +222,7 @@ def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
     null = null_scores(listed, jacobian, draws=20_000)
     sizes = power.smallest_visible(listed, jacobian, null)
     assert sizes["hidden"] == {"hidden": None}
-    threshold = null.threshold(power.FALSE_ALARMS)
+    threshold = null.threshold(power.VISIBLE_ALARMS)
     passed = []
     for _ in range(400):
         residual = sizes["lag"]["lag"] * columns[:, 0] + random.standard_normal(800)

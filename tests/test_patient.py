@@ -11,8 +11,8 @@ import pytest
 from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.identify.patient import POINTS, fit_patient
-from tubular_dea.identify.recorded_beat import RecordedBeat, average, read_signals
+from tubular_dea.identify.patient import fit_patient
+from tubular_dea.identify.recorded_beat import BEAT_POINTS, RecordedBeat, average, read_signals
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE
@@ -42,9 +42,9 @@ def table(
 
 def beat_of(values: dict[str, float], with_flow: bool) -> RecordedBeat:
     """A noiseless steady beat, turned by a third."""
-    time = 12 * PERIOD + np.arange(POINTS) * PERIOD / POINTS
+    time = 12 * PERIOD + np.arange(BEAT_POINTS) * PERIOD / BEAT_POINTS
     run = Kernel(aortic_windkessel()).simulate(Protocol.of([0, 14 * PERIOD], tube_flow=[0, 0]), time, values)
-    pressure, flow = (np.roll(run[n], POINTS // 3) for n in ("aortic_pressure", "aortic_flow"))
+    pressure, flow = (np.roll(run[n], BEAT_POINTS // 3) for n in ("aortic_pressure", "aortic_flow"))
     return RecordedBeat(PERIOD, 1, pressure, 0 * pressure, flow if with_flow else None, "")
 
 

@@ -27,9 +27,9 @@ from .engine import PRIOR
 from .next_experiment import sweeps
 from .parameters import base_parameters, switched_off
 
-SAMPLES = 6000  # of every experiment
-NOISE = 3e-3  # of an output's largest value: a sensor's usual noise, beside which the prior counts
-LONG = 60.0  # of the plant's own usual time: experiments on a plant that declares none
+ATLAS_SAMPLES = 6000  # of every experiment
+ATLAS_NOISE = 3e-3  # of an output's largest value: a sensor's usual noise, beside which the prior counts
+BENCH_LENGTH = 60.0  # of the plant's own usual time: experiments on a plant that declares none
 TAKEN_UP = 0.01  # of what an effect changes: what leaves less than this is taken up by the plant's own parameters
 
 Progress = Callable[[str], None]
@@ -145,12 +145,12 @@ def experiments(plant: Plant) -> dict[str, Protocol]:
     usual = {s.name: plant.quantity(s.name).nominal for s in plant.inputs}
     if plant.experiments is not None:
         return plant.experiments(usual)
-    span = LONG * seconds(plant.model)
-    return sweeps(plant, usual, span, span / SAMPLES)
+    span = BENCH_LENGTH * seconds(plant.model)
+    return sweeps(plant, usual, span, span / ATLAS_SAMPLES)
 
 
 def _case(plant: Plant, protocol: Protocol) -> Case:
-    times = np.linspace(protocol.time[0], protocol.time[-1], SAMPLES)
+    times = np.linspace(protocol.time[0], protocol.time[-1], ATLAS_SAMPLES)
     return Case(protocol, tuple(Reading(o.name, times) for o in plant.outputs if o.required))
 
 
@@ -170,8 +170,8 @@ def _own(plant: Plant, kernel: Kernel, cases: Sequence[Case], values: Mapping[st
 
 def _remaining(changed: np.ndarray, own: np.ndarray) -> np.ndarray:
     """What a fit of the own parameters leaves of a change (N,)."""
-    information = own.T @ own / NOISE**2 + np.eye(own.shape[1]) / PRIOR**2
-    return changed - own @ np.linalg.solve(information, own.T @ changed / NOISE**2)
+    information = own.T @ own / ATLAS_NOISE**2 + np.eye(own.shape[1]) / PRIOR**2
+    return changed - own @ np.linalg.solve(information, own.T @ changed / ATLAS_NOISE**2)
 
 
 def _ordered(plant: Plant, found: Sequence[Left]) -> tuple[list[Left], np.ndarray]:

@@ -24,7 +24,7 @@ from ..kernel import Kernel, KernelError
 from ..model.effect import Effect
 from .parameters import size, switched_off
 
-STEP = 0.02  # of the typical size: small against any curvature, large against the integrator's tolerance
+SCORE_STEP = 0.02  # of the typical size: small against any curvature, large against the integrator's tolerance
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _candidate(
     names = tuple(n for n in effect.off if n not in effect.refine)
     columns = []
     for name in names:
-        step = strength.get(name) or STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
+        step = strength.get(name) or SCORE_STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
         try:
             moved = plain.response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
         except KernelError:

@@ -15,13 +15,15 @@ from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .parameters import base_parameters
 
-STARTS = 3
+BASE_STARTS = 3
 MOVE = 0.1  # relative distance of the further starts
 CONFIRM = 15  # evaluations they have
 AGREE = 2.0  # by how much the costs of converged searches may differ
 
 
-def recalibrate(study: Study, starts: int = STARTS, seed: int = 0, start: Mapping[str, float] | None = None) -> Fit:
+def recalibrate(
+    study: Study, starts: int = BASE_STARTS, seed: int = 0, start: Mapping[str, float] | None = None
+) -> Fit:
     """The best fit of the base model to the training pieces: from `start` (the declared values), then from around it.
 
     The first search runs until it converges; the others start around where it ended and confirm it, or go on from a

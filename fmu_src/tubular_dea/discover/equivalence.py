@@ -15,7 +15,7 @@ from .options import Option
 CHANCE = 12.0  # difference of twice the log likelihood that chance explains
 FORM_SHARE = 0.02  # of the gain that another functional form of the same effect may lose
 ERROR_SHARE = 0.2  # of the misfit of a model whose own error is far above the noise
-WEAK_SHARE, WEAK = 0.6, 120.0  # the same where the gain is small, and the most it then may lose
+WEAK_SHARE, WEAK_MOST = 0.6, 120.0  # the same where the gain is small, and the most it then may lose
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:
@@ -28,7 +28,7 @@ def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tupl
     if not len(missing) == len(extra) == 1:
         return None
     gain = gains[missing[0]]
-    reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK), error_reach(chosen))
+    reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))
     return (missing[0], extra[0]) if 2 * (chosen.evidence - rival.evidence) < reach else None
 
 

@@ -17,7 +17,10 @@ from . import bank
 from .parameters import base_parameters
 
 HELD = 0.2  # of what a candidate changes: enough to confirm it; more of it is missed where it is to be found
-MOST, LONG = 0.3, 0.2  # of all samples that may be held out, together and in one: long experiments are kept for fits
+HELD_MOST, HELD_LONG = (
+    0.3,
+    0.2,
+)  # of all samples that may be held out, together and in one: long experiments are kept for fits
 DEAR = 0.5  # worth of a candidate confirmed against a parameter's standard error that grows by a factor of e
 
 
@@ -52,8 +55,8 @@ def with_held_out(study: Study) -> Study:
     chosen: list[int] = []
     sizes = [p.record.size for p in study.pieces]
     for _ in range(max(1, len(study.pieces) // HELD_SHARE)):
-        room = MOST * sum(sizes) - sum(sizes[i] for i in chosen)
-        rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, LONG * sum(sizes))]
+        room = HELD_MOST * sum(sizes) - sum(sizes[i] for i in chosen)
+        rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, HELD_LONG * sum(sizes))]
         if not rest:
             break
         chosen.append(max(rest, key=lambda i: (sight.worth([*chosen, i]), -i)))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from ..identify.response import TOLERANCE
 from ..identify.study import Study
 
-MARGIN = 4.0
+NUMERIC_MARGIN = 4.0
 
 
 def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
@@ -19,4 +19,4 @@ def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
     coarse = problem.response.outputs(values, TOLERANCE)
     fine = problem.response.outputs(values, TOLERANCE / 2)
     changed = problem.whiten([a - b for a, b in zip(coarse, fine, strict=True)])
-    return MARGIN * float(changed @ changed)
+    return NUMERIC_MARGIN * float(changed @ changed)

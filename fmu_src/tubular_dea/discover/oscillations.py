@@ -13,8 +13,8 @@ import numpy as np
 from ..identify.adjust import with_own
 from .engine import Discovery
 
-NEAR, FINE = 0.06, 61  # Hz around a line's frequency, and places there that are compared
-STANDS_OUT = 4.0  # standard errors of an amplitude from which on it is told
+LINE_NEAR, LINE_PLACES = 0.06, 61  # Hz around a line's frequency, and places there that are compared
+LINE_TOLD = 4.0  # standard errors of an amplitude from which on it is told
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ def oscillations(found: Discovery) -> list[Oscillation]:
             fine = _finest(line, records)
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
             errors = {name: noise.slow_at(_step(times)) * np.sqrt(2 / times.size) for name, times, _ in records}
-            if any(amplitudes[name] > STANDS_OUT * errors[name] for name in amplitudes):
+            if any(amplitudes[name] > LINE_TOLD * errors[name] for name in amplitudes):
                 told.append(Oscillation(output, fine, amplitudes))
     return told
 
 
 def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> float:
     """The frequency near a line at which the records, each with a phase of its own, have most."""
-    grid = line + np.linspace(-NEAR, NEAR, FINE)
+    grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
     return float(grid[int(np.argmax(power))])
 

@@ -22,15 +22,18 @@ from ..model.effect import Effect
 from ..protocol import Protocol
 from .parameters import switched_on
 
-POINTS = 400  # of a curve
+CURVE_POINTS = 400  # of a curve
 WAY = (0.0, 0.6, 0.0, 1.0, 0.0)  # of the range: the corners of a loop
 FASTER, SAME = 10.0, 0.3  # times as fast, a loop has to stay the same within this share of its height
 FELT = 1e-3  # of what an effect does: what moves it by less does not
-SETTLED, SHOWN = 0.05, 1.6  # of a step's answer that is left when it counts as settled; how long after it is shown
+STEP_SETTLED, STEP_SHOWN = (
+    0.05,
+    1.6,
+)  # of a step's answer that is left when it counts as settled; how long after it is shown
 BEFORE = 0.15  # of the time shown that lies before a step
-DRAWS, SEED = 400, 1  # of the parameters, for a band
+DRAWS, BAND_SEED = 400, 1  # of the parameters, for a band
 BAND, ANSWERED = (0.025, 0.975), 0.9  # quantiles of the draws; share of them that have to have an answer
-STEPS = 100_000  # internal steps of a run between two points, after which it is given up
+CURVE_STEPS = 100_000  # internal steps of a run between two points, after which it is given up
 
 Given = Mapping[str, np.ndarray]
 
@@ -87,7 +90,7 @@ class Bench:
         """What the effect changes, and its own states, along a course."""
         inputs = {inner: course.given[name] for name, inner in self.cut.acts_on.items()}
         at = course.time if times is None else times
-        found = self._kernel.simulate(Protocol(course.time, inputs), np.unique(at), values, max_steps=STEPS)
+        found = self._kernel.simulate(Protocol(course.time, inputs), np.unique(at), values, max_steps=CURVE_STEPS)
         places = np.searchsorted(found.time, at)
         wanted = [self.cut.output, *(s.quantity.name for s in self.cut.model.states)]
         return {name: found[name][places] for name in wanted}
@@ -105,7 +108,7 @@ class Bench:
         mine = [i for i, f in enumerate(self.fitted.free) if f.name in {q.name for q in self.effect.parameters}]
         free = [self.fitted.free[i] for i in mine]
         size, directions = np.linalg.eigh(self.fitted.covariance[np.ix_(mine, mine)])
-        half = np.random.default_rng(SEED).standard_normal((DRAWS // 2, len(mine)))
+        half = np.random.default_rng(BAND_SEED).standard_normal((DRAWS // 2, len(mine)))
         drawn = np.concatenate([half, -half]) * np.sqrt(np.maximum(size, 0.0)) @ directions.T
         runs = []
         for moved in self.fitted.scaled[mine] + drawn:
@@ -183,13 +186,15 @@ class _Usual:
         shares = np.array(WAY if cut.remembers else (0.0, 1.0))
         gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares)))])
         corners = lasts * (gone / gone[-1])
-        times = np.unique(np.concatenate([np.linspace(0, lasts, POINTS), corners]))
+        times = np.unique(np.concatenate([np.linspace(0, lasts, CURVE_POINTS), corners]))
         return self.course(cut, name, corners, shares), times
 
     def still(self, cut: Alone, lasts: float) -> tuple[Course, np.ndarray]:
         """The course on which nothing moves."""
         at = self.values | (dict.fromkeys(cut.moving.values(), 0.0) if cut.remembers else {})
-        return Course(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(0, lasts, POINTS)
+        return Course(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(
+            0, lasts, CURVE_POINTS
+        )
 
     def course(self, cut: Alone, name: str, time: np.ndarray, shares: np.ndarray) -> Course:
         """The course of `name` through shares of its range, straight between times; all else as it usually is."""
@@ -213,12 +218,12 @@ def _step(bench: Bench, name: str, usual: _Usual) -> tuple[Course, np.ndarray]:
     rise = 0.0 if name in bench.jumping else min((high - low) / usual.rates[name], 0.1 * usual.longest)
     shares = np.array([0.0, 0.0, 1.0, 1.0])
     far = usual.course(bench.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
-    looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, POINTS) * usual.longest]))
+    looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, CURVE_POINTS) * usual.longest]))
     left = np.abs(_settling(bench.change(far, looked)))
-    unsettled = looked[left > SETTLED * left.max()] if left.max() > 0 else looked[:1]
-    lasts = float(np.clip(SHOWN * unsettled[-1], max(4 * rise, 1e-4 * usual.longest), usual.longest))
+    unsettled = looked[left > STEP_SETTLED * left.max()] if left.max() > 0 else looked[:1]
+    lasts = float(np.clip(STEP_SHOWN * unsettled[-1], max(4 * rise, 1e-4 * usual.longest), usual.longest))
     course = usual.course(bench.cut, name, np.array([-BEFORE * lasts, 0.0, rise, lasts]), shares)
-    return course, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, POINTS), [0.0, rise]]))
+    return course, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, CURVE_POINTS), [0.0, rise]]))
 
 
 def _settling(change: np.ndarray) -> np.ndarray:

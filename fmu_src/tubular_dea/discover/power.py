@@ -17,7 +17,7 @@ from ..model.effect import Effect
 from .bank import Candidate
 from .bootstrap import NullScores
 
-FALSE_ALARMS, POWER = 0.05, 0.8
+VISIBLE_ALARMS, POWER = 0.05, 0.8
 HIDDEN = 1e-3  # of a column that must be left for it to be anything but the present parameters
 STEEPEST = 4.0  # power of the gain over a lag's length, beyond its grid: from 2 (its first moment) to 4
 Sizes = dict[str, float | None]
@@ -28,7 +28,7 @@ def smallest_visible(listed: Sequence[Candidate], jacobian: np.ndarray, null: Nu
 
     `listed` are the candidates at the present model with `jacobian` (N, k).
     """
-    needed = (np.sqrt(null.threshold(FALSE_ALARMS)) + norm.ppf(POWER)) ** 2
+    needed = (np.sqrt(null.threshold(VISIBLE_ALARMS)) + norm.ppf(POWER)) ** 2
     basis, _ = np.linalg.qr(jacobian)
     found: dict[str, Sizes] = {}
     for effect in {c.effect.id: c.effect for c in listed}.values():

@@ -14,8 +14,8 @@ from ..model.effect import Effect
 from .bank import Score
 from .parameters import base_parameters, clipped, effect_parameters, switched_on
 
-FIRST, FULL = 9, 30  # evaluations from each start, and from the best of them
-ROUGH = 1e-4  # relative change of the cost at which the first steps end
+FIRST_STEPS, FULL_STEPS = 9, 30  # evaluations from each start, and from the best of them
+ROUGH_PRECISION = 1e-4  # relative change of the cost at which the first steps end
 PROMISED = 0.8  # share of its score that a refit is content with
 BELIEVED = 1.0  # as far as the linear model is believed, in the solver's numbers
 NEARBY = 0.1  # of the score's amplitude
@@ -44,7 +44,7 @@ def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]], refined: I
     found = []
     for start in starts:
         try:
-            found.append(fit_effects(study, ids, start, FIRST, refined, ROUGH))
+            found.append(fit_effects(study, ids, start, FIRST_STEPS, refined, ROUGH_PRECISION))
         except FitError:
             continue
     return min(found, key=lambda f: f.cost, default=None)
@@ -62,7 +62,7 @@ def fit_effects(
     study: Study,
     ids: Ids,
     start: dict[str, float],
-    evaluations: int = FULL,
+    evaluations: int = FULL_STEPS,
     refined: Sequence[str] = (),
     precision: float = PRECISION,
 ) -> Fit:

@@ -11,8 +11,8 @@ from ..model.units import factor
 from .engine import Discovery
 from .oscillations import Oscillation
 
-FAR = 3.0  # factor from the declared value beyond which a refitted parameter is hardly the plant's
-FEW = 3  # experiments below which a verdict rests on little
+IMPLAUSIBLE = 3.0  # factor from the declared value beyond which a refitted parameter is hardly the plant's
+FEW_EXPERIMENTS = 3  # experiments below which a verdict rests on little
 
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
@@ -26,7 +26,7 @@ def implausible(found: Discovery, fitted: Fit) -> list[str]:
     """The plant's own parameters that had to leave the plausible in a fit, by name."""
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
-    return [n for n in judged if not 1 / FAR < fitted.values[n] / declared[n] < FAR]
+    return [n for n in judged if not 1 / IMPLAUSIBLE < fitted.values[n] / declared[n] < IMPLAUSIBLE]
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
@@ -55,7 +55,7 @@ def _implausible(found: Discovery) -> list[str]:
 def thin(found: Discovery) -> str:
     """Why these recordings can show only little; "" where they are many and of several kinds."""
     files = {p.source for p in found.study.pieces}
-    if len(files) < FEW:
+    if len(files) < FEW_EXPERIMENTS:
         what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
         return f"there {'is' if len(files) == 1 else 'are'} {what} only"
     still = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]

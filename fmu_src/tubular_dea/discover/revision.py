@@ -13,7 +13,7 @@ from .options import Option, fitted_option
 from .rounds import AT_BEST, Progress, Round
 
 LITTLE = 12.0  # gain below which an effect is dropped again
-FINER = 10.0  # log evidence that a finer form must bring
+FINER_GAIN = 10.0  # log evidence that a finer form must bring
 MOST_FINER = 4  # rivals that are refined with the choice
 
 
@@ -101,7 +101,7 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
         if not study.catalogue[name].refine or name in found.chosen.refined:
             continue
         finer = _finer(study, found.chosen, (name,), tell)
-        if finer and finer.evidence > found.chosen.evidence + FINER and not denied(found.chosen, finer):
+        if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
             found.chosen = finer
     if found.chosen is not coarse:
         _refine_rivals(study, found, coarse, tell)

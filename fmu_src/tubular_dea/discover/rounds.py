@@ -17,16 +17,19 @@ from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
 from .parameters import unusual
 from .power import Sizes, smallest_visible
-from .refit import FULL, first_refit, further
+from .refit import FULL_STEPS, first_refit, further
 
-REFITS, NEAR = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
-MARGIN = 1.2  # over the bootstrap's threshold, as the noise is not known exactly
-WEAK = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
+REFITS, NEAR_SCORE = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
+NULL_MARGIN = 1.2  # over the bootstrap's threshold, as the noise is not known exactly
+WEAK_NEAR = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
 MOST_REFITS = 10
 ALL_REFITS = 24  # the same where models are so far from the plant that scores at "off" say little
-FAINT = 0.03  # of the best score: no candidate with less is refitted, not even there (winners had 0.7 and more)
+FAINT_SCORE = 0.03  # of the best score: no candidate with less is refitted, not even there (winners had 0.7 and more)
 AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
-LEAST_REACH, REACH = 500.0, 0.3  # above the best refit, and as a share of its gain: the others are refitted to the end
+LEAST_REACH, REACH_SHARE = (
+    500.0,
+    0.3,
+)  # above the best refit, and as a share of its gain: the others are refitted to the end
 RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise (those near a clean one)
 
 Progress = Callable[[str], None]
@@ -58,7 +61,7 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     scored = bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian)
     ranked = bank.best_of_each(scored)
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
-    threshold = max(MARGIN * null.threshold(FALSE_ALARMS), numeric)
+    threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
     visible = smallest_visible(listed, chosen.fitted.jacobian, null)
     kept = [] if chosen.ids or study.plant.latent else listed
     blank = Round(chosen.ids, ranked, null, threshold, [], False, "", visible, kept)
@@ -91,7 +94,7 @@ def _worth(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
     """The ids that are refitted: the best few, and all that score near the best."""
     standing = [s for s in ranked if s.statistic > 0.5 * threshold]
     best = standing[0].statistic
-    least = FAINT * best if most > MOST_REFITS else min(NEAR * best, best - WEAK)
+    least = FAINT_SCORE * best if most > MOST_REFITS else min(NEAR_SCORE * best, best - WEAK_NEAR)
     near = [s for s in standing if s.statistic >= least]
     return [s.id for s in standing[: max(REFITS, min(len(near), most))]]
 
@@ -106,13 +109,13 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
 
     begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
     best = min((f.cost for f in begun.values()), default=0.0)
-    reach = best + max(LEAST_REACH, REACH * (chosen.fitted.cost - best))
+    reach = best + max(LEAST_REACH, REACH_SHARE * (chosen.fitted.cost - best))
 
     def finish(name: str) -> Option:
         together, fitted = (*chosen.ids, name), begun[name]
         if fitted.cost < reach:
             tell(f"refit with {name}")
-            fitted = further(study, together, fitted, FULL, chosen.refined)
+            fitted = further(study, together, fitted, FULL_STEPS, chosen.refined)
         return option(study, together, fitted, chosen.refined)
 
     options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)

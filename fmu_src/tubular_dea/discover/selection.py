@@ -18,7 +18,7 @@ from .rounds import Progress, take_round
 ROUNDS = 3
 MOST_ROUNDS = 5  # where models are far from the plant
 DEEPER = 0.02  # of what an effect gains: so much less a base must cost for the search to begin anew
-LONG = 120  # evaluations until a search that converges slowly is given up
+LONG_SEARCH = 120  # evaluations until a search that converges slowly is given up
 
 
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
@@ -84,5 +84,5 @@ def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
     if chosen.fitted.converged:
         return chosen
     tell(f"converge {', '.join(chosen.ids)}")
-    fitted = further(study, chosen.ids, chosen.fitted, LONG, chosen.refined)
+    fitted = further(study, chosen.ids, chosen.fitted, LONG_SEARCH, chosen.refined)
     return option(study, chosen.ids, fitted, chosen.refined)

@@ -10,7 +10,7 @@ from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.study import Piece, Study
 
-BLOCK, FOLDS = 125, 6  # samples of a block (half a second), and folds they are dealt to
+FOLD_BLOCK, FOLDS = 125, 6  # samples of a block (half a second), and folds they are dealt to
 
 
 def left_out(fitted: Fit, fold: np.ndarray) -> float:
@@ -41,7 +41,7 @@ def folds(pieces: Sequence[Piece], rows: int) -> tuple[np.ndarray, np.ndarray]:
     begin, dealt = 0, 0
     for number, piece in enumerate(pieces):
         rows_of = slice(begin, begin + piece.record.size)
-        block = np.arange(piece.record.size) // BLOCK
+        block = np.arange(piece.record.size) // FOLD_BLOCK
         blocks[rows_of], experiments[rows_of] = (block + dealt) % FOLDS, number
         begin += piece.record.size
         dealt += int(block[-1]) + 1

@@ -38,7 +38,7 @@ LEAST_FILES = 3  # from which on a spread between files can be told
 ITERATIONS = 40  # of expectation and maximisation
 TOLD = 0.99  # of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way between an edge's bounds at which the model is asked
-FINE = 81  # places between an edge's bounds that are compared: steps of 50 us at 250 Hz
+FINE_PLACES = 81  # places between an edge's bounds that are compared: steps of 50 us at 250 Hz
 TURN = 0.1  # of a sample: by how much channels are usually apart that are read in turn
 LATE, LATEST = 0.5, 1.0  # of a sample: how late filters against aliasing usually make monitors, and at most
 GAIN, MOST_GAIN = 2e-3, 6e-3  # by which gains of a monitor usually differ between files, and at most
@@ -74,7 +74,7 @@ class _Moved:
         """The shift at which what is `left` (m,) at the present one becomes least."""
         if not self.answers.size:
             return self.now
-        fine = np.linspace(self.grid[0], self.grid[-1], FINE)
+        fine = np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
         shares = CubicSpline(self.grid, np.eye(self.grid.size))  # of every answer on the grid, at a shift
         steps = shares(fine) - shares(self.now)
         changes = self.answers - self.answers[0]

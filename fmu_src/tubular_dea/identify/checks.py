@@ -11,7 +11,7 @@ from ..plants.plant import Input, Output, Plant
 from .monitors import QUIET, noise_level, resolution
 
 STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
-COARSE = 3.0  # steps of its resolution: a sensor with less noise may well give equal samples in a row
+COARSE_SENSOR = 3.0  # steps of its resolution: a sensor with less noise may well give equal samples in a row
 STRUCTURE = 20.0  # times the noise a signal must span to count as one
 
 
@@ -109,7 +109,7 @@ def _noisy(values: np.ndarray) -> bool:
     if moving.sum() < STANDSTILL:
         return False
     noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
-    return noise > max(QUIET * float(np.ptp(values)), COARSE * resolution(values))
+    return noise > max(QUIET * float(np.ptp(values)), COARSE_SENSOR * resolution(values))
 
 
 def _below_rest(

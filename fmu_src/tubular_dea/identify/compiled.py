@@ -31,7 +31,7 @@ SHARED = 6
 # Samples (or points of inputs, where there are more) up to which all laws without dynamics share a kernel, and from
 # which those that switch are scored alone: with the 32 of the tanks in it, a point takes 2.5 us and not 0.6, to compile
 # one 0.7 s; with all 38 of the silverbox, the 344 000 points of one record took 3.2 s and not 0.05.
-FEW, MANY = 6_000, 100_000
+FEW_POINTS, MANY_POINTS = 6_000, 100_000
 
 STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: none, linear, anything else
 
@@ -47,7 +47,7 @@ class Compiled:
         self.base = plant.model
         self.catalogue = plant.catalogue
         self._place = {name: i for i, name in enumerate(self.catalogue)}
-        self._few, self._many = points <= FEW, points >= MANY
+        self._few, self._many = points <= FEW_POINTS, points >= MANY_POINTS
         self._kernels: dict[Ids, Kernel] = {}
         self._locks: defaultdict[Ids, Lock] = defaultdict(Lock)
 

@@ -21,9 +21,9 @@ from .fit import Fit
 from .problem import Problem
 from .response import Case, Response
 
-STEP = 4e-3  # of an input's largest value: shift at which its gain is taken
+INPUT_STEP = 4e-3  # of an input's largest value: shift at which its gain is taken
 CHUNK = 200  # corners at a time, so that a monitor with one at every sample fits into memory
-REACH = 100  # samples over which whitening carries a value on
+WHITENING_REACH = 100  # samples over which whitening carries a value on
 
 
 def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
@@ -54,7 +54,7 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
 def shifted(case: Case, name: str) -> tuple[Case, float]:
     """The case with a small constant added to an input, and that constant."""
     inputs = case.protocol.inputs
-    step = STEP * (float(np.abs(inputs[name]).max()) or 1.0)
+    step = INPUT_STEP * (float(np.abs(inputs[name]).max()) or 1.0)
     return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] + step})), step
 
 
@@ -75,7 +75,7 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
         for begin in range(0, corners.size, CHUNK):
             wanted = np.arange(begin, min(begin + CHUNK, corners.size))
             first = int(np.searchsorted(place, begin - 1))
-            last = min(int(np.searchsorted(place, begin + CHUNK)) + REACH, times.size)  # whitening looks back
+            last = min(int(np.searchsorted(place, begin + CHUNK)) + WHITENING_REACH, times.size)  # whitening looks back
             near, share = place[first:last, None], part[first:last, None]
             columns = (near == wanted) * (1 - share) + (near + 1 == wanted) * share
             white = problem.noise[reading.output].whiten(times[first:last], columns * driving[first:last, None])

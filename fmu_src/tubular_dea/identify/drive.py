@@ -33,10 +33,10 @@ from .monitors import (
 from .threads import one_blas_thread
 from .trigger import triggered
 
-NEAR = 2  # samples from an edge within which a record is no measure of the line's error
-UNEVEN = 0.05  # of the time between samples: jitter of a clock that prints few digits
+NEAR_EDGE = 2  # samples from an edge within which a record is no measure of the line's error
+CLOCK_JITTER = 0.05  # of the time between samples: jitter of a clock that prints few digits
 STAIR = 5.0  # times the noise that the median step of a staircase has: a ramp in a noisy monitor has far less
-COARSE = 0.01  # of its span: what may be unknown of an input between its samples
+COARSE_INPUT = 0.01  # of its span: what may be unknown of an input between its samples
 SLOPES = 50  # samples over which a held signal that moves runs straight, for its hum to be seen
 ON_SAMPLES = 1.0  # between two samples: an input that switches exactly where it is first recorded
 
@@ -287,7 +287,7 @@ def _missed(
     step = float(np.median(np.diff(time)))
     near = np.zeros(time.size, dtype=bool)
     for edge in edges:
-        reach = edge.rise / 2 + NEAR * step
+        reach = edge.rise / 2 + NEAR_EDGE * step
         near[slice(*np.searchsorted(time, [edge.earliest - reach, edge.latest + reach]))] = True
     if near.all():
         return 0.0
@@ -305,7 +305,7 @@ def _missed(
 def _check_even(experiment: Experiment, name: str) -> None:
     step = np.diff(experiment.time)
     worst = int(np.argmax(np.abs(step - np.median(step))))
-    if abs(step[worst] - np.median(step)) > UNEVEN * np.median(step):
+    if abs(step[worst] - np.median(step)) > CLOCK_JITTER * np.median(step):
         raise DataError(
             f"{experiment.name}, line {experiment.lines[worst + 1]}: {step[worst]:.6g} s after the sample before; "
             f"expected samples every {np.median(step):.6g} s, as the input {name!r} is band-limited and is computed "
@@ -326,7 +326,7 @@ def _check_sampling(experiment: Experiment, name: str, noise: float) -> None:
     span = float(np.abs(values).max())  # of a record that holds still, the range is noise
     noise = min(noise, LARGEST * span)  # more than that is the signal itself, which looks like noise
     unknown = float(np.sqrt(max(np.mean(left_out**2) - 1.5 * noise**2, 0.0))) / 4
-    allowed = max(noise, COARSE * span)
+    allowed = max(noise, COARSE_INPUT * span)
     if unknown > allowed:
         rate = 1 / float(np.median(np.diff(time)))
         raise DataError(

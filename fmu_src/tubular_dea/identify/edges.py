@@ -4,7 +4,8 @@ A value that is recorded at t_k after the switching and not at t_(k-1) says that
 our bench switches at t_k itself, a laboratory's anywhere. So the best estimate is the middle, and the bounds are the
 two samples. A slow amplifier's edge shows on the way up where a sample falls on it: with its rise known, the fraction
 there tells the instant. The rise is common to the edges of a record (or of a set): what samples on the way lie apart,
-and how often there is one, tells it. Where more samples lie on the way than `FEW`, the shape is recorded, and followed.
+and how often there is one, tells it. Where more samples lie on the way than `FEW_ON_WAY`, the shape is recorded, and
+followed.
 
 A set point without noise that a computer wrote down changes at the sample where it is first seen: there the best
 estimate is that sample, and the bounds are the same.
@@ -21,18 +22,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-FEW = 3  # samples on the way at most for a ramp to stand for the edge; with more its shape is followed
+FEW_ON_WAY = 3  # samples on the way at most for a ramp to stand for the edge; with more its shape is followed
 STANDS_OUT = 8.0  # standard deviations of noise that a step between samples of an edge has at least
 BESIDE = 8  # samples on either side whose median step an edge's steps exceed
 CONTRAST = 3.0  # times by which they do
-LEAST = 1e-3  # of the span of its input: smaller steps are a monitor's, not switchings
+LEAST_STEP = 1e-3  # of the span of its input: smaller steps are a monitor's, not switchings
 MATTERS = 0.02  # of the span: the instant of a smaller step moves the answer by less than any noise
-ROUGH = 0.03  # of an edge's height by which amplifiers differ from ramps and exponentials
+ROUGH_SHAPE = 0.03  # of an edge's height by which amplifiers differ from ramps and exponentials
 RINGING = 0.15  # of an edge's height: what a filter overshoots by, at most
 RINGS = 2  # samples after an edge at which a filter may still be beyond the new level
 GOES_ON = 0.005  # of an edge's height: a smaller step is no part of it
-COARSE = 5e-3  # s that slow amplifiers take
-LONGEST = 0.02  # s from sample to sample that an edge takes at most where its shape is followed; what is slower ramps
+SLOW_EDGE = 5e-3  # s that slow amplifiers take
+LONGEST_EDGE = (
+    0.02  # s from sample to sample that an edge takes at most where its shape is followed; what is slower ramps
+)
 EXPONENTIAL = float(np.sqrt(12.0))  # a ramp of this many time constants spreads as an exponential rise does
 ALIASED = 0.25  # of a sample: what the centroid of samples is off by that a filter against aliasing let pass
 SHORTEST, TRIALS = 0.01, 96  # of a sample: the shortest rise that is tried, and how many are
@@ -106,7 +109,7 @@ def transitions(time: np.ndarray, values: np.ndarray, noise: float) -> Transitio
     They are sought among neighbouring samples, and once more among samples as far apart as slow amplifiers take.
     """
     found = _runs(time, values, noise)
-    apart = int(COARSE / np.median(np.diff(time))) if time.size > 2 else 1
+    apart = int(SLOW_EDGE / np.median(np.diff(time))) if time.size > 2 else 1
     if apart > 1:
         coarse = _runs(time[::apart], values[::apart], noise)
         slow = [_exact(values, noise, a * apart, min(b * apart, values.size - 1)) for a, b in _pairs(coarse)]
@@ -125,7 +128,7 @@ def _settled(values: np.ndarray, found: Transitions) -> Transitions:
     if len(found) < 2:
         return found
     height = np.abs(values[found.after] - values[found.before])
-    close = found.before[1:] - found.after[:-1] <= FEW
+    close = found.before[1:] - found.after[:-1] <= FEW_ON_WAY
     rings = np.zeros(len(found), dtype=bool)
     rings[1:] |= close & (height[1:] < RINGING * height[:-1])
     rings[:-1] |= close & (height[:-1] < RINGING * height[1:])
@@ -148,7 +151,7 @@ def _rung_out(values: np.ndarray, noise: float, found: Transitions) -> Transitio
 
 def _rings(edge: _Look) -> bool:
     """Whether a sample on the way lies beyond the new level: then the monitor's filter made the edge, and it jumps."""
-    beyond = max(3 * GOES_ON, STANDS_OUT / 2 * float(np.sqrt(max(edge.error**2 - ROUGH**2, 0.0))))
+    beyond = max(3 * GOES_ON, STANDS_OUT / 2 * float(np.sqrt(max(edge.error**2 - ROUGH_SHAPE**2, 0.0))))
     return bool(np.any(edge.parts[edge.on_the_way] > 1 + beyond))
 
 
@@ -157,7 +160,7 @@ def _runs(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
     step = np.diff(values)
     if step.size < 2:
         return Transitions(*np.zeros((2, 0), dtype=int))
-    floor = max(STANDS_OUT * noise, LEAST * float(np.ptp(values)))
+    floor = max(STANDS_OUT * noise, LEAST_STEP * float(np.ptp(values)))
     size = np.abs(step)
     fast = (size > floor) & (size > CONTRAST * _beside(size))
     direction = np.where(fast, np.sign(step), 0).astype(int)
@@ -168,7 +171,7 @@ def _runs(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
             continue
         least = max(STANDS_OUT / 2 * noise, GOES_ON * abs(values[b] - values[a]))
         first, last = _extended(step * direction[a], a, b, least, listed[-1][1] if listed else 0)
-        if last - first <= FEW + 1 or time[last] - time[first] <= LONGEST:
+        if last - first <= FEW_ON_WAY + 1 or time[last] - time[first] <= LONGEST_EDGE:
             listed.append((first, last))
     before, after = np.array(listed, dtype=int).reshape(-1, 2).T
     return Transitions(before, after)
@@ -203,7 +206,7 @@ def _beside(size: np.ndarray) -> np.ndarray:
 
 def few(found: Transitions) -> np.ndarray:
     """Those for which a ramp stands, (m,); the others' shape was recorded."""
-    return found.after - found.before - 1 <= FEW
+    return found.after - found.before - 1 <= FEW_ON_WAY
 
 
 def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None:
@@ -218,7 +221,7 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
     chosen = [edges[i] for i in np.unique(np.linspace(0, len(edges) - 1, min(SAMPLED, len(edges))).astype(int))]
     period = float(np.median([e.times[e.first + 1] - e.times[e.first] for e in chosen]))
     found = []
-    for exponential, longest in ((False, (FEW + 1.5) * period), (True, FEW * period)):
+    for exponential, longest in ((False, (FEW_ON_WAY + 1.5) * period), (True, FEW_ON_WAY * period)):
         trials = np.geomspace(SHORTEST * period, longest, TRIALS)
         odds = np.sum([_likelihood(e, trials, exponential) for e in chosen], axis=0) / _together(chosen)
         odds += np.log(trials)  # every rise as likely beforehand
@@ -264,7 +267,7 @@ def _look(time: np.ndarray, values: np.ndarray, noise: float, before: int, after
     """The samples of one edge, and two on either side."""
     a, b = max(before - 1, 0), min(after + 2, time.size)
     height = values[after] - values[before]
-    error = float(np.hypot(ROUGH, noise / abs(height)))
+    error = float(np.hypot(ROUGH_SHAPE, noise / abs(height)))
     return _Look(time[a:b], (values[a:b] - values[before]) / height, before - a, after - a, error)
 
 

@@ -13,23 +13,23 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
-BLOCK = 16.0  # s over which a line keeps its phase
-FINER = 4  # points in frequency for each that a block resolves
-BESIDE = 65  # of these, whose median is the level of noise around a line
+LINE_BLOCK = 16.0  # s over which a line keeps its phase
+FINER_GRID = 4  # points in frequency for each that a block resolves
+LINE_BESIDE = 65  # of these, whose median is the level of noise around a line
 FALSE = 1e-4  # chance of a line in a record that has none
 MAINS, HARMONICS = (50.0, 60.0), 10  # Hz, and how many multiples are looked for
 OFF = 0.15  # Hz by which mains is off, at most, and as many times more at its harmonics
 KEEPS, KNOTS = 4.0, 24  # s over which the mains keeps its phase well enough; most knots of a record
-MOST = 4  # lines that are looked for in a monitor
-SLOWEST = 1.0  # Hz: what is slower is creep or drift
+MOST_HUM = 4  # lines that are looked for in a monitor
+SLOWEST_LINE = 1.0  # Hz: what is slower is creep or drift
 
 
 def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> float | None:
     """The line [Hz] that stands out most in records of (time, whitened rest) sampled every `step` [s], if any does."""
-    size = int(BLOCK / step)
+    size = int(LINE_BLOCK / step)
     if size <= 2:  # a block resolves no frequency that is sampled
         return None
-    points = 2 ** int(np.ceil(np.log2(FINER * size)))
+    points = 2 ** int(np.ceil(np.log2(FINER_GRID * size)))
     power, count = np.zeros(points // 2 + 1), 0
     for values in _cut(blocks, step, size):
         samples = np.count_nonzero(values)
@@ -38,11 +38,11 @@ def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> f
             count += 1
     if not count:
         return None
-    level = median_filter(power, size=BESIDE, mode="nearest") / gamma.ppf(0.5, count)
+    level = median_filter(power, size=LINE_BESIDE, mode="nearest") / gamma.ppf(0.5, count)
     ratio = power / np.maximum(level, 1e-300)
-    limit = float(gamma.isf(FALSE / points * FINER, count))
+    limit = float(gamma.isf(FALSE / points * FINER_GRID, count))
     frequencies = np.arange(power.size) / points / step
-    ratio[(frequencies < min(SLOWEST, 0.05 / step)) | (frequencies > 0.5 / step - 1 / BLOCK)] = 0.0
+    ratio[(frequencies < min(SLOWEST_LINE, 0.05 / step)) | (frequencies > 0.5 / step - 1 / LINE_BLOCK)] = 0.0
     best = int(np.argmax(ratio))
     return float(frequencies[best]) if ratio[best] > limit else None
 
@@ -62,7 +62,7 @@ def _cut(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float, size: int
 def is_hum(line: float, step: float) -> bool:
     """Whether a line is where the mains or one of its harmonics comes to lie when sampled every `step` [s]."""
     return any(
-        abs(line - _aliased(multiple * mains, 1 / step)) < multiple * OFF + 1.0 / BLOCK
+        abs(line - _aliased(multiple * mains, 1 / step)) < multiple * OFF + 1.0 / LINE_BLOCK
         for mains in MAINS
         for multiple in range(1, HARMONICS + 1)
     )
@@ -92,7 +92,7 @@ def within(time: np.ndarray, left: np.ndarray) -> np.ndarray:
     if step > 0.5 / max(MAINS):
         return found
     lines: list[float] = []
-    for _ in range(MOST):
+    for _ in range(MOST_HUM):
         line = strongest([(time, left - found)], step)
         if line is None or not is_hum(line, step):
             break

@@ -11,7 +11,7 @@ from .fit import Fit
 from .problem import Problem
 
 BLOCK = 25  # samples (0.1 s at 250 Hz): below the frequencies of the sensor's noise, above those of most effects
-CHANCE = 5.0  # standard deviations of the slow parts up to which they are noise
+SLOW_CHANCE = 5.0  # standard deviations of the slow parts up to which they are noise
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Misfit:
     @property
     def significant(self) -> bool:
         """More than noise: the model lacks something."""
-        return self.slow > CHANCE
+        return self.slow > SLOW_CHANCE
 
 
 def parts(residual: np.ndarray, records: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -29,7 +29,10 @@ FILTERED = 4  # samples up to which an anti-aliasing filter colours noise
 LARGEST = 0.02  # of its span: noise of a monitor, at most
 COLOURED = 1.3  # times that noise's variance is larger than its differences show before it counts as coloured
 MOST_CORRELATED = 0.98
-BLOCK, WRONG = 50, 1.5  # samples over which lines miss a record by so many times its noise at most (chance: 1e-6)
+MISSED_BLOCK, WRONG = (
+    50,
+    1.5,
+)  # samples over which lines miss a record by so many times its noise at most (chance: 1e-6)
 SHORT = 4  # samples of a piece at least that is halved
 QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point
 
@@ -139,9 +142,9 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
         corners = _prune(time, centred, corners, fixed, noise, STAGES[-1:])
     missed = centred - np.interp(time, time[corners], _fit(time, centred, corners))
     allowed = WRONG * np.hypot(noise, _coarseness(values) / 2)  # a coarse monitor may toggle between two readings
-    far = np.convolve(missed**2, np.ones(BLOCK) / BLOCK, mode="same") > allowed**2
+    far = np.convolve(missed**2, np.ones(MISSED_BLOCK) / MISSED_BLOCK, mode="same") > allowed**2
     if far.any():
-        corners = np.union1d(corners, np.flatnonzero(np.convolve(far, np.ones(BLOCK), mode="same") > 0.5))
+        corners = np.union1d(corners, np.flatnonzero(np.convolve(far, np.ones(MISSED_BLOCK), mode="same") > 0.5))
     return Line(corners, mean + _fit(time, centred, corners))
 
 

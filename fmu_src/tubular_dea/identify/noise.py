@@ -21,17 +21,17 @@ from . import hum as hums
 from .colour import Colour
 from .threads import one_blas_thread
 
-LONGEST = 8.0  # s that a stretch has at most; longer ones are cut
-LEAST = 30  # samples that it has at least
+LONGEST_STRETCH = 8.0  # s that a stretch has at most; longer ones are cut
+LEAST_STRETCH = 30  # samples that it has at least
 SETTLED = 0.1  # s after an event until the plant moves slowly
 DEGREE, BENDS = 3, 0.3  # of the polynomial taken out: its degree, and how many more a second
 FASTEST, APART = 0.02, 4.0  # s: the shortest time constant of creep, and the ratio of one to the next
 FORM = 0.012  # relative error of the variance that remains however long the record
-ENOUGH = 1000  # degrees of freedom in quiet stretches, from which on they tell the noise by themselves
+ENOUGH_FREEDOM = 1000  # degrees of freedom in quiet stretches, from which on they tell the noise by themselves
 UNQUIET = 0.2  # the same where no stretch is quiet
 EARNED = 8.0  # twice the log likelihood by which a further number of the colour must explain the record better
-SLOWEST = 0.996  # correlation between neighbouring samples up to which one is sought
-MOST = 12  # lines that are looked for
+SLOWEST_COLOUR = 0.996  # correlation between neighbouring samples up to which one is sought
+MOST_LINES = 12  # lines that are looked for
 WHITE, SLOWER = (0.1, 0.5), (0.3, 1.0, 2.0)  # shares, and atanh of correlations more, to begin with
 LOW = 0.01  # cycles a sample: where the uncertainty of the colour counts, as slow effects are sought there
 
@@ -151,7 +151,7 @@ class Stretches:
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
     quiet, unquiet = stretches(records), False
-    if _freedom(quiet) < ENOUGH:  # then all that lies between events tells more, if there is more of it
+    if _freedom(quiet) < ENOUGH_FREEDOM:  # then all that lies between events tells more, if there is more of it
         other = stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
         if _freedom(other) > 2 * _freedom(quiet):
             quiet, unquiet = other, True
@@ -181,7 +181,7 @@ def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple
     """
     lines: list[float] = []
     plain = quiet
-    while len(lines) < MOST:
+    while len(lines) < MOST_LINES:
         line = _strongest(plain, records, colour)
         if line is None:
             break
@@ -233,8 +233,8 @@ def stretches(records: Records, settled: float = SETTLED) -> list[Stretches]:
 
 def _sizes(step: float) -> list[int]:
     """Lengths of stretches in samples, the longest first."""
-    longest = max(LONGEST / step, 2 * LEAST)
-    return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST)) + 1)]
+    longest = max(LONGEST_STRETCH / step, 2 * LEAST_STRETCH)
+    return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST_STRETCH)) + 1)]
 
 
 def basis(size: int, step: float) -> np.ndarray:
@@ -281,7 +281,7 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _Found:
     def objective(x: np.ndarray) -> float:
         return _restricted(quiet, lambda s: _colour(*_numbers(x), s / step))[0]
 
-    far = float(np.arctanh(SLOWEST))
+    far = float(np.arctanh(SLOWEST_COLOUR))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
     near = min(tried, key=lambda v: tried[v])
     bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))

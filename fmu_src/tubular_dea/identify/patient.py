@@ -23,7 +23,7 @@ from ..kernel import Kernel, KernelError
 from ..model.units import factor
 from ..model.windkessel import PARAMETERS, aortic_windkessel
 from ..protocol import Protocol
-from .recorded_beat import POINTS, RecordedBeat
+from .recorded_beat import BEAT_POINTS, RecordedBeat
 from .threads import side_by_side
 
 # Standard deviations of the priors, of the logarithm: about how much adults differ in them (0.7: a factor of two).
@@ -39,13 +39,13 @@ SPREADS = {
 }
 NARROWED = 0.5  # of its prior: a parameter with less uncertainty left is identified
 BEATS = 8  # until the beat is steady: from the base's pressure, which is near, R C is three or four beats
-ROUNDS = 3  # of refitting with the noise that the misfit shows
+NOISE_ROUNDS = 3  # of refitting with the noise that the misfit shows
 # What the model is wrong by at least, of the swing: a windkessel has no reflected waves, which are 4 to 5 % of it in
 # the human aorta (the misfit of `pytest tests/test_patient.py -k human`).
 DISCREPANCY = 0.05
 INDEPENDENT = 20  # numbers in a beat: ten harmonics hold all of a pressure pulse, whatever the points it is drawn with
-TOLERANCE = 1e-7
-STEP = 3e-3  # of the logarithm of a parameter, and of the beat
+PATIENT_TOLERANCE = 1e-7
+PATIENT_STEP = 3e-3  # of the logarithm of a parameter, and of the beat
 OUTPUT_UNCERTAINTY = 0.2  # of an assumed cardiac output, relative (standard deviation)
 
 
@@ -88,7 +88,7 @@ def fit_patient(
     problem = _Problem(beat, base, cardiac_output, progress)
     theta = problem.start()
     noise = problem.noise(theta)
-    for _ in range(ROUNDS):
+    for _ in range(NOISE_ROUNDS):
         found = least_squares(problem.residuals, theta, problem.jacobian, args=(noise,), x_scale="jac", max_nfev=25)
         theta = found.x
         noise = problem.noise(theta)
@@ -134,9 +134,9 @@ class _Problem:
         """The base, its beat turned until it fits best (last entry: how much of a beat it is late)."""
         theta = np.zeros(len(self.names) + 1)
         pressure, _ = self.steady(theta)
-        shifts = np.arange(POINTS)
+        shifts = np.arange(BEAT_POINTS)
         errors = [np.sum((np.roll(pressure, s) - self.beat.pressure) ** 2) for s in shifts]
-        theta[-1] = shifts[int(np.argmin(errors))] / POINTS
+        theta[-1] = shifts[int(np.argmin(errors))] / BEAT_POINTS
         return theta
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
@@ -148,11 +148,11 @@ class _Problem:
         """Pressure and aortic flow of the last beat, at the recording's points."""
         period = self.beat.period
         late = float(theta[-1]) % 1.0
-        times = (BEATS - 1) * period + ((np.arange(POINTS) / POINTS - late) % 1.0) * period
+        times = (BEATS - 1) * period + ((np.arange(BEAT_POINTS) / BEAT_POINTS - late) % 1.0) * period
         order = np.argsort(times)
         try:
             run = self.kernel.simulate(
-                Protocol.of([0, BEATS * period], tube_flow=[0, 0]), times[order], self.values(theta), TOLERANCE
+                Protocol.of([0, BEATS * period], tube_flow=[0, 0]), times[order], self.values(theta), PATIENT_TOLERANCE
             )
         except KernelError as problem:
             raise FitError(f"no steady beat: {problem}") from None
@@ -172,10 +172,12 @@ class _Problem:
         return np.concatenate(parts)
 
     def jacobian(self, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """By central differences of STEP: the integrator's own error is 1e-4 of that."""
-        sides = [theta + sign * STEP * e for e in np.eye(theta.size) for sign in (1, -1)]
+        """By central differences of PATIENT_STEP: the integrator's own error is 1e-4 of that."""
+        sides = [theta + sign * PATIENT_STEP * e for e in np.eye(theta.size) for sign in (1, -1)]
         found = side_by_side(lambda point: self.residuals(point, noise), sides)
-        return np.stack([(up - down) / (2 * STEP) for up, down in zip(found[::2], found[1::2], strict=True)], axis=1)
+        return np.stack(
+            [(up - down) / (2 * PATIENT_STEP) for up, down in zip(found[::2], found[1::2], strict=True)], axis=1
+        )
 
     def swing(self) -> np.ndarray:
         """Of the recorded pressure [Pa] and flow [m3/s]."""
@@ -187,7 +189,7 @@ class _Problem:
         pressure, flow = self.steady(theta)
         of_flow = 0.0 if self.beat.flow is None else _rms(flow - self.beat.flow)
         size = np.maximum([_rms(pressure - self.beat.pressure), of_flow], DISCREPANCY * self.swing())
-        return np.asarray(size * np.sqrt(POINTS / INDEPENDENT))
+        return np.asarray(size * np.sqrt(BEAT_POINTS / INDEPENDENT))
 
     def patient(self, theta: np.ndarray, noise: np.ndarray) -> Patient:
         """Estimates with intervals, and the beat."""
@@ -216,7 +218,9 @@ class _Problem:
     def _filled(self, theta: np.ndarray) -> float:
         """Volume at the R wave of the steady beat [m3]."""
         end = np.array([BEATS * self.beat.period])
-        run = self.kernel.simulate(Protocol.of([0, end[0]], tube_flow=[0, 0]), end, self.values(theta), TOLERANCE)
+        run = self.kernel.simulate(
+            Protocol.of([0, end[0]], tube_flow=[0, 0]), end, self.values(theta), PATIENT_TOLERANCE
+        )
         return float(run["ventricular_volume"][0])
 
 

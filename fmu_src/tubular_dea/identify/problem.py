@@ -15,7 +15,7 @@ from .marginal import Marginal
 from .noise import Noise
 from .response import Case, KernelError, Response
 
-FAR = 10.0  # of a logarithm: 20 000 times the usual size, or a part of it
+FARTHEST = 10.0  # of a logarithm: 20 000 times the usual size, or a part of it
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Problem:
     def inside(self, scaled: np.ndarray) -> np.ndarray:
         """The nearest numbers (k,) at which a search may start: off the bounds, and not far from the usual sizes."""
         low, high = self.bounds()
-        far = np.array([FAR if f.logarithmic else np.inf for f in self.free])
+        far = np.array([FARTHEST if f.logarithmic else np.inf for f in self.free])
         room = 1e-9 * (1 + np.abs(scaled))
         return np.clip(scaled, np.maximum(low, -far) + room, np.minimum(high, far) - room)
 
@@ -110,7 +110,7 @@ class Problem:
         Far from any usual size it is not asked: it may ring there for millions of steps.
         """
         try:
-            if any(f.logarithmic and abs(s) > FAR for f, s in zip(self.free, scaled, strict=True)):
+            if any(f.logarithmic and abs(s) > FARTHEST for f, s in zip(self.free, scaled, strict=True)):
                 raise KernelError("a parameter is far from any usual size")
             outputs = self.response.outputs(self.values(scaled))
         except KernelError:

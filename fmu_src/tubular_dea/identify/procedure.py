@@ -19,7 +19,7 @@ from .fit import Fit, FitError, fit
 from .problem import Free, Problem
 from .study import Study
 
-ENOUGH = 4.0  # times the samples: a misfit below needs no other start
+ENOUGH_FIT = 4.0  # times the samples: a misfit below needs no other start
 
 Progress = Callable[[str], None]
 
@@ -106,7 +106,7 @@ def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -
             continue
         if best is None or found.cost < best.cost:
             best = found
-        if best.converged and best.cost < ENOUGH * best.residual.size:
+        if best.converged and best.cost < ENOUGH_FIT * best.residual.size:
             break
     if best is None:
         raise FitError(

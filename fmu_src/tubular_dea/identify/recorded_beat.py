@@ -16,8 +16,8 @@ from ..errors import UserError
 from ..model.units import UnitError, factor
 from ..recordings import Table, read
 
-POINTS = 200  # of the average beat
-ALIKE = 0.15  # beats whose length differs by more from the median are left out
+BEAT_POINTS = 200  # of the average beat
+BEATS_ALIKE = 0.15  # beats whose length differs by more from the median are left out
 UNITS = {"pressure": ("Pa", "mmHg"), "flow": ("m3/s", "mL/s"), "ecg": ("V", "mV")}  # SI, and what a bare column means
 NAMES = {
     "pressure": ("pressure", "abp", "art", "aop", "p"),
@@ -42,8 +42,8 @@ class Signals:
 
 @dataclass(frozen=True)
 class RecordedBeat:
-    """The average of `beats` beats of `period` [s] at POINTS equal times: pressure [Pa] and its spread from beat to
-    beat, flow [m3/s] or None; `by` is what the beats were cut at."""
+    """The average of `beats` beats of `period` [s] at BEAT_POINTS equal times: pressure [Pa] and its spread from beat
+    to beat, flow [m3/s] or None; `by` is what the beats were cut at."""
 
     period: float
     beats: int
@@ -55,7 +55,7 @@ class RecordedBeat:
     @property
     def phase(self) -> np.ndarray:
         """The places of the points in the beat, 0 to 1."""
-        return np.arange(POINTS) / POINTS
+        return np.arange(BEAT_POINTS) / BEAT_POINTS
 
 
 def read_signals(path: Path, flow: Path | None = None) -> Signals:
@@ -87,8 +87,8 @@ def average(signals: Signals, what: str) -> RecordedBeat:
     period = float(np.median(lengths))
     if not 60 / FASTEST <= period <= 60 / SLOWEST:
         raise PatientRecordError(f"{what}: beats of {period:.2f} s; expected {SLOWEST:g} to {FASTEST:g} a minute")
-    alike = np.abs(lengths / period - 1) < ALIKE
-    places = marks[:-1][alike][:, None] + lengths[alike][:, None] * np.arange(POINTS) / POINTS
+    alike = np.abs(lengths / period - 1) < BEATS_ALIKE
+    places = marks[:-1][alike][:, None] + lengths[alike][:, None] * np.arange(BEAT_POINTS) / BEAT_POINTS
     if len(places) < 3:
         raise PatientRecordError(f"{what}: {len(places)} beats of like length; expected at least 3")
     cut = np.interp(places, signals.time, pressure)
@@ -168,13 +168,13 @@ def _whole(signals: Signals, pressure: np.ndarray) -> RecordedBeat:
     """The recording as one beat; what is missing from its end to its begin counts as one sample."""
     step = float(np.median(np.diff(signals.time)))
     period = float(np.ptp(signals.time)) + step
-    places = signals.time[0] + period * np.arange(POINTS) / POINTS
+    places = signals.time[0] + period * np.arange(BEAT_POINTS) / BEAT_POINTS
 
     def periodic(values: np.ndarray) -> np.ndarray:
         return np.interp(places, np.append(signals.time, signals.time[0] + period), np.append(values, values[0]))
 
     flow = None if signals.flow is None else periodic(signals.flow)
-    return RecordedBeat(period, 1, periodic(pressure), np.zeros(POINTS), flow, "the recording, which is one beat")
+    return RecordedBeat(period, 1, periodic(pressure), np.zeros(BEAT_POINTS), flow, "the recording, which is one beat")
 
 
 def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np.ndarray:

@@ -20,14 +20,17 @@ from .compiled import Compiled
 from .data import Experiment, Recordings
 from .start import RESTED
 
-SAMPLES, READINGS = 600, 150  # of an experiment that drive the plant, and that are looked at
-ROUGHLY, STEPS = 1e-4, 10_000  # tolerance of the answers, and steps after which one is given up: the plant diverges
-FEW = 3  # experiments that are
+DRIVEN_SAMPLES, READINGS = 600, 150  # of an experiment that drive the plant, and that are looked at
+ROUGHLY, SCALE_STEPS = (
+    1e-4,
+    10_000,
+)  # tolerance of the answers, and steps after which one is given up: the plant diverges
+FEW_TRIED = 3  # experiments that are
 # Of a record (rms), what the declared plant misses before anything is said, and which share of that may be left. The
 # bench's and the laboratory's tubes, whatever they hide, are missed by up to 22 %, and no factor leaves a third of that
 # (largest reduction: 1.7 times); with a factor wrong on purpose 26 to 999 % are, and the right one leaves 3 %.
 MISSED, LEFT = 0.15, 1 / 3
-ALIKE = 2.0  # times the misfit of the best factor: another one explains the record as well
+FACTOR_ALIKE = 2.0  # times the misfit of the best factor: another one explains the record as well
 FACTORS: Mapping[str, Mapping[float, str]] = {  # a number that is so many times too large, by SI unit
     "m": {2.0: "a diameter for a radius", 10.0: "mm labelled cm", 25.4: "mm labelled inch", 1e3: "um labelled mm"},
     "Pa": {
@@ -83,7 +86,7 @@ def findings(recordings: Recordings) -> list[str]:
         """Which share of the records is missed if this was wrong (rms); infinite where the plant has no answer."""
         try:
             answers = [
-                kernel.simulate(_rescaled(driven, wrong), times, parameters, ROUGHLY, max_steps=STEPS).values[
+                kernel.simulate(_rescaled(driven, wrong), times, parameters, ROUGHLY, max_steps=SCALE_STEPS).values[
                     output.name
                 ]
                 for driven, times, _ in records
@@ -104,7 +107,7 @@ def findings(recordings: Recordings) -> list[str]:
     if not base > MISSED:
         return []
     tried = sorted(((missed(w), w) for w in candidates(plant, [output.name])), key=lambda pair: pair[0])
-    likely = [w for share, w in tried if share < LEFT * base and share < ALIKE * tried[0][0]]
+    likely = [w for share, w in tried if share < LEFT * base and share < FACTOR_ALIKE * tried[0][0]]
     if not likely:
         return []
     what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)
@@ -127,14 +130,14 @@ def _telling(experiments: Sequence[Experiment]) -> list[int]:
     rested = [i for i, e in enumerate(experiments) if e.start == RESTED] or list(range(len(experiments)))
     first = next(iter(experiments[rested[0]].outputs))
     with_it = [i for i in rested if first in experiments[i].outputs]
-    return sorted(with_it, key=lambda i: -float(np.nanmax(np.abs(experiments[i].outputs[first]))))[:FEW]
+    return sorted(with_it, key=lambda i: -float(np.nanmax(np.abs(experiments[i].outputs[first]))))[:FEW_TRIED]
 
 
 def _record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, np.ndarray]:
     """What drove the plant, thinned and with its noise, good enough to tell factors; times and what was read."""
     seen = np.flatnonzero(experiment.seen(output))
     taken = seen[:: max(1, seen.size // READINGS)]
-    few = np.unique(np.linspace(0, experiment.time.size - 1, SAMPLES).astype(int))
+    few = np.unique(np.linspace(0, experiment.time.size - 1, DRIVEN_SAMPLES).astype(int))
     driven = Protocol(experiment.time[few], {name: values[few] for name, values in experiment.inputs.items()})
     return driven, experiment.time[taken], experiment.outputs[output][taken]
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
-FIRST = 12  # samples through which a straight line tells what a record begins with
+FIRST_SAMPLES = 12  # samples through which a straight line tells what a record begins with
 CLEARLY, ZEROS = 5.0, 3.0  # standard errors of it, and usual zeros of its signal, that are a load
-FAINT = 0.02  # of a signal's largest value: less is none, where its zero is not known
+FAINT_SIGNAL = 0.02  # of a signal's largest value: less is none, where its zero is not known
 
 
 def detected(experiment: Experiment, plant: Plant) -> str:
@@ -41,13 +41,13 @@ def detected(experiment: Experiment, plant: Plant) -> str:
 
 def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
     """Whether a signal is clearly not zero at its first sample, by the straight line through the first of them."""
-    if time.size < FIRST:
+    if time.size < FIRST_SAMPLES:
         return False
-    line = np.column_stack([np.ones(FIRST), time[:FIRST] - time[0]])
-    found, *_ = np.linalg.lstsq(line, values[:FIRST], rcond=None)
-    variance = float(np.sum((values[:FIRST] - line @ found) ** 2)) / (FIRST - 2)
+    line = np.column_stack([np.ones(FIRST_SAMPLES), time[:FIRST_SAMPLES] - time[0]])
+    found, *_ = np.linalg.lstsq(line, values[:FIRST_SAMPLES], rcond=None)
+    variance = float(np.sum((values[:FIRST_SAMPLES] - line @ found) ** 2)) / (FIRST_SAMPLES - 2)
     error = np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0])
-    least = ZEROS * zero if zero > 0 else FAINT * float(np.quantile(np.abs(values), 0.99))
+    least = ZEROS * zero if zero > 0 else FAINT_SIGNAL * float(np.quantile(np.abs(values), 0.99))
     return bool(abs(found[0]) > max(CLEARLY * error, least))
 
 

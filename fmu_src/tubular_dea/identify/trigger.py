@@ -18,8 +18,8 @@ from .edges import Edge
 
 FEWEST = 3  # edges that a delay is taken from
 SURE = 3.0  # standard errors that the delay is off at most
-ALIKE = 0.1  # of a sample: edges that come as late as this after their triggers tell no more of the delay
-NEAR = 0.05  # s from a trigger to the edge that it makes, at most
+TRIGGER_ALIKE = 0.1  # of a sample: edges that come as late as this after their triggers tell no more of the delay
+NEAR_TRIGGER = 0.05  # s from a trigger to the edge that it makes, at most
 
 
 def triggered(edges: Sequence[Edge], time: np.ndarray, trigger: np.ndarray) -> list[Edge]:
@@ -52,7 +52,7 @@ def _delay(first: np.ndarray, own: np.ndarray) -> tuple[float, float]:
     least, most = float(np.max(own[:, 0] - first[:, 1])), float(np.min(own[:, 1] - first[:, 0]))
     later = own.mean(axis=1) - first.mean(axis=1)
     spread = float(np.std(later))
-    if spread < ALIKE * float(np.mean(first[:, 1] - first[:, 0])):
+    if spread < TRIGGER_ALIKE * float(np.mean(first[:, 1] - first[:, 0])):
         return least, most
     error = SURE * spread / float(np.sqrt(later.size))
     return max(least, float(later.mean()) - error), min(most, float(later.mean()) + error)
@@ -61,4 +61,4 @@ def _delay(first: np.ndarray, own: np.ndarray) -> tuple[float, float]:
 def _made_by(edge: Edge, time: np.ndarray, turned: np.ndarray) -> int | None:
     """The last sample before the trigger turned that made an edge: the latest one that may have."""
     before = turned[time[turned] <= edge.latest]
-    return int(before[-1]) if before.size and edge.latest - time[before[-1]] < NEAR else None
+    return int(before[-1]) if before.size and edge.latest - time[before[-1]] < NEAR_TRIGGER else None
