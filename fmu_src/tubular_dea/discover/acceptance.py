@@ -14,27 +14,44 @@ from __future__ import annotations
 import numpy as np
 
 from ..identify.fit import Fit, interval
+from ..identify.misfit import SLOW_CHANCE
 from ..model.effect import Effect
 from .options import Option
 from .residuals import LackOfFit
 
-FALSE_ALARMS = 0.001  # per record, of the largest score
-SECOND_SHARE = 0.5  # of what is left that a further effect has to explain
-SECOND_PART = 0.004  # of the first effect's gain that a further one has to bring
-FORM_PART = 0.03  # the same, where what is left is so little that another form of the first may be all there is
-NOISE_PART, NOISE_GAIN = 0.1, 70.0  # the same, and the least it gains, where what is left looks like noise
-CLEARED = 0.8  # of what is left: another form of the first would hardly look so much like one other effect
-NEARLY_RATIO, NEARLY_EXPLAINED = 1.1, 0.95  # residual over noise, and share explained, that are so little
-ALMOST_RATIO, ALMOST_EXPLAINED = 1.2, 0.98  # the same, where nearly all of a large effect is explained
-FURTHER = 0.25  # of what is left that a further effect has to explain where models are that far
-STRONG = 3.0  # times the threshold
-DENIAL = 6.0  # rise of the held-out sum of squares: odds of 20 to 1 against an effect
-EARNS = 10.8  # twice the log likelihood that an effect gains, in units of what the misfit makes of noise: odds of 1000
-VISIBLE = 10.0  # squared distance of two models on the held-out experiments from which these can tell them apart
-DENIED_PART = 0.05  # the same as a part of the gain: no law is exact, and they may feel the effect but little
-PARTLY = 0.5  # of what is not noise: effects that explain less are not named where a remainder stays
-CLEAN_SLOW, CLEAN_TOTAL = 5.0, 4.0  # standard deviations up to which an excess is noise
-FAINT_SLOW = 1.5  # and from which the slow parts may still hide an effect
+# Set by convention: one in a thousand. Check: `python -m blind.score --nulls 60 --seed 1000`
+FALSE_ALARMS = 0.001  # [1] share of records with nothing missing whose largest score passes
+
+# Set by judgement: no law of a catalogue is quite the plant's, and a further effect may be no more than what
+# the first one's law leaves. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --pairs 20 --seed 1000`
+SECOND_SHARE = 0.5  # [1] share of what is left that a further effect has to explain
+SECOND_PART = 0.004  # [1] share of the first effect's gain that a further one has to bring
+FORM_PART = 0.03  # [1] the same, where what is left is so little that another form of the first may be all there is
+NOISE_PART = 0.1  # [1] the same, where what is left looks like noise
+NOISE_GAIN = 70.0  # [squared standard deviations] that it has to gain there at least: three times what nulls do
+CLEARED = 0.8  # [1] share of what is left: another form of the first would hardly look so much like one other effect
+NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
+NEARLY_EXPLAINED = 0.95  # [1] share explained from which on little is left
+ALMOST_RATIO = 1.2  # [1] residual over noise that is little where nearly all of a large effect is explained
+ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
+FAINT_SLOW = 1.5  # [standard deviations] of the slow parts up to which these hide no further effect
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+FURTHER = 0.25  # [1] share of what is left that a further effect has to explain where models are that far
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
+STRONG = 3.0  # [1] times the threshold from which on the held-out experiments are asked at the end only
+VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
+DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
+PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
+
+# Set by theory: chances of a normal number (2 ln 20 = 6.0; 3.3 standard deviations, squared, are 10.8).
+# Check: `pytest tests/test_acceptance.py`
+DENIAL = 6.0  # [squared standard deviations] rise on held-out experiments: odds of 20 to 1 against an effect
+EARNS = 10.8  # [squared standard deviations] that an effect gains, over what the misfit makes of noise: 1 in 1000
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
+CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess is noise
 
 
 def far(option: Option) -> bool:
@@ -44,7 +61,7 @@ def far(option: Option) -> bool:
 
 def clean(state: LackOfFit) -> bool:
     """Nothing is left that stands out of the noise."""
-    return state.z_slow < CLEAN_SLOW and state.z_total < CLEAN_TOTAL
+    return state.z_slow < SLOW_CHANCE and state.z_total < CLEAN_TOTAL
 
 
 def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
@@ -153,7 +170,7 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
         return f"{name} explains less than {FURTHER:.0%} of what is left" if little else ""
     if gain < _least_gain(base, before, gain):
         return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
-    settles = after is not None and after.lack_of_fit.z_slow < CLEAN_SLOW
+    settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE
     if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
         return f"{name} removes less than half of what is left"
     return ""

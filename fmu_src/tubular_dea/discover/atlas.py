@@ -27,10 +27,11 @@ from .engine import PRIOR
 from .next_experiment import sweeps
 from .parameters import base_parameters, switched_off
 
-ATLAS_SAMPLES = 6000  # of every experiment
-ATLAS_NOISE = 3e-3  # of an output's largest value: a sensor's usual noise, beside which the prior counts
-BENCH_LENGTH = 60.0  # of the plant's own usual time: experiments on a plant that declares none
-TAKEN_UP = 0.01  # of what an effect changes: what leaves less than this is taken up by the plant's own parameters
+# Set by judgement: pictures, by which nothing is decided. Check: `pytest tests/test_atlas.py`, `tubular-dea atlas`
+ATLAS_SAMPLES = 6000  # [samples] of every experiment
+ATLAS_NOISE = 3e-3  # [1] of an output's largest value: a sensor's usual noise, beside which the prior counts
+BENCH_LENGTH = 60.0  # [1] times the plant's own usual time: experiments on a plant that declares none
+TAKEN_UP = 0.01  # [1] of what an effect changes: what leaves less than this is taken up by the plant's own parameters
 
 Progress = Callable[[str], None]
 

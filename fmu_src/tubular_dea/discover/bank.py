@@ -24,7 +24,12 @@ from ..kernel import Kernel, KernelError
 from ..model.effect import Effect
 from .parameters import size, switched_off
 
-SCORE_STEP = 0.02  # of the typical size: small against any curvature, large against the integrator's tolerance
+# Set by judgement: small against any curvature, large against the integrator's tolerance.
+# Check: `pytest tests/test_discover.py::test_scores_point_to_the_refit`
+SCORE_STEP = 0.02  # [1] of an amplitude's typical size: the step of its difference quotient
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
+HIDDEN = 1e-3  # [1] share of a column that must be left for it to be anything but the present parameters
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ def _strengths(effect: Effect) -> list[dict[str, float]]:
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:
     norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    if np.all(norms < 1e-3 * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
+    if np.all(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
         return Score(candidate, 0.0, dict.fromkeys(candidate.names, 0.0))  # the present parameters do the same
     amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=1e-6)
     amplitude = _inside_bounds(candidate, amplitude / norms)

@@ -15,10 +15,16 @@ from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .parameters import base_parameters
 
-BASE_STARTS = 3
-MOVE = 0.1  # relative distance of the further starts
-CONFIRM = 15  # evaluations they have
-AGREE = 2.0  # by how much the costs of converged searches may differ
+# Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
+# `python -m blind.score --nulls 60 --seed 1000`
+BASE_STARTS = 3  # [1] places from which the base is searched
+MOVE = 0.1  # [1] relative distance of the further ones
+CONFIRM = 15  # [evaluations] that they have
+AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
+
+# Set by judgement. Check: `pytest tests/test_discover.py -k bursts`
+LAST_STARTS = 4  # [1] places that are tried where the model has no answer at safer values either
+LAST_SPREAD = 0.3  # [1] relative distance of these
 
 
 def recalibrate(
@@ -52,4 +58,4 @@ def _somewhere(study: Study, problem: Problem, start: Mapping[str, float], seed:
             return fit(problem, move(start), 1, seed=seed)
         except FitError:
             continue
-    return fit(problem, start, 4, 0.3, seed)
+    return fit(problem, start, LAST_STARTS, LAST_SPREAD, seed)

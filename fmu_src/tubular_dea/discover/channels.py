@@ -25,8 +25,11 @@ from ..protocol import Protocol
 from . import bank
 from .bank import Candidate
 
-WAVE_SHARE = 0.005  # of an input: a small wave
-SPANNED = 1e-3  # of the largest singular value: directions below are the others again
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+RECORDED_SHARE = 0.5  # [1] share of what is not noise that recorded signals explain, else a disturbance is looked for
+WAVE_SHARE = 0.005  # [1] of an input's size: a small wave
+WAVE_POINTS = 16  # [1] points a period with which it is drawn
+SPANNED = 1e-3  # [1] of the largest singular value: directions below are the others again
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def isolate(study: Study, ids: Ids, fitted: Fit, excess: float, known: Sequence[
         gains[channel], terms[channel] = _spanned([c for c in listed if c.effect.channel == channel], basis, left)
     evidence = {channel: 0.5 * gains[channel] - terms[channel] for channel in gains}
     best = max(evidence, key=lambda c: evidence[c])
-    if gains[best] >= 0.5 * excess:
+    if gains[best] >= RECORDED_SHARE * excess:
         return Isolation(best, evidence, gains, False)
     outside = disturbance(study, ids, fitted)
     return Isolation(max(outside, key=lambda c: outside[c]), outside, gains, True)
@@ -127,7 +130,7 @@ def _swings(study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, freque
 def _waved(study: Study, piece: Piece, name: str, frequency: float, phase: float) -> Protocol:
     """The protocol with a small wave added to an input, or multiplied to one that is held."""
     protocol = piece.case.protocol
-    fine = np.arange(protocol.time[0], protocol.time[-1], 1 / (16 * frequency))
+    fine = np.arange(protocol.time[0], protocol.time[-1], 1 / (WAVE_POINTS * frequency))
     names = list(protocol.inputs)
     fitting = joined([(protocol.time, protocol.inputs[n]) for n in names] + [(fine, fine)], [*names, "fine"])
     inputs = {n: fitting.inputs[n] for n in names}

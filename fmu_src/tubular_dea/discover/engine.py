@@ -26,11 +26,19 @@ from .options import Option, fitted_option
 from .parameters import base_parameters
 from .revision import Search
 
-SEED = 20240
-PRIOR = 2.0  # width of the weak prior: a factor of e^2 for what is positive, twice the size for the rest
-LEAST_SAMPLES = 300  # in training: fewer tell no effect from noise
-MOST_ALIKE = 4  # rivals that are looked at again with a choice that lost an effect
-SETTLES = 2  # times that the base is fitted and the records' own numbers are taken there
+# Set by convention. Check: `pytest tests/test_discover.py::test_the_same_recordings_and_seed_give_the_same_result`
+SEED = 20240  # [1] of all random numbers: the same recordings give the same answer
+
+# Set by judgement: a factor of e^2 for what is positive, twice the size for the rest.
+# Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
+PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions files --seed 1000`
+LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
+
+# Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
+MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
+SETTLES = 2  # [1] times that the base is fitted and the records' own numbers are taken there
 
 Progress = Callable[[str], None]
 

@@ -12,10 +12,15 @@ from collections.abc import Mapping, Sequence
 from .acceptance import far
 from .options import Option
 
-CHANCE = 12.0  # difference of twice the log likelihood that chance explains
-FORM_SHARE = 0.02  # of the gain that another functional form of the same effect may lose
-ERROR_SHARE = 0.2  # of the misfit of a model whose own error is far above the noise
-WEAK_SHARE, WEAK_MOST = 0.6, 120.0  # the same where the gain is small, and the most it then may lose
+# Set by judgement. Check: `pytest tests/test_acceptance.py`,
+# `python -m blind.score --singles 2 --seed 1000`
+CHANCE = 12.0  # [squared standard deviations] by which models differ by chance; an effect that gains less is dropped
+FORM_SHARE = 0.02  # [1] share of the gain that another functional form of the same effect may lose
+WEAK_SHARE = 0.6  # [1] the same where the gain is small
+WEAK_MOST = 120.0  # [squared standard deviations] that it then may lose at most
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+ERROR_SHARE = 0.2  # [1] share of the misfit that says nothing, of a model whose own error is far above the noise
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:

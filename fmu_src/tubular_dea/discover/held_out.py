@@ -16,12 +16,11 @@ from ..kernel import KernelError
 from . import bank
 from .parameters import base_parameters
 
-HELD = 0.2  # of what a candidate changes: enough to confirm it; more of it is missed where it is to be found
-HELD_MOST, HELD_LONG = (
-    0.3,
-    0.2,
-)  # of all samples that may be held out, together and in one: long experiments are kept for fits
-DEAR = 0.5  # worth of a candidate confirmed against a parameter's standard error that grows by a factor of e
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
+HELD = 0.2  # [1] share of what a candidate changes: enough to confirm it, and more is missed where it is to be found
+HELD_MOST = 0.3  # [1] share of all samples that may be held out together
+HELD_LONG = 0.2  # [1] share of all samples that may be held out in one experiment: long ones are kept for fits
+DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate that is confirmed
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,9 @@ from ..identify.problem import whitened
 from ..identify.response import Case
 from ..identify.study import Piece, Study
 
-TRIED, WIDE = 2, 25  # times that noise is tried out; samples over which what it does is averaged
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
+TRIED = 2  # [1] times that noise is tried out
+WIDE = 25  # [samples] over which what it does is averaged
 
 
 def weighted(study: Study, values: Mapping[str, float]) -> Study:

@@ -22,8 +22,12 @@ from ..identify.study import Study
 from ..model.effect import Effect
 from .parameters import switched_off
 
-LAW = 0.1  # standard deviation of each share
-PART = 0.1  # of the effect that is switched off to see its contribution
+# Set by judgement: by some per cent, slowly.
+# Check: `pytest tests/test_law_doubt.py::test_another_law_is_within_the_doubt`
+LAW = 0.1  # [1] standard deviation of each share by which a law may be another
+
+# Set by judgement. Check: `pytest tests/test_law_doubt.py`
+PART = 0.1  # [1] of the effect that is switched off to see its contribution
 
 
 def with_law(study: Study, problem: Problem, ids: Ids, best: Fit) -> Fit:

@@ -19,7 +19,10 @@ from ..plants.plant import Plant
 from ..protocol import Protocol
 from .options import Option
 
-WITHIN = 0.85  # of the largest inputs recorded
+# Set by judgement. Check: `pytest tests/test_plants.py -k feasible`
+WITHIN = 0.85  # [1] of the largest inputs recorded
+OTHERS = 0.5  # [1] of their largest values: where the inputs stay that are not moved
+STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float)
     found = {}
     for name, top in largest.items():
         unit = plant.quantity(name).unit
-        others = {n: 0.5 * v for n, v in largest.items() if n != name}
+        others = {n: OTHERS * v for n, v in largest.items() if n != name}
         for words, wave in {
             f"steps of {name} up to {WITHIN * top:.3g} {unit}": _staircase(span),
             f"a sweep of {name} up to {WITHIN * top:.3g} {unit}": _chirp(span, step),
@@ -80,7 +83,7 @@ def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float)
 
 def _staircase(span: float) -> tuple[np.ndarray, np.ndarray]:
     """Steps to growing heights and back, each held for a tenth of the time."""
-    levels = np.array([0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5])
+    levels = np.array(STAIRS)
     marks = np.linspace(0.0, span, levels.size + 1)
     return np.repeat(marks, 2)[1:-1], np.repeat(levels, 2)
 

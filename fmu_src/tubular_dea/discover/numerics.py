@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from ..identify.response import TOLERANCE
 from ..identify.study import Study
 
-NUMERIC_MARGIN = 4.0
+# Set by judgement. Check: `python -m blind.score --nulls 60 --seed 1000`
+NUMERIC_MARGIN = 4.0  # [1] times what a halved tolerance changes (sum of squares) that no effect may explain
 
 
 def numeric_gain(study: Study, values: Mapping[str, float]) -> float:

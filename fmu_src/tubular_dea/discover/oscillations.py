@@ -13,8 +13,11 @@ import numpy as np
 from ..identify.adjust import with_own
 from .engine import Discovery
 
-LINE_NEAR, LINE_PLACES = 0.06, 61  # Hz around a line's frequency, and places there that are compared
-LINE_TOLD = 4.0  # standard errors of an amplitude from which on it is told
+# Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/hum.py).
+# Check: `pytest tests/test_discover.py::test_an_oscillation_that_no_input_drives_is_told`
+LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer
+LINE_PLACES = 61  # [1] places there that are compared
+LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,23 @@ from ..model.effect import Effect
 from ..protocol import Protocol
 from .parameters import switched_on
 
-CURVE_POINTS = 400  # of a curve
-WAY = (0.0, 0.6, 0.0, 1.0, 0.0)  # of the range: the corners of a loop
-FASTER, SAME = 10.0, 0.3  # times as fast, a loop has to stay the same within this share of its height
-FELT = 1e-3  # of what an effect does: what moves it by less does not
-STEP_SETTLED, STEP_SHOWN = (
-    0.05,
-    1.6,
-)  # of a step's answer that is left when it counts as settled; how long after it is shown
-BEFORE = 0.15  # of the time shown that lies before a step
-DRAWS, BAND_SEED = 400, 1  # of the parameters, for a band
-BAND, ANSWERED = (0.025, 0.975), 0.9  # quantiles of the draws; share of them that have to have an answer
-CURVE_STEPS = 100_000  # internal steps of a run between two points, after which it is given up
+# Set by judgement: what is drawn, and nothing is decided by it. Check: `pytest tests/test_own_curve.py`
+CURVE_POINTS = 400  # [1] points of a curve
+WAY = (0.0, 0.6, 0.0, 1.0, 0.0)  # [1] of the range: the corners of a loop
+FASTER = 10.0  # [1] times as fast, a loop has to stay the same
+SAME = 0.3  # [1] share of its height within which that is the same
+FELT = 1e-3  # [1] of what an effect does: what moves it by less does not
+STEP_RISE = 0.1  # [1] of the longest record that a step rises for at most
+STEP_SETTLED = 0.05  # [1] of a step's answer that is left when it counts as settled
+STEP_SHOWN = 1.6  # [1] times as long as that it is shown
+BEFORE = 0.15  # [1] of the time shown that lies before a step
+CURVE_STEPS = 100_000  # [1] internal steps of a run between two points, after which it is given up
+
+# Set by convention: a band of 95 %. Check: `pytest tests/test_own_curve.py`
+DRAWS = 400  # [1] draws of the parameters for a band
+BAND_SEED = 1  # [1] of these
+BAND = (0.025, 0.975)  # [1] quantiles of the draws
+ANSWERED = 0.9  # [1] share of them that have to have an answer
 
 Given = Mapping[str, np.ndarray]
 
@@ -215,7 +220,7 @@ class _Usual:
 def _step(bench: Bench, name: str, usual: _Usual) -> tuple[Course, np.ndarray]:
     """The course of a step of `name`, and times at which to look until its answer has settled."""
     low, high = usual.ends[name]
-    rise = 0.0 if name in bench.jumping else min((high - low) / usual.rates[name], 0.1 * usual.longest)
+    rise = 0.0 if name in bench.jumping else min((high - low) / usual.rates[name], STEP_RISE * usual.longest)
     shares = np.array([0.0, 0.0, 1.0, 1.0])
     far = usual.course(bench.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
     looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, CURVE_POINTS) * usual.longest]))

@@ -14,12 +14,19 @@ import numpy as np
 from scipy.stats import norm
 
 from ..model.effect import Effect
-from .bank import Candidate
+from .bank import HIDDEN, Candidate
 from .bootstrap import NullScores
 
-VISIBLE_ALARMS, POWER = 0.05, 0.8
-HIDDEN = 1e-3  # of a column that must be left for it to be anything but the present parameters
-STEEPEST = 4.0  # power of the gain over a lag's length, beyond its grid: from 2 (its first moment) to 4
+# Set by convention (Cohen, "Statistical power analysis for the behavioral sciences", 1988).
+# Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
+VISIBLE_ALARMS = 0.05  # [1] share of records with nothing missing whose largest score is above what counts as seen
+POWER = 0.8  # [1] share of records with an effect of that size in which it is seen
+
+# Set by theory: a short lag acts by its first moment, so its gain grows with the square of its length; by judgement no
+# faster than with the fourth power. Check: `pytest tests/test_acceptance.py`
+SLOWEST_GAIN = 2.0  # [1] power of the gain over a lag's length, beyond its grid, at least
+FASTEST_GAIN = 4.0  # [1] the same at most
+
 Sizes = dict[str, float | None]
 
 
@@ -73,9 +80,9 @@ def _crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     """Where y, which rises over x, comes to `level`; straight beyond its first point and the last."""
     above = np.flatnonzero(y >= level)
     if not above.size:
-        return float(x[-1] + (level - y[-1]) / 2.0)
+        return float(x[-1] + (level - y[-1]) / SLOWEST_GAIN)
     i = int(above[0])
     if i == 0:
-        slope = np.clip((y[1] - y[0]) / (x[1] - x[0]) if x.size > 1 else 2.0, 2.0, STEEPEST)
+        slope = np.clip((y[1] - y[0]) / (x[1] - x[0]) if x.size > 1 else SLOWEST_GAIN, SLOWEST_GAIN, FASTEST_GAIN)
         return float(x[0] - (y[0] - level) / slope)
     return float(x[i - 1] + (level - y[i - 1]) * (x[i] - x[i - 1]) / (y[i] - y[i - 1]))

@@ -14,12 +14,18 @@ from ..model.effect import Effect
 from .bank import Score
 from .parameters import base_parameters, clipped, effect_parameters, switched_on
 
-FIRST_STEPS, FULL_STEPS = 9, 30  # evaluations from each start, and from the best of them
-ROUGH_PRECISION = 1e-4  # relative change of the cost at which the first steps end
-PROMISED = 0.8  # share of its score that a refit is content with
-BELIEVED = 1.0  # as far as the linear model is believed, in the solver's numbers
-NEARBY = 0.1  # of the score's amplitude
-TINY = 1e-3  # of its typical size: no amplitude starts at its bound
+# Set by judgement: what a refit may cost and where it starts. Check: `python -m blind.score --singles 2 --seed 1000`,
+# `pytest tests/test_discover.py::test_scores_point_to_the_refit`
+FIRST_STEPS = 9  # [evaluations] from each start
+FULL_STEPS = 30  # [evaluations] from the best of them
+ROUGH_PRECISION = 1e-4  # [1] relative change of the cost at which the first steps end
+PROMISED = 0.8  # [1] share of its score that a refit is content with
+BELIEVED = 1.0  # [1] step up to which the linear model is believed, in the solver's numbers
+NEARBY = 0.1  # [1] share of the score's amplitude with which a refit starts that gained too little from all of it
+MOST_SIZES = 10.0  # [1] times its typical size that an amplitude starts at most
+TINY = 1e-3  # [1] of its typical size: so far inside its bound an amplitude starts
+LEAST_LAG = 0.1  # [1] share of a lag that counts at least where a shorter whole one stands for it
+MOST_LAG = 2.0  # [1] the same at most
 
 
 def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score], refined: Ids = ()) -> Fit | None:
@@ -107,9 +113,9 @@ def start_values(fitted: Fit, score: Score, share: float = 1.0) -> dict[str, flo
 
 
 def _inside(effect: Effect, free: Free, amplitude: float) -> float:
-    """`off` plus the amplitude, at most ten times its usual size and never at a bound."""
+    """`off` plus the amplitude, at most MOST_SIZES times its usual size and never at a bound."""
     size = free.size
-    moved = effect.off[free.name] + float(np.clip(amplitude, -10 * size, 10 * size))
+    moved = effect.off[free.name] + float(np.clip(amplitude, -MOST_SIZES * size, MOST_SIZES * size))
     low = -np.inf if free.lower is None else free.lower + TINY * size
     high = np.inf if free.upper is None else free.upper - TINY * size
     return float(np.clip(moved, low, high))
@@ -117,5 +123,5 @@ def _inside(effect: Effect, free: Free, amplitude: float) -> float:
 
 def _lag(effect: Effect, shape: dict[str, float], share: float) -> dict[str, float]:
     """A share of a lag is about the whole of a shorter one; of a rate limit or a frequency, of a higher one."""
-    share = float(np.clip(share, 0.1, 2.0))
+    share = float(np.clip(share, LEAST_LAG, MOST_LAG))
     return {name: value * share ** effect.trades.get(name, 0.0) for name, value in shape.items()}

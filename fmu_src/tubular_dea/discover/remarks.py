@@ -11,8 +11,10 @@ from ..model.units import factor
 from .engine import Discovery
 from .oscillations import Oscillation
 
-IMPLAUSIBLE = 3.0  # factor from the declared value beyond which a refitted parameter is hardly the plant's
-FEW_EXPERIMENTS = 3  # experiments below which a verdict rests on little
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
+FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
+MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
@@ -64,7 +66,7 @@ def thin(found: Discovery) -> str:
 
 def _moves(found: Discovery, name: str) -> bool:
     spans = [float(np.ptp(p.case.protocol.inputs[name])) for p in found.study.pieces]
-    return max(spans) > 10 * found.study.monitor_noise.get(name, 0.0)
+    return max(spans) > MOVES * found.study.monitor_noise.get(name, 0.0)
 
 
 def _starts(found: Discovery) -> list[str]:

@@ -13,9 +13,16 @@ from ..identify.misfit import BLOCK, block_sums, parts
 from ..identify.noise import UNQUIET
 from ..identify.study import Piece, Study
 
-# Ratios above which a model is far from the plant; the latter where noise is bounded only.
-FAR, FAR_UNQUIET = 3.0, 1.5
-LAG = 25  # samples: the lag of an input that a residual is held against
+# Set by judgement. Check: `pytest tests/test_acceptance.py -k far`,
+# `python -m measured.table`
+FAR = 3.0  # [1] residual over noise above which a model is far from the plant
+FAR_UNQUIET = 1.5  # [1] the same where noise is bounded only
+
+# Set by judgement: for the reader only, nothing is decided by them. Check: `tubular-dea close-loop DATA --out OUT`
+LAG = 25  # [samples] lag of an input that a residual is held against
+FAST_SHARE = 0.3  # [1] of all samples: the fastest and the slowest so many are compared for hysteresis
+ON_SHARE = 0.1  # [1] of an input's largest value from which on it is on
+WHITENESS_LAGS = 20  # [1] lags of block means that their whiteness is judged by
 
 
 @dataclass(frozen=True)
@@ -122,17 +129,17 @@ def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
         found[f"correlation with {name}"] = _correlation(means, values)
     for name in [n for n in blocks if n.startswith("rate of")]:
         speed = blocks[name]
-        rising, falling = speed > np.quantile(speed, 0.7), speed < np.quantile(speed, 0.3)
+        rising, falling = speed > np.quantile(speed, 1 - FAST_SHARE), speed < np.quantile(speed, FAST_SHARE)
         found[f"hysteresis over {name}"] = float(means[rising].mean() - means[falling].mean())
     for name in [s.name for s in study.plant.inputs if s.held and np.ptp(blocks[s.name]) > 0]:
         size = np.abs(blocks[name])
-        on = size > 0.1 * size.max()
+        on = size > ON_SHARE * size.max()
         if 0 < on.sum() < on.size:
             found[f"asymmetry {name} on/off"] = float(np.mean(means[on] ** 2) - np.mean(means[~on] ** 2))
     return found
 
 
-def whiteness(means: np.ndarray, lags: int = 20) -> float:
+def whiteness(means: np.ndarray, lags: int = WHITENESS_LAGS) -> float:
     """Ljung and Box's statistic of the block means in standard deviations of its null."""
     centred = means - means.mean()
     power = float(centred @ centred)

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .acceptance import clean, denied
-from .equivalence import error_reach, stands_in
+from .equivalence import CHANCE, error_reach, stands_in
 from .options import Option, fitted_option
 from .rounds import AT_BEST, Progress, Round
 
-LITTLE = 12.0  # gain below which an effect is dropped again
-FINER_GAIN = 10.0  # log evidence that a finer form must bring
-MOST_FINER = 4  # rivals that are refined with the choice
+# Set by judgement: very strong evidence, and a bound on the cost. Check: `pytest tests/test_acceptance.py`,
+# `python -m blind.score --pairs 20 --seed 1000`
+FINER_GAIN = 10.0  # [log evidence] that a finer form must bring
+MOST_FINER = 4  # [1] rivals that are refined with the choice
+EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
 
 
 @dataclass
@@ -45,7 +47,7 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
     """Every earlier effect against the rivals it had: in company another may do better, if it was not far behind."""
     for place, name in enumerate(found.chosen.ids[:-1]):
         rest = tuple(i for i in found.chosen.ids if i != name)
-        for rival in _earlier_rivals(found, place)[:2]:
+        for rival in _earlier_rivals(found, place)[:EXCHANGED]:
             if rival in found.chosen.ids:
                 continue
             tell(f"{rival} in place of {name}")
@@ -88,7 +90,7 @@ def _drop(study: Study, found: Search) -> None:
             found.gains[name] = found.base.misfit - found.chosen.misfit
             continue
         found.gains[name] = without.misfit - found.chosen.misfit
-        if without.fitted.cost - found.chosen.fitted.cost < LITTLE:
+        if without.fitted.cost - found.chosen.fitted.cost < CHANCE:
             found.chosen = without
 
 

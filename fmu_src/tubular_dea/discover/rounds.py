@@ -19,18 +19,27 @@ from .parameters import unusual
 from .power import Sizes, smallest_visible
 from .refit import FULL_STEPS, first_refit, further
 
-REFITS, NEAR_SCORE = 5, 0.6  # the best so many, and all whose score is at least this share of the best's
-NULL_MARGIN = 1.2  # over the bootstrap's threshold, as the noise is not known exactly
-WEAK_NEAR = 100.0  # below the best score: where evidence is weak, rivals are near even at a small share of it
-MOST_REFITS = 10
-ALL_REFITS = 24  # the same where models are so far from the plant that scores at "off" say little
-FAINT_SCORE = 0.03  # of the best score: no candidate with less is refitted, not even there (winners had 0.7 and more)
-AT_BEST = 2.5  # times its score that a further effect may be hoped to gain when refitted
-LEAST_REACH, REACH_SHARE = (
-    500.0,
-    0.3,
-)  # above the best refit, and as a share of its gain: the others are refitted to the end
-RESTARTED = 3  # of the best refits, from the declared values where they leave more than noise (those near a clean one)
+# Set by judgement: what is refitted costs seconds, what is not cannot win.
+# Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
+REFITS = 5  # [1] best candidates that are refitted in any case
+NEAR_SCORE = 0.6  # [1] share of the best score from which on candidates are refitted too
+WEAK_NEAR = 100.0  # [squared standard deviations] below the best score: where evidence is weak, all these are near
+MOST_REFITS = 10  # [1] candidates refitted at most
+STANDING = 0.5  # [1] share of the threshold from which on a candidate may be refitted at all
+SHAPES = 2  # [1] shapes of a candidate from which its refit starts at most
+SHAPE_NEAR = 0.5  # [1] share of the best shape's score from which on the next one is a start too
+AT_BEST = 2.5  # [1] times its score that a further effect may be hoped to gain when refitted
+LEAST_REACH = 500.0  # [squared standard deviations] above the best refit within which others are refitted to the end
+REACH_SHARE = 0.3  # [1] the same as a share of the best refit's gain
+RESTARTED = 3  # [1] best refits that start again from the declared values, where they leave more than noise
+
+# Set by judgement: the noise is not known exactly. Check: `python -m blind.score --nulls 60 --seed 1000`
+NULL_MARGIN = 1.2  # [1] times the bootstrap's threshold that a score has to reach
+
+# Set by measurement: of plants that others measured, winners scored 0.7 of the best and more.
+# Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+FAINT_SCORE = 0.03  # [1] share of the best score: no candidate with less is refitted, not even where models are far
+ALL_REFITS = 24  # [1] candidates refitted at most where models are so far that scores at "off" say little
 
 Progress = Callable[[str], None]
 
@@ -92,7 +101,7 @@ def _plainest(study: Study, options: Sequence[Option], good: Sequence[int]) -> i
 
 def _worth(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
     """The ids that are refitted: the best few, and all that score near the best."""
-    standing = [s for s in ranked if s.statistic > 0.5 * threshold]
+    standing = [s for s in ranked if s.statistic > STANDING * threshold]
     best = standing[0].statistic
     least = FAINT_SCORE * best if most > MOST_REFITS else min(NEAR_SCORE * best, best - WEAK_NEAR)
     near = [s for s in standing if s.statistic >= least]
@@ -141,4 +150,4 @@ def _from_declared(study: Study, found: Option) -> Option:
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
     """The best shape, and the next one where it scores nearly as much."""
-    return [s for s in shapes[:2] if s.statistic > 0.5 * shapes[0].statistic]
+    return [s for s in shapes[:SHAPES] if s.statistic > SHAPE_NEAR * shapes[0].statistic]

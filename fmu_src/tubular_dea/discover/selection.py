@@ -15,10 +15,14 @@ from .refit import fit_effects, further
 from .revision import Search, revise
 from .rounds import Progress, take_round
 
-ROUNDS = 3
-MOST_ROUNDS = 5  # where models are far from the plant
-DEEPER = 0.02  # of what an effect gains: so much less a base must cost for the search to begin anew
-LONG_SEARCH = 120  # evaluations until a search that converges slowly is given up
+# Set by judgement. Check: `python -m measured.table`, `python -m blind.score --pairs 20 --seed 1000`
+ROUNDS = 3  # [1] effects that are sought one after the other
+MOST_ROUNDS = 5  # [1] the same where models are far from the plant
+
+# Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
+# `python -m blind.score --singles 2 --seed 1000`
+DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
+LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 
 
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:

@@ -10,7 +10,9 @@ from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.study import Piece, Study
 
-FOLD_BLOCK, FOLDS = 125, 6  # samples of a block (half a second), and folds they are dealt to
+# Set by judgement: half a second at 250 Hz. Check: `python -m blind.score --nulls 60 --seed 1000`
+FOLD_BLOCK = 125  # [samples] of a block that is left out
+FOLDS = 6  # [1] folds that blocks are dealt to
 
 
 def left_out(fitted: Fit, fold: np.ndarray) -> float:

@@ -1,0 +1,194 @@
+"""Every tuned number of discover/ and identify/ says what it means, how it was set and what shows its effect.
+
+A record stands above the numbers that it is about, up to the next empty line, and each has its unit and meaning:
+
+    # Set by judgement: so many are told apart. Check: `pytest tests/test_x.py`, `python -m blind.score --nulls 60`
+    FEW = 3  # [samples] on the way at most
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tubular_dea.commands import COMMANDS
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "fmu_src" / "tubular_dea"
+FILES = sorted(path for room in ("discover",) for path in (PACKAGE / room).glob("*.py"))
+WAYS = ("judgement", "measurement", "theory", "convention")
+RECORD = re.compile(rf"# Set by ({'|'.join(WAYS)})\b[^`]*\. Check: (`[^`]+`(, `[^`]+`)*)$")
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number at the top of a file: the comments of its record, and what it is said to mean."""
+
+    name: str
+    line: int
+    record: str
+    meaning: str
+
+
+def constants(text: str) -> Iterator[Constant]:
+    """All numbers (or groups of them) that a file's top level gives a name in capitals."""
+    lines = text.splitlines()
+    for node in ast.parse(text).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not _numeric(node.value):
+            continue
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+        name = ast.unparse(target)
+        if name.isupper():
+            first = lines[node.lineno - 1]
+            above = _above(lines, node.lineno - 1)
+            record = next((c for c in above if c.startswith("# Set by")), "")
+            meaning = re.search(r"  # (\[.*)", first)
+            yield Constant(name, node.lineno, record, meaning[1] if meaning else _last(above))
+
+
+def _numeric(value: ast.expr) -> bool:
+    return any(isinstance(n, ast.Constant) and type(n.value) in (int, float) for n in ast.walk(value))
+
+
+def _above(lines: list[str], end: int) -> list[str]:
+    """The comments above a line up to the next empty one, nearest first; those that go on are one."""
+    found: list[str] = []
+    part: list[str] = []
+    for line in reversed(lines[:end]):
+        if not line:
+            break
+        if not line.startswith("# "):
+            part = []
+            continue
+        part.insert(0, line if line.startswith(("# Set by", "# [")) else line[2:])
+        if line.startswith(("# Set by", "# [")):
+            found.append(" ".join(part))
+            part = []
+    return found
+
+
+def _last(above: list[str]) -> str:
+    return above[0][2:] if above and above[0].startswith("# [") else ""
+
+
+def faults(text: str) -> Iterator[str]:
+    """What is wrong with the records of a file."""
+    for c in constants(text):
+        record = RECORD.fullmatch(c.record)
+        if "," in c.name:
+            yield f"line {c.line}: {c.name}: expected a line for each"
+        elif not record:
+            yield (
+                f"line {c.line}: {c.name}: expected a comment '# Set by ({'|'.join(WAYS)})[: how]. Check: `command`' "
+                f"above it but found {c.record!r}"
+            )
+        elif not re.fullmatch(r"\[[^\]]+\] \w.*", c.meaning):
+            yield f"line {c.line}: {c.name}: expected '# [unit] meaning' beside it but found {c.meaning!r}"
+        else:
+            for command in re.findall(r"`([^`]+)`", record[2]):
+                missing = unknown(shlex.split(command))
+                if missing:
+                    yield f"line {c.line}: {c.name}: `{command}`: there is no {missing}"
+
+
+def unknown(words: list[str]) -> str:
+    """What of a command is not in this repository; "" for one that can be run."""
+    match words:
+        case ["pytest", where, *rest]:
+            return _unknown_test(where, rest)
+        case ["python", "-m", module, *rest]:  # of tests/, where it is run
+            return _unknown_script(ROOT / "tests" / Path(*module.split(".")).with_suffix(".py"), rest)
+        case ["python", script, *rest]:
+            return _unknown_script(ROOT / script, rest)
+        case ["tubular-dea", command, *_]:
+            return "" if command in COMMANDS else f"command {command}"
+    return f"way to run {words[0]} here"
+
+
+def _unknown_test(where: str, rest: list[str]) -> str:
+    path, _, name = where.partition("::")
+    if not (ROOT / path).is_file():
+        return path
+    tests = re.findall(r"^def (test_\w+)", (ROOT / path).read_text("utf-8"), re.MULTILINE)
+    if name and name not in tests:
+        return f"test {name}"
+    wanted = rest[rest.index("-k") + 1] if "-k" in rest else ""
+    return "" if any(wanted in test for test in tests) else f"test with {wanted!r} in its name"
+
+
+def _unknown_script(path: Path, rest: list[str]) -> str:
+    if not path.is_file():
+        return str(path.relative_to(ROOT))
+    text = path.read_text("utf-8")
+    return next((f"option {w}" for w in rest if w.startswith("--") and f'"{w}"' not in text), "")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_every_number_has_a_record(path: Path) -> None:
+    assert not list(faults(path.read_text("utf-8")))
+
+
+def test_no_name_is_used_for_two_ideas() -> None:
+    places: dict[str, list[str]] = {}
+    for path in FILES:
+        for c in constants(path.read_text("utf-8")):
+            places.setdefault(c.name, []).append(f"{path.parent.name}/{path.name}")
+    assert len(places) > 80  # they are found at all
+    assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
+def test_every_number_is_used() -> None:
+    everything = "\n".join(path.read_text("utf-8") for path in PACKAGE.rglob("*.py"))
+    code = re.sub(r"#.*", "", everything)
+    named = [c.name for path in FILES for c in constants(path.read_text("utf-8"))]
+    assert not [name for name in named if len(re.findall(rf"\b{name}\b", code)) < 2]
+
+
+GOOD = (
+    "# Set by judgement: so. Check: `pytest tests/test_plants.py`, `tubular-dea atlas`\nFEW = 3  # [samples] at most\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("# Set by judgement: so. Check:", "# Check:", "Set by"),
+        ("judgement", "magic", "Set by"),
+        (" Check: `pytest tests/test_plants.py`, `tubular-dea atlas`", "", "Set by"),
+        ("atlas`\n", "atlas`\n\n", "Set by"),
+        ("# [samples] at most", "# at most", "[unit] meaning"),
+        ("  # [samples] at most", "", "[unit] meaning"),
+        ("FEW = 3", "FEW, MANY = 3, 4", "a line for each"),
+        ("test_plants.py", "test_planets.py", "no tests/test_planets.py"),
+        ("test_plants.py", "test_plants.py::test_nothing", "no test test_nothing"),
+        ("test_plants.py", "test_plants.py -k feasibly", "no test with 'feasibly'"),
+        ("pytest tests/test_plants.py", "python -m blind.scores", "no tests/blind/scores.py"),
+        ("pytest tests/test_plants.py", "python -m blind.score --null 3", "no option --null"),
+        ("pytest tests/test_plants.py", "python tests/benchmarks/none.py", "no tests/benchmarks/none.py"),
+        ("tubular-dea atlas", "tubular-dea globe", "no command globe"),
+        ("tubular-dea atlas", "make", "no way to run make"),
+    ],
+)
+def test_a_number_without_its_record_is_seen(old: str, new: str, said: str) -> None:
+    assert not list(faults(GOOD))
+    assert old in GOOD
+    found = list(faults(GOOD.replace(old, new)))
+    assert len(found) == 1 and said in found[0]
+
+
+def test_records_and_meanings_may_go_on_over_lines() -> None:
+    text = (
+        "# Set by measurement: of eight\n# and twelve. Check:\n# `python -m blind.score --nulls 3\n# --seed 1`\n"
+        "FEW = 3  # [1] few\n# [1] weights of each,\n# in turn\nMANY: tuple = {\n    1: 2.0,\n}\nNAME = 'many'\n"
+    )
+    assert not list(faults(text))
+    assert [(c.name, c.meaning) for c in constants(text)] == [
+        ("FEW", "[1] few"),
+        ("MANY", "[1] weights of each, in turn"),
+    ]
