@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter
 
 from tubular_dea.identify.data import Experiment
 from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.edges import transitions
+from tubular_dea.identify.edges import EXPONENTIAL, transitions
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V
@@ -160,3 +160,13 @@ def test_a_filter_that_rings_does_not_switch_twice() -> None:
         rung[begin : begin + 2] += np.sign(pulses[begin] - pulses[begin - 1]) * np.array([230.0, -20.0])
     noisy = rung + NOISE * np.random.default_rng(6).standard_normal(time.size)
     assert len(transitions(time, noisy, NOISE)) == np.count_nonzero(np.diff(pulses))
+
+
+def test_a_ramp_spreads_as_the_exponential_that_it_stands_for() -> None:
+    """Both have the same standard deviation about their centroids."""
+    tau, time = 0.7, np.linspace(0.0, 40.0, 400_001)
+    rate = np.exp(-time / tau) / tau
+    spread = np.sqrt(np.trapezoid(rate * (time - tau) ** 2, time))
+    ramp = EXPONENTIAL * tau
+    inside = np.linspace(-ramp / 2, ramp / 2, 10_001)
+    assert np.sqrt(np.mean(inside**2)) == pytest.approx(spread, rel=1e-3)

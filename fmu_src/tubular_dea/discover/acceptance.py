@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..identify.fit import Fit, interval
+from ..identify.fit import NORMAL_95, Fit, interval
 from ..identify.misfit import SLOW_CHANCE
 from ..model.effect import Effect
 from .options import Option
@@ -122,7 +122,7 @@ def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]
     above = fitted.values[name] - off if off is not None and quantity.minimum == off else 0.0
     if off is None or above <= 0:
         return low, high
-    factor = float(np.exp(1.96 * fitted.stderr[name] / above))
+    factor = float(np.exp(NORMAL_95 * fitted.stderr[name] / above))
     return off + above / factor, off + above * factor
 
 
@@ -134,7 +134,7 @@ def bounded_away(effect: Effect, fitted: Fit) -> bool:
         if not low <= effect.off[name] <= high:
             return True
     lengths = [n for n in effect.fit if n in fitted.names and not sizes]  # a lag is off where it is short
-    return any(1.96 * fitted.stderr[n] < abs(fitted.values[n]) for n in lengths)
+    return any(NORMAL_95 * fitted.stderr[n] < abs(fitted.values[n]) for n in lengths)
 
 
 def denied(before: Option, after: Option) -> bool:

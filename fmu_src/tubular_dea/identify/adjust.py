@@ -34,18 +34,36 @@ from .response import Case, Response
 from .study import Own, Piece, Study
 from .threads import side_by_side
 
-LEAST_FILES = 3  # from which on a spread between files can be told
-ITERATIONS = 40  # of expectation and maximisation
-TOLD = 0.99  # of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
-GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way between an edge's bounds at which the model is asked
-FINE_PLACES = 81  # places between an edge's bounds that are compared: steps of 50 us at 250 Hz
-TURN = 0.1  # of a sample: by how much channels are usually apart that are read in turn
-LATE, LATEST = 0.5, 1.0  # of a sample: how late filters against aliasing usually make monitors, and at most
-GAIN, MOST_GAIN = 2e-3, 6e-3  # by which gains of a monitor usually differ between files, and at most
-START_STEP = 0.05  # of a start's usual size: step of its difference quotient
-START_SPREAD = 1.0  # of a start's usual size: prior of what is not known of it
+# Set by judgement. Check: `pytest tests/test_adjust.py`,
+# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
+LEAST_FILES = 3  # [1] files from which on a spread between them can be told
+ITERATIONS = 40  # [1] of expectation and maximisation
+
+# Set by judgement. Check: `pytest tests/test_adjust.py -k instant`,
+# `python -m blind.score --nulls 12 --conventions edges --seed 1000`
+TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
+GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
+FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
+# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+TURN = 0.1  # [samples] by which channels are usually apart that are read in turn
+LATE = 0.5  # [samples] by which filters against aliasing usually make monitors late
+LATEST = 1.0  # [samples] the same at most
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
+# `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
+GAIN = 2e-3  # [1] by which gains of a monitor usually differ between files
+MOST_GAIN = 6e-3  # [1] the same at most
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
+START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient
+START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
+
+# Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
+HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
+
 GAIN_OF, LATE_OF = "gain of ", "late "  # names of what a monitor has of its own beside its zero
-HUM_SIZE = 10.0  # times the noise: prior of the amplitude of a line at mains frequency
 
 
 @dataclass(frozen=True)

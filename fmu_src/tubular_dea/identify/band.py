@@ -14,13 +14,20 @@ from __future__ import annotations
 
 import numpy as np
 
-PADDED = 64  # samples of mirror image at either end
-CLOSE = 5e-3  # of the signal's rms: what straight lines may miss it by; a tenth of it costs four times the points
-ABOVE = 2e-2  # the same where all that they miss lies above the sampling rate
-FINEST = 32  # points a sample at most
-LINE = float(np.sqrt(8 / 15))  # a parabola over its chord: its rms over what it misses in the middle
-BEND = float(np.sqrt(1 / 720))  # a parabola beside the line that has its mean: its rms in units of curvature step^2
-QUIETEST = 0.05  # share of the frequencies whose power is taken for noise: the least
+# Set by measurement: a tenth of it costs four times the points. Check: `python -m measured.table`
+CLOSE = 5e-3  # [1] of the signal's rms: what straight lines may miss it by
+
+# Set by judgement. Check: `pytest tests/test_monitors.py`, `python -m measured.table`
+ABOVE = 2e-2  # [1] the same where all that they miss lies above the sampling rate
+FINEST = 32  # [1] points a sample at most
+
+# Set by judgement. Check: `pytest tests/test_monitors.py::test_a_band_limited_input_is_known_between_its_samples`
+PADDED = 64  # [samples] of mirror image at either end
+QUIETEST = 0.05  # [1] share of the frequencies whose power is taken for noise: the least
+
+# Set by theory: of a parabola. Check: `pytest tests/test_monitors.py`
+LINE = float(np.sqrt(8 / 15))  # [1] rms over its chord, in units of what the chord misses in the middle
+BEND = float(np.sqrt(1 / 720))  # [1] rms beside the line that has its mean, in units of curvature times step^2
 
 
 def band_limited(

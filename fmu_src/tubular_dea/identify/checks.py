@@ -10,9 +10,15 @@ from ..model.declare import Quantity
 from ..plants.plant import Input, Output, Plant
 from .monitors import QUIET, noise_level, resolution
 
-STANDSTILL = 25  # equal samples in a row that a noisy sensor never gives
-COARSE_SENSOR = 3.0  # steps of its resolution: a sensor with less noise may well give equal samples in a row
-STRUCTURE = 20.0  # times the noise a signal must span to count as one
+# Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
+STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
+SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
+COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
+STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
+CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
+NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
+BELOW_REST = 0.05  # [1] of its size at rest by which a plant is not smaller
+SMOOTHED = 9  # [samples] over which noise is averaged for that
 
 
 def inputs(values: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray) -> Iterator[str]:
@@ -63,14 +69,14 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
     what = f"the largest value is {largest:g} {unit}"
     if top > signal.most:
         return f"{what}; expected at most {signal.most:g} {unit}: {signal.mislabelled[1]}?"
-    if 0 < top < signal.least and span > STRUCTURE * noise and top > 0.02 * signal.least:
+    if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
         return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
     return ""
 
 
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
     """A finding where `values` (n,) hold nothing but noise; `wanted` says in words what was expected of them."""
-    if np.ptp(values) <= 12.0 * noise_level(values) or np.ptp(values) == 0:
+    if np.ptp(values) <= CONSTANT * noise_level(values) or np.ptp(values) == 0:
         yield (
             f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
             f"nothing; expected one in which {wanted}"
@@ -88,7 +94,7 @@ def _standstill(
         return
     for extreme in (stop(values) for stop in stops):
         there = np.flatnonzero(values == extreme)
-        if there.size >= max(STANDSTILL, 0.03 * values.size):
+        if there.size >= max(STANDSTILL, SATURATED * values.size):
             yield (
                 f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} "
                 f"of {values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
@@ -116,14 +122,14 @@ def _below_rest(
     values: np.ndarray, name: str, lines: np.ndarray, rest: float, signal: Output, size: Quantity
 ) -> Iterator[str]:
     """Smoothed over a few samples, so that noise about rest is no finding; `size` is the plant's."""
-    smooth = np.convolve(values, np.ones(9) / 9, mode="valid")
+    smooth = np.convolve(values, np.ones(SMOOTHED) / SMOOTHED, mode="valid")
     lowest = int(np.argmin(smooth))
-    if smooth[lowest] < rest - 0.05 * float(size.value or 0.0):
+    if smooth[lowest] < rest - BELOW_REST * float(size.value or 0.0):
         wanted = " or ".join(
             f"a {heading!r} that starts at {size.name if parameter else 0}"
             for heading, parameter in list(signal.columns.items())[:2]
         )
         yield (
-            f"line {lines[lowest + 4]}, column {name!r}: {smooth[lowest]:.4g} {size.unit} is below the {name} at rest, "
-            f"{rest:g} {size.unit}; expected {wanted}, or set {size.name} in bench.toml"
+            f"line {lines[lowest + SMOOTHED // 2]}, column {name!r}: {smooth[lowest]:.4g} {size.unit} is below the "
+            f"{name} at rest, {rest:g} {size.unit}; expected {wanted}, or set {size.name} in bench.toml"
         )

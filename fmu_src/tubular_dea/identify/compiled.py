@@ -24,14 +24,15 @@ from .threads import side_by_side
 
 Ids = tuple[str, ...]
 
-# Effects in one library for scores: a step costs 1.2 us in a library each, 2.0 us with six and 6.8 us with all thirty
-# of the tube's in one; compiling them all takes 35, 8.5 and 4.3 s on one core (tests/benchmarks/scoring.py).
-SHARED = 6
+# Set by measurement: a step costs 1.2 us in a library each, 2.0 us with six and 6.8 us with all thirty of the tube's in
+# one; compiling them all takes 35, 8.5 and 4.3 s on one core. Check: `python tests/benchmarks/scoring.py`
+SHARED = 6  # [1] effects in one library for scores
 
-# Samples (or points of inputs, where there are more) up to which all laws without dynamics share a kernel, and from
-# which those that switch are scored alone: with the 32 of the tanks in it, a point takes 2.5 us and not 0.6, to compile
-# one 0.7 s; with all 38 of the silverbox, the 344 000 points of one record took 3.2 s and not 0.05.
-FEW_POINTS, MANY_POINTS = 6_000, 100_000
+# Set by measurement: with the 32 laws of the tanks in one kernel, a point takes 2.5 us and not 0.6, to compile one
+# 0.7 s; with all 38 of the silverbox, the 344 000 points of one record took 3.2 s and not 0.05.
+# Check: `python -m measured.table`
+FEW_POINTS = 6_000  # [1] samples (or points of inputs) up to which all laws without dynamics share a kernel
+MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 
 STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: none, linear, anything else
 

@@ -21,9 +21,11 @@ from .fit import Fit
 from .problem import Problem
 from .response import Case, Response
 
-INPUT_STEP = 4e-3  # of an input's largest value: shift at which its gain is taken
-CHUNK = 200  # corners at a time, so that a monitor with one at every sample fits into memory
-WHITENING_REACH = 100  # samples over which whitening carries a value on
+# Set by judgement: small against any curvature, large against the integrator's tolerance.
+# Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
+INPUT_STEP = 4e-3  # [1] of an input's largest value: shift at which its gain is taken
+CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample fits into memory
+WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
 def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:

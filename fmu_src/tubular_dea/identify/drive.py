@@ -33,12 +33,21 @@ from .monitors import (
 from .threads import one_blas_thread
 from .trigger import triggered
 
-NEAR_EDGE = 2  # samples from an edge within which a record is no measure of the line's error
-CLOCK_JITTER = 0.05  # of the time between samples: jitter of a clock that prints few digits
-STAIR = 5.0  # times the noise that the median step of a staircase has: a ramp in a noisy monitor has far less
-COARSE_INPUT = 0.01  # of its span: what may be unknown of an input between its samples
-SLOPES = 50  # samples over which a held signal that moves runs straight, for its hum to be seen
-ON_SAMPLES = 1.0  # between two samples: an input that switches exactly where it is first recorded
+# Set by judgement. Check: `pytest tests/test_edges.py tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
+NEAR_EDGE = 2  # [samples] from an edge within which a record is no measure of the line's error
+STAIR = 5.0  # [1] times the noise that the median step of a staircase has: a ramp in a noisy monitor has far less
+COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between its samples
+
+# Set by judgement. Check: `pytest tests/test_monitors.py -k band_limited`
+CLOCK_JITTER = 0.05  # [1] of the time between samples: jitter of a clock that prints few digits
+
+# Set by judgement. Check: `pytest tests/test_monitors.py::test_hum_of_the_mains_is_no_part_of_a_line`
+SLOPES = 50  # [samples] over which a held signal that moves runs straight, for its hum to be seen
+
+# Set by convention: a computer writes a set point down when it sends it.
+# Check: `pytest tests/test_edges.py::test_a_set_point_switches_where_it_is_first_written`
+ON_SAMPLES = 1.0  # [samples] after the last of the old level at which such an input switches
 
 
 @dataclass(frozen=True)

@@ -22,24 +22,37 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-FEW_ON_WAY = 3  # samples on the way at most for a ramp to stand for the edge; with more its shape is followed
-STANDS_OUT = 8.0  # standard deviations of noise that a step between samples of an edge has at least
-BESIDE = 8  # samples on either side whose median step an edge's steps exceed
-CONTRAST = 3.0  # times by which they do
-LEAST_STEP = 1e-3  # of the span of its input: smaller steps are a monitor's, not switchings
-MATTERS = 0.02  # of the span: the instant of a smaller step moves the answer by less than any noise
-ROUGH_SHAPE = 0.03  # of an edge's height by which amplifiers differ from ramps and exponentials
-RINGING = 0.15  # of an edge's height: what a filter overshoots by, at most
-RINGS = 2  # samples after an edge at which a filter may still be beyond the new level
-GOES_ON = 0.005  # of an edge's height: a smaller step is no part of it
-SLOW_EDGE = 5e-3  # s that slow amplifiers take
-LONGEST_EDGE = (
-    0.02  # s from sample to sample that an edge takes at most where its shape is followed; what is slower ramps
-)
-EXPONENTIAL = float(np.sqrt(12.0))  # a ramp of this many time constants spreads as an exponential rise does
-ALIASED = 0.25  # of a sample: what the centroid of samples is off by that a filter against aliasing let pass
-SHORTEST, TRIALS = 0.01, 96  # of a sample: the shortest rise that is tried, and how many are
-SAMPLED = 300  # edges at most, evenly taken, that tell the rise: more tell it no better
+# Set by judgement. Check: `pytest tests/test_edges.py`,
+# `python -m blind.score --nulls 12 --conventions edges --seed 1000`
+FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is followed
+STANDS_OUT = 8.0  # [standard deviations] of noise that a step between samples of an edge has at least
+BESIDE = 8  # [samples] on either side whose median step an edge's steps exceed
+CONTRAST = 3.0  # [1] times by which they do
+LEAST_STEP = 1e-3  # [1] of the span of its input: smaller steps are a monitor's, no switchings
+MATTERS = 0.02  # [1] of the span: the instant of a smaller step moves the answer by less than any noise
+GOES_ON = 0.005  # [1] of an edge's height: a smaller step is no part of it
+
+# Set by judgement. Check: `pytest tests/test_edges.py`,
+# `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
+ROUGH_SHAPE = 0.03  # [1] of an edge's height by which amplifiers differ from ramps and exponentials
+SLOW_EDGE = 5e-3  # [s] that slow amplifiers take
+LONGEST_EDGE = 0.02  # [s] from sample to sample that an edge takes at most where its shape is followed, else it ramps
+SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
+TRIALS = 96  # [1] rises that are tried
+PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
+SAMPLED = 300  # [1] edges at most, evenly taken, that tell the rise: more tell it no better
+TOGETHER = 5  # [1] edges from which on it can be told whether all fall on the same part of the sampling
+SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where instants have nothing to do with samples
+
+# Set by judgement. Check: `pytest tests/test_edges.py`,
+# `python -m blind.score --nulls 12 --conventions edges antialias --seed 1000`
+RINGING = 0.15  # [1] of an edge's height: what a filter overshoots by, at most
+RINGS = 2  # [samples] after an edge at which a filter may still be beyond the new level
+ALIASED = 0.25  # [samples] by which the centroid of samples is off that a filter against aliasing let pass
+
+# Set by theory: a ramp of so many time constants spreads as an exponential rise does.
+# Check: `pytest tests/test_edges.py -k spreads`
+EXPONENTIAL = float(np.sqrt(12.0))  # [1] duration of a ramp over the time constant that it stands for
 
 
 @dataclass(frozen=True)
@@ -226,7 +239,7 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
         odds = np.sum([_likelihood(e, trials, exponential) for e in chosen], axis=0) / _together(chosen)
         odds += np.log(trials)  # every rise as likely beforehand
         found.append((float(odds.max() + np.log(np.mean(np.exp(odds - odds.max())))), exponential, trials, odds))
-    _, exponential, trials, odds = max(found, key=lambda f: f[0] - 2.0 * f[1])  # a ramp, where both serve
+    _, exponential, trials, odds = max(found, key=lambda f: f[0] - PLAINER * f[1])  # a ramp, where both serve
     weights = np.exp(odds - odds.max())
     return Rise(exponential, trials, weights / weights.sum(), any(e.anchor is not None for e in chosen))
 
@@ -312,11 +325,11 @@ def _instants(edge: _Look, trials: np.ndarray, exponential: bool) -> tuple[np.nd
 
 def _together(edges: Sequence[_Look]) -> float:
     """How many edges count as one: all, where every one falls on the same part of the sampling (synchronous)."""
-    if len(edges) < 5:
+    if len(edges) < TOGETHER:
         return 1.0
     seen = np.array([np.nan if e.anchor is None else e.parts[e.anchor] for e in edges])
     known = np.isfinite(seen)
-    if known.all() and np.std(seen) < 0.1:  # 0.29 where the instants have nothing to do with the samples
+    if known.all() and np.std(seen) < SYNCHRONOUS:
         return float(len(edges))
     return 1.0
 

@@ -19,9 +19,17 @@ from .problem import Free, Problem
 from .response import KernelError
 from .threads import one_blas_thread
 
-CHI2_95 = 3.841  # of one degree of freedom
-PRECISION = 1e-5  # relative change of the cost at which a search ends: less than one squared standard deviation
-UNDETERMINED = 0.5  # relative standard error above which a parameter is not determined by the data
+# Set by theory: 95 %. Check: `pytest tests/test_identify.py -k profile_agrees`
+CHI2_95 = 3.841  # [1] quantile of chi squared with one degree of freedom
+NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that hold it
+
+# Set by judgement. Check: `pytest tests/test_identify.py::test_joint_fit_finds_the_tube_and_its_intervals_hold`
+PRECISION = 1e-5  # [1] relative change of cost or parameters at which a search ends, less than chance changes them
+EVALUATIONS = 60  # [evaluations] after which it ends
+AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
+
+# Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
+UNDETERMINED = 0.5  # [1] relative standard error above which a parameter is not determined by the data
 
 
 class FitError(UserError, RuntimeError):
@@ -75,9 +83,9 @@ def fit(
     problem: Problem,
     start: Mapping[str, float],
     starts: int = 1,
-    spread: float = 0.15,
+    spread: float = AROUND,
     seed: int = 0,
-    evaluations: int = 60,
+    evaluations: int = EVALUATIONS,
     move: float = 0.0,
     precision: float = PRECISION,
 ) -> Fit:
@@ -112,7 +120,7 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: fl
             method="trf",
             x_scale="jac",
             ftol=precision,
-            xtol=1e-5,
+            xtol=PRECISION,
             gtol=1e-8,
             max_nfev=evaluations,
         )
@@ -193,7 +201,7 @@ def interval(fitted: Fit, name: str) -> tuple[float, float]:
     """The 95 % interval of a parameter (SI) from the covariance; not symmetric where the scale is logarithmic."""
     i = fitted.names.index(name)
     free = fitted.free[i]
-    half = 1.96 * float(np.sqrt(max(fitted.covariance[i, i], 0.0)))
+    half = NORMAL_95 * float(np.sqrt(max(fitted.covariance[i, i], 0.0)))
     ends = sorted([free.to_si(fitted.scaled[i] - half), free.to_si(fitted.scaled[i] + half)])
     return ends[0], ends[1]
 

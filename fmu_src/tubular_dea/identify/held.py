@@ -14,7 +14,9 @@ import numpy as np
 from .edges import Edge, Transitions, few
 from .monitors import Line, polyline
 
-LEVEL = 4.0  # standard deviations up to which a piece's slope is chance: then it is a level
+# Set by judgement. Check: `pytest tests/test_edges.py`,
+# `python -m blind.score --nulls 12 --conventions edges --seed 1000`
+LEVEL = 4.0  # [standard deviations] up to which a piece's slope is chance: then it is a level
 
 
 @dataclass(frozen=True)

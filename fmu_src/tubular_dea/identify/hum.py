@@ -13,15 +13,21 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
-LINE_BLOCK = 16.0  # s over which a line keeps its phase
-FINER_GRID = 4  # points in frequency for each that a block resolves
-LINE_BESIDE = 65  # of these, whose median is the level of noise around a line
-FALSE = 1e-4  # chance of a line in a record that has none
-MAINS, HARMONICS = (50.0, 60.0), 10  # Hz, and how many multiples are looked for
-OFF = 0.15  # Hz by which mains is off, at most, and as many times more at its harmonics
-KEEPS, KNOTS = 4.0, 24  # s over which the mains keeps its phase well enough; most knots of a record
-MOST_HUM = 4  # lines that are looked for in a monitor
-SLOWEST_LINE = 1.0  # Hz: what is slower is creep or drift
+# Set by convention: mains are 50 or 60 Hz. Check: `pytest tests/test_noise.py::test_hum_is_told_apart`
+MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
+HARMONICS = 10  # [1] multiples of these that are
+
+# Set by judgement. Check: `pytest tests/test_noise.py tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions hum --seed 1000`
+LINE_BLOCK = 16.0  # [s] over which a line keeps its phase
+FINER_GRID = 4  # [1] points in frequency for each that a block resolves
+LINE_BESIDE = 65  # [1] of these points, whose median is the level of noise around a line
+FALSE = 1e-4  # [1] chance of a line in a record that has none
+OFF = 0.15  # [Hz] by which mains is off, at most, and as many times more at its harmonics
+KEEPS = 4.0  # [s] over which the mains keeps its phase well enough
+KNOTS = 24  # [1] knots of a record at most between which it may change
+MOST_HUM = 4  # [1] lines that are looked for in a monitor
+SLOWEST_LINE = 1.0  # [Hz] below which everything is creep or drift
 
 
 def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> float | None:

@@ -10,8 +10,12 @@ import numpy as np
 from .fit import Fit
 from .problem import Problem
 
-BLOCK = 25  # samples (0.1 s at 250 Hz): below the frequencies of the sensor's noise, above those of most effects
-SLOW_CHANCE = 5.0  # standard deviations of the slow parts up to which they are noise
+# Set by judgement: below the frequencies of the sensor's noise, above those of most effects (0.1 s at 250 Hz).
+# Check: `pytest tests/test_discover.py`, `python -m blind.score --nulls 60 --singles 2 --seed 1000`
+BLOCK = 25  # [samples] over which residuals are averaged for their slow parts
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
+SLOW_CHANCE = 5.0  # [standard deviations] of the slow parts up to which they are noise
 
 
 @dataclass(frozen=True)

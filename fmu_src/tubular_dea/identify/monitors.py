@@ -17,24 +17,40 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-INSERT = 18.0  # squared standard deviations by which one more corner must explain the record better
-REMOVE = 16.0  # and below which a corner is taken out again. Of 8, 12, 16 and 20 it leaves the least error over
-# heartbeats, holds and sines at 250 Hz to 5 kHz with 25 Pa of noise; with 8, one sample in 80 of pure noise is a corner
-STAGES = (1.0, 2.0, 4.0, 8.0, REMOVE)  # losses up to which corners go, in stages: the least useful first
-POLISH = 2  # times that all corners are moved and tried again; a third changes no corner on the bench sets
-COARSEST = 0.03  # of its span: a larger smallest step is a switching, no monitor's resolution
-LAGS = 20  # times a lag that a record lasts at least for differences over it
-PLATEAU, SPREAD = 1.12, 3.0  # growth of a variance from lag to lag by chance: at least, and more in short records
-FILTERED = 4  # samples up to which an anti-aliasing filter colours noise
-LARGEST = 0.02  # of its span: noise of a monitor, at most
-COLOURED = 1.3  # times that noise's variance is larger than its differences show before it counts as coloured
-MOST_CORRELATED = 0.98
-MISSED_BLOCK, WRONG = (
-    50,
-    1.5,
-)  # samples over which lines miss a record by so many times its noise at most (chance: 1e-6)
-SHORT = 4  # samples of a piece at least that is halved
-QUIET = 1e-4  # of its span: noise below which a record comes from a computer or a set point
+# Set by measurement: of 8, 12, 16 and 20 it leaves the least error over heartbeats, holds and sines at 250 Hz to 5 kHz
+# with 25 Pa of noise; with 8, one sample in 80 of pure noise is a corner. Check: `pytest tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
+REMOVE = 16.0  # [squared standard deviations] below which a corner is taken out again
+
+# Set by measurement: a third polish changes no corner on the bench sets. Check: `pytest tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions plain --seed 1000`
+POLISH = 2  # [1] times that all corners are moved and tried again
+
+# Set by judgement. Check: `pytest tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
+INSERT = 18.0  # [squared standard deviations] by which one more corner must explain the record better
+STAGES = (1.0, 2.0, 4.0, 8.0, REMOVE)  # [squared standard deviations] up to which corners go, the least useful first
+SHORT = 4  # [samples] of a piece at least that is halved
+
+# Set by theory: by chance lines miss so many samples so far once in a million.
+# Check: `pytest tests/test_monitors.py::test_many_beats_are_followed_to_the_last`
+MISSED_BLOCK = 50  # [samples] over which it is judged whether lines miss a record
+WRONG = 1.5  # [1] times its noise by which they do at most
+
+# Set by judgement. Check: `pytest tests/test_monitors.py`,
+# `python -m blind.score --nulls 12 --conventions colour antialias --seed 1000`
+LAGS = 20  # [1] times a lag that a record lasts at least for differences over it
+PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
+SPREAD = 3.0  # [standard errors] by which it may be more in short records
+FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
+LARGEST = 0.02  # [1] of its span: noise of a monitor, at most
+COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
+MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
+
+# Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
+# `python -m blind.score --nulls 12 --conventions bits --seed 1000`
+COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
+QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 
 @dataclass(frozen=True)

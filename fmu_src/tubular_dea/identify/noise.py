@@ -21,19 +21,29 @@ from . import hum as hums
 from .colour import Colour
 from .threads import one_blas_thread
 
-LONGEST_STRETCH = 8.0  # s that a stretch has at most; longer ones are cut
-LEAST_STRETCH = 30  # samples that it has at least
-SETTLED = 0.1  # s after an event until the plant moves slowly
-DEGREE, BENDS = 3, 0.3  # of the polynomial taken out: its degree, and how many more a second
-FASTEST, APART = 0.02, 4.0  # s: the shortest time constant of creep, and the ratio of one to the next
-FORM = 0.012  # relative error of the variance that remains however long the record
-ENOUGH_FREEDOM = 1000  # degrees of freedom in quiet stretches, from which on they tell the noise by themselves
-UNQUIET = 0.2  # the same where no stretch is quiet
-EARNED = 8.0  # twice the log likelihood by which a further number of the colour must explain the record better
-SLOWEST_COLOUR = 0.996  # correlation between neighbouring samples up to which one is sought
-MOST_LINES = 12  # lines that are looked for
-WHITE, SLOWER = (0.1, 0.5), (0.3, 1.0, 2.0)  # shares, and atanh of correlations more, to begin with
-LOW = 0.01  # cycles a sample: where the uncertainty of the colour counts, as slow effects are sought there
+# Set by judgement. Check: `pytest tests/test_noise.py`,
+# `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
+LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
+LEAST_STRETCH = 30  # [samples] that it has at least
+SETTLED = 0.1  # [s] after an event until the plant moves slowly
+DEGREE = 3  # [1] degree of the polynomial that is taken out
+BENDS = 0.3  # [1/s] by which it is more in longer stretches
+FASTEST = 0.02  # [s] shortest time constant of creep that is taken out
+APART = 4.0  # [1] ratio of one time constant to the next
+ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which on they tell the noise by themselves
+SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
+MOST_LINES = 12  # [1] lines that are looked for
+
+# Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
+FORM = 0.012  # [1] relative error of the variance that remains however long the record
+UNQUIET = 0.2  # [1] the same where no stretch is quiet
+
+# Set by judgement. Check: `pytest tests/test_noise.py`
+EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
+SLOWEST_COLOUR = 0.996  # [1] correlation between neighbouring samples up to which one is sought
+WHITE = (0.1, 0.5)  # [1] white shares to begin with
+SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
+LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, as slow effects are sought there
 
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -106,7 +116,7 @@ class Noise:
 
 def _steady(time: np.ndarray) -> np.ndarray:
     step = np.diff(time)
-    return step < 1.5 * np.median(step)
+    return step < SKIPPED * np.median(step)
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,13 @@ from ..kernel import Kernel, KernelError
 from ..model.units import factor
 from ..model.windkessel import PARAMETERS, aortic_windkessel
 from ..protocol import Protocol
+from .fit import NORMAL_95
 from .recorded_beat import BEAT_POINTS, RecordedBeat
 from .threads import side_by_side
 
-# Standard deviations of the priors, of the logarithm: about how much adults differ in them (0.7: a factor of two).
+# Set by judgement: about how much adults differ (0.7: a factor of two).
+# Check: `pytest tests/test_patient.py::test_a_known_patient_is_found_again`
+# [1] standard deviations of the priors, of the logarithm of a parameter
 SPREADS = {
     "E_max": 0.7,
     "E_min": 0.4,
@@ -37,16 +40,23 @@ SPREADS = {
     "C": 0.7,
     "Z_c": 0.7,
 }
-NARROWED = 0.5  # of its prior: a parameter with less uncertainty left is identified
-BEATS = 8  # until the beat is steady: from the base's pressure, which is near, R C is three or four beats
-NOISE_ROUNDS = 3  # of refitting with the noise that the misfit shows
-# What the model is wrong by at least, of the swing: a windkessel has no reflected waves, which are 4 to 5 % of it in
-# the human aorta (the misfit of `pytest tests/test_patient.py -k human`).
-DISCREPANCY = 0.05
-INDEPENDENT = 20  # numbers in a beat: ten harmonics hold all of a pressure pulse, whatever the points it is drawn with
-PATIENT_TOLERANCE = 1e-7
-PATIENT_STEP = 3e-3  # of the logarithm of a parameter, and of the beat
-OUTPUT_UNCERTAINTY = 0.2  # of an assumed cardiac output, relative (standard deviation)
+NARROWED = 0.5  # [1] of its prior: a parameter with less uncertainty left is identified
+OUTPUT_UNCERTAINTY = 0.2  # [1] of an assumed cardiac output, relative (standard deviation)
+
+# Set by judgement: from the base's pressure, which is near, R C is three or four beats.
+# Check: `pytest tests/test_patient.py::test_a_known_patient_is_found_again`
+BEATS = 8  # [1] beats until the beat is steady
+NOISE_ROUNDS = 3  # [1] rounds of refitting with the noise that the misfit shows
+PATIENT_TOLERANCE = 1e-7  # [1] of the kernel
+PATIENT_STEP = 3e-3  # [1] of the logarithm of a parameter, and of the beat: half a difference quotient's width
+
+# Set by measurement: a windkessel has no reflected waves, which are 4 to 5 % of the swing in the human aorta.
+# Check: `pytest tests/test_patient.py -k human`
+DISCREPANCY = 0.05  # [1] of the swing: what the model is wrong by at least
+
+# Set by judgement: ten harmonics hold all of a pressure pulse. Check: `pytest tests/test_patient.py`
+MISSES = 0.25  # [1] of the swing: a best patient that misses the beat by more is none
+INDEPENDENT = 20  # [1] numbers in a beat, whatever the points it is drawn with
 
 
 class FitError(UserError, RuntimeError):
@@ -200,14 +210,14 @@ class _Problem:
             v = values[name]
             estimates[name] = Estimate(
                 v,
-                v * np.exp(-1.96 * deviation),
-                v * np.exp(1.96 * deviation),
+                v * np.exp(-NORMAL_95 * deviation),
+                v * np.exp(NORMAL_95 * deviation),
                 bool(deviation < NARROWED * SPREADS[name]),
             )
         pressure, flow = self.steady(theta)
         misfit = float(np.sqrt(np.mean((pressure - self.beat.pressure) ** 2)))
         swing = float(np.ptp(self.beat.pressure))
-        if misfit > 0.25 * swing:
+        if misfit > MISSES * swing:
             raise FitError(
                 f"no patient of this model has such a beat: the best one misses it by {misfit * MMHG:.1f} mmHg of "
                 f"{swing * MMHG:.0f}; check that it is an arterial pressure, and its unit"

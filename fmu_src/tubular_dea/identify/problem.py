@@ -15,7 +15,8 @@ from .marginal import Marginal
 from .noise import Noise
 from .response import Case, KernelError, Response
 
-FARTHEST = 10.0  # of a logarithm: 20 000 times the usual size, or a part of it
+# Set by judgement: 20 000 times the usual size, or a part of it. Check: `pytest tests/test_identify.py`
+FARTHEST = 10.0  # [1] of a logarithm, from the usual size: no parameter is sought beyond
 
 
 @dataclass(frozen=True)

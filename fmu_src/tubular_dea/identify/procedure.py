@@ -19,7 +19,8 @@ from .fit import Fit, FitError, fit
 from .problem import Free, Problem
 from .study import Study
 
-ENOUGH_FIT = 4.0  # times the samples: a misfit below needs no other start
+# Set by judgement. Check: `pytest tests/test_identify.py::test_table_2_leads_to_the_answer`
+ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
 
 Progress = Callable[[str], None]
 

@@ -16,8 +16,21 @@ from ..errors import UserError
 from ..model.units import UnitError, factor
 from ..recordings import Table, read
 
-BEAT_POINTS = 200  # of the average beat
-BEATS_ALIKE = 0.15  # beats whose length differs by more from the median are left out
+# Set by judgement. Check: `pytest tests/test_patient.py`
+BEAT_POINTS = 200  # [1] points of the average beat
+BEATS_ALIKE = 0.15  # [1] of the median length: beats whose own differs by more are left out
+ENDS_ALIKE = 0.15  # [1] of the swing, within which a recording of one beat ends as high as it begins
+SMOOTHED_FOR = 0.02  # [s] over which the slope of the pressure is averaged
+STEEP = 0.4  # [1] of most upstrokes' slope that each has at least
+STEEPEST_SHARE = 0.98  # [1] quantile of the slope that stands for most upstrokes'
+BEATS_AGREE = 1.25  # [1] times as many beats as the pressure that an ECG may show, or as few
+LEAST_VALID = 0.5  # [1] share of the samples that have to be numbers
+
+# Set by convention: what arteries have. Check: `pytest tests/test_patient.py::test_bad_recordings_are_refused`
+LOWEST_MEDIAN = 10.0  # [mmHg] of a pressure
+HIGHEST_MEDIAN = 300.0  # [mmHg] of it
+LEAST_SWING = 1.0  # [mmHg] of it in a beat
+
 UNITS = {"pressure": ("Pa", "mmHg"), "flow": ("m3/s", "mL/s"), "ecg": ("V", "mV")}  # SI, and what a bare column means
 NAMES = {
     "pressure": ("pressure", "abp", "art", "aop", "p"),
@@ -142,15 +155,16 @@ def _wfdb(path: Path) -> Signals:
 
 def _filled(values: np.ndarray, what: str) -> np.ndarray:
     good = np.isfinite(values)
-    if good.mean() < 0.5:
+    if good.mean() < LEAST_VALID:
         raise PatientRecordError(f"{what}: more than half of the pressure is missing")
-    if not 10 * 133.322 < np.median(values[good]) < 300 * 133.322:
+    median, swing = (float(v) * factor("Pa", "mmHg") for v in (np.median(values[good]), np.ptp(values[good])))
+    if not LOWEST_MEDIAN < median < HIGHEST_MEDIAN:
         raise PatientRecordError(
-            f"{what}: the pressure is {np.median(values[good]) / 133.322:.3g} mmHg in the median; "
-            "expected 10 to 300: check its unit"
+            f"{what}: the pressure is {median:.3g} mmHg in the median; "
+            f"expected {LOWEST_MEDIAN:g} to {HIGHEST_MEDIAN:g}: check its unit"
         )
-    if np.ptp(values[good]) < 133.322:
-        raise PatientRecordError(f"{what}: expected an arterial pressure that beats by more than 1 mmHg")
+    if swing < LEAST_SWING:
+        raise PatientRecordError(f"{what}: expected an arterial pressure that beats by more than {LEAST_SWING:g} mmHg")
     return np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
 
 
@@ -160,7 +174,7 @@ def _one_beat(time: np.ndarray, pressure: np.ndarray) -> bool:
     return bool(
         np.ptp(time) < 60 / SLOWEST
         and _upstrokes(pressure, time).size < 3
-        and abs(pressure[0] - pressure[-1]) < 0.15 * swing
+        and abs(pressure[0] - pressure[-1]) < ENDS_ALIKE * swing
     )
 
 
@@ -188,7 +202,7 @@ def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np
     if signals.ecg is None:
         return marks
     seen = detect(Ecg(signals.ecg, rate)).size
-    if not 0.8 < seen / marks.size < 1.25:
+    if not 1 / BEATS_AGREE < seen / marks.size < BEATS_AGREE:
         raise PatientRecordError(
             f"{what}: {seen} beats found in the ECG but {marks.size} in the pressure; check the lead, or leave it out"
         )
@@ -199,8 +213,8 @@ def _upstrokes(pressure: np.ndarray, time: np.ndarray) -> np.ndarray:
     """The steepest places of the pressure [s]: peaks of its slope, half as high as most, no closer than hearts beat."""
     step = float(np.median(np.diff(time)))
     slope = np.gradient(pressure, time)
-    width = max(1, round(0.02 / step))
+    width = max(1, round(SMOOTHED_FOR / step))
     slope = np.convolve(slope, np.ones(width) / width, mode="same")
     apart = max(1, round(60 / FASTEST / step))
-    found, _ = find_peaks(slope, height=0.4 * float(np.quantile(slope, 0.98)), distance=apart)
+    found, _ = find_peaks(slope, height=STEEP * float(np.quantile(slope, STEEPEST_SHARE)), distance=apart)
     return np.asarray(time[found])

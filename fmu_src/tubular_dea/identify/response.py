@@ -16,9 +16,14 @@ from .threads import side_by_side
 
 T = TypeVar("T")
 
-TOLERANCE = 1e-6  # of the kernel; the numerics gate compares with a halved one
-FINE = 1e-7  # where differences are taken
-LEAST_STEPS, STEPS_A_SAMPLE = 100_000, 20  # internal steps after which a search gives a trajectory up
+# Set by judgement: the numerics gate (discover/numerics.py) compares with a halved one.
+# Check: `python -m blind.score --nulls 60 --seed 1000`
+TOLERANCE = 1e-6  # [1] of the kernel
+FINE = 1e-7  # [1] of the kernel where differences are taken
+
+# Set by judgement. Check: `pytest tests/test_discover.py -k bursts`
+LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
+STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its inputs
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ import numpy as np
 from ..recordings import ReadError, Table
 from ..recordings.table import some
 
-UNEVEN = 0.02  # of the steps: with fewer that differ from the usual one, they are gaps and no rounding
-WHOLE = 1e-3  # from a whole number: what rounding errors leave
-ROUNDED = 1.01  # of the clock's resolution, by which times that it rounds lie apart at most from an even one
+# Set by judgement. Check: `pytest tests/test_reading.py::test_a_coarse_clock_was_even`,
+# `pytest tests/test_reading.py::test_gaps_are_no_coarse_clock`
+UNEVEN = 0.02  # [1] of the steps: with fewer that differ from the usual one, they are gaps and no rounding
+WHOLE = 1e-3  # [1] from a whole number: what rounding errors leave
+ROUNDED = 1.01  # [1] of the clock's resolution, by which times that it rounds lie apart at most from an even one
 
 
 @dataclass(frozen=True)

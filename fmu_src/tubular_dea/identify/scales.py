@@ -20,18 +20,24 @@ from .compiled import Compiled
 from .data import Experiment, Recordings
 from .start import RESTED
 
-DRIVEN_SAMPLES, READINGS = 600, 150  # of an experiment that drive the plant, and that are looked at
-ROUGHLY, SCALE_STEPS = (
-    1e-4,
-    10_000,
-)  # tolerance of the answers, and steps after which one is given up: the plant diverges
-FEW_TRIED = 3  # experiments that are
-# Of a record (rms), what the declared plant misses before anything is said, and which share of that may be left. The
-# bench's and the laboratory's tubes, whatever they hide, are missed by up to 22 %, and no factor leaves a third of that
-# (largest reduction: 1.7 times); with a factor wrong on purpose 26 to 999 % are, and the right one leaves 3 %.
-MISSED, LEFT = 0.15, 1 / 3
-FACTOR_ALIKE = 2.0  # times the misfit of the best factor: another one explains the record as well
-FACTORS: Mapping[str, Mapping[float, str]] = {  # a number that is so many times too large, by SI unit
+# Set by judgement: enough to tell factors. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
+DRIVEN_SAMPLES = 600  # [samples] of an experiment that drive the plant
+READINGS = 150  # [samples] of it that are looked at
+FEW_TRIED = 3  # [1] experiments that are looked at
+ROUGHLY = 1e-4  # [1] tolerance of the answers
+SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: the plant diverges
+
+# Set by measurement: the bench's and the laboratory's tubes, whatever they hide, are missed by up to 22 %, and no
+# factor leaves a third of that (largest reduction: 1.7 times); with a factor wrong on purpose 26 to 999 % are, and the
+# right one leaves 3 %. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`,
+# `python -m blind.score --nulls 60 --seed 1000`
+MISSED = 0.15  # [1] of a record (rms) that the declared plant misses before anything is said
+LEFT = 1 / 3  # [1] share of that which another factor may leave
+FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one explains the record as well
+
+# Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
+# [1] by SI unit, how many times too large a number is that was mislabelled so
+FACTORS: Mapping[str, Mapping[float, str]] = {
     "m": {2.0: "a diameter for a radius", 10.0: "mm labelled cm", 25.4: "mm labelled inch", 1e3: "um labelled mm"},
     "Pa": {
         10.0: "mbar labelled kPa",
@@ -46,7 +52,7 @@ FACTORS: Mapping[str, Mapping[float, str]] = {  # a number that is so many times
     "A": {1e3: "uA labelled mA", 1e6: "uA labelled A"},
     "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
 }
-OTHERWISE = {10.0: "", 1e3: ""}
+OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
 INVERSE = {  # the same, so many times too small
     "a diameter for a radius": "a radius for a diameter",
     "mm labelled cm": "cm labelled mm",

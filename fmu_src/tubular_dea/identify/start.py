@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 
 RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
-FIRST_SAMPLES = 12  # samples through which a straight line tells what a record begins with
-CLEARLY, ZEROS = 5.0, 3.0  # standard errors of it, and usual zeros of its signal, that are a load
-FAINT_SIGNAL = 0.02  # of a signal's largest value: less is none, where its zero is not known
+# Set by judgement. Check: `pytest tests/test_reading.py::test_a_file_that_starts_under_a_small_load_is_told`,
+# `python -m blind.score --nulls 12 --conventions start --seed 1000`
+FIRST_SAMPLES = 12  # [samples] through which a straight line tells what a record begins with
+CLEARLY = 5.0  # [standard errors] of it that are a load
+ZEROS = 3.0  # [1] usual zeros of its signal that are one
+FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
 def detected(experiment: Experiment, plant: Plant) -> str:

@@ -23,10 +23,19 @@ from .problem import Free, Problem
 from .response import Case, Reading, Response
 from .start import RESTED, UNKNOWN, loosened, unknowns
 
-HELD_SHARE = 4  # one experiment in so many takes no part in any fit
-SWITCHING = 2.0  # samples to both sides of a switching in which a rate is not known
-UNKNOWN_LAG = 0.5  # samples by which an output that jumps may be read late: half of one, as any sampled channel
-FAINTEST = 1e-6  # of an output's largest value: noise is not taken to be less
+# Set by convention: a quarter.
+# Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
+HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
+SWITCHING = 2.0  # [samples] to both sides of a switching in which a rate is not known
+
+# Set by theory: a channel is read anywhere within a sample.
+# Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
+UNKNOWN_LAG = 0.5  # [samples] by which an output that jumps may be read late
+
+# Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
+FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
 
 
 @dataclass(frozen=True)

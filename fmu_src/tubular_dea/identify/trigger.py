@@ -16,10 +16,12 @@ import numpy as np
 
 from .edges import Edge
 
-FEWEST = 3  # edges that a delay is taken from
-SURE = 3.0  # standard errors that the delay is off at most
-TRIGGER_ALIKE = 0.1  # of a sample: edges that come as late as this after their triggers tell no more of the delay
-NEAR_TRIGGER = 0.05  # s from a trigger to the edge that it makes, at most
+# Set by judgement. Check: `pytest tests/test_monitors.py::test_a_trigger_tells_as_much_as_it_does`,
+# `python -m blind.score --nulls 12 --conventions edges trigger --seed 1000`
+FEWEST = 3  # [1] edges that a delay is taken from at least
+SURE = 3.0  # [standard errors] that the delay is off at most
+TRIGGER_ALIKE = 0.1  # [samples] spread of edges after their triggers below which they tell no more of the delay
+NEAR_TRIGGER = 0.05  # [s] from a trigger to the edge that it makes, at most
 
 
 def triggered(edges: Sequence[Edge], time: np.ndarray, trigger: np.ndarray) -> list[Edge]:
