@@ -220,7 +220,7 @@ def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
         effect = SimpleNamespace(id=name, on={}, off={name: 0.0}, parameters=[quantity], shapes={})
         listed.append(Candidate(effect, {}, (name,), columns[:, i : i + 1]))  # type: ignore[arg-type]
     null = null_scores(listed, jacobian, draws=20_000)
-    sizes = power.smallest_visible(listed, jacobian, null)
+    sizes = power.detection_limits(listed, jacobian, null)
     assert sizes["hidden"] == {"hidden": None}
     threshold = null.threshold(power.VISIBLE_ALARMS)
     passed = []

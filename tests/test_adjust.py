@@ -10,7 +10,7 @@ import sympy
 
 from test_plain_models import one_state
 from tubular_dea.identify import adjust
-from tubular_dea.identify.adjust import adjusted, with_own
+from tubular_dea.identify.adjust import adjusted, with_nuisances
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
 from tubular_dea.identify.fit import rmse
@@ -123,7 +123,7 @@ def test_held_out_files_lose_their_zeros_too_but_tell_nothing_of_the_spread() ->
     found = adjusted(set_of(zeros, held_out=("file-9",)), (), TRUTH, FREE)
     assert found.spread["reading"] == pytest.approx(0.03, rel=0.1)
     (piece,) = found.held_out
-    assert piece.own.sd[0] == found.spread["reading"]
+    assert piece.nuisances.sd[0] == found.spread["reading"]
 
 
 def test_errors_are_told_without_the_zeros() -> None:
@@ -131,7 +131,7 @@ def test_errors_are_told_without_the_zeros() -> None:
     answers = found.response((), found.pieces).outputs(TRUTH)
     assert rmse([p.record for p in found.pieces], answers) == pytest.approx(0.5, rel=0.1)
     for piece, answer in zip(found.pieces, answers, strict=True):
-        corrected = with_own(found, piece, answer) - piece.record
+        corrected = with_nuisances(found, piece, answer) - piece.record
         assert np.sqrt(np.mean(corrected**2)) == pytest.approx(NOISE, rel=0.1)
 
 
@@ -206,7 +206,7 @@ def test_instants_take_no_more_from_the_record_than_is_counted() -> None:
         for window, edge in zip(windows, piece.driven.edges, strict=True):
             assert TIME[window.where][0] <= edge.earliest and TIME[window.where][-1] >= edge.latest
             assert window.size > 3  # the record tells the instant much better than its samples do
-        assert piece.marginal.taken(piece.record.size).sum() == pytest.approx(2, abs=0.2)
+        assert piece.marginal.variance_removed(piece.record.size).sum() == pytest.approx(2, abs=0.2)
 
 
 def test_a_record_at_its_truth_is_white_whatever_its_zero() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from tubular_dea.cli import main
 from tubular_dea.discover import atlas as room
-from tubular_dea.discover.atlas import Atlas, Left
+from tubular_dea.discover.atlas import Atlas, Signature
 from tubular_dea.identify.response import Response
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.effect import equations, with_effects
@@ -26,15 +26,15 @@ def tanks() -> Atlas:
     return room.atlas(load_plant(str(EXAMPLES / "cascaded_tanks.py")))
 
 
-def of(atlas: Atlas, name: str) -> Left:
+def of(atlas: Atlas, name: str) -> Signature:
     return next(e for e in atlas.effects if e.effect.id == name)
 
 
 def test_what_own_parameters_do_as_well_leaves_nothing(tanks: Atlas) -> None:
     """A gain of the pump is k3; a start and a zero of the first tank are not seen apart from the starts."""
-    assert not of(tanks, "gain(pump)").seen
+    assert not of(tanks, "gain(pump)").visible
     assert of(tanks, "gain(pump)").changed > 1e-3
-    assert of(tanks, "power(outflow_1)").seen
+    assert of(tanks, "power(outflow_1)").visible
     assert of(tanks, "saturation(pump)").changed == 0
 
 
@@ -56,7 +56,7 @@ def test_what_is_left_is_orthogonal_to_own_parameters(tanks: Atlas) -> None:
 def test_look_alikes_of_a_place_are_neighbours(tanks: Atlas) -> None:
     """Within a place the sum of likenesses of neighbours is more than in the order of the catalogue."""
     for channel in ("outflow_1", "level_2"):
-        found = [i for i, e in enumerate(tanks.effects) if e.effect.channel == channel and e.seen]
+        found = [i for i, e in enumerate(tanks.effects) if e.effect.channel == channel and e.visible]
         listed = [e.effect.id for e in tanks.effects]
         declared = sorted(found, key=lambda i: list(tanks.plant.catalogue).index(listed[i]))
         close, far = (

@@ -88,7 +88,7 @@ def test_what_following_takes_away(size: float) -> None:
     best = np.clip(column @ records[where] / (column @ column), -reach, reach)
     records[where] -= np.outer(column, best)
     made = marginal([(where, column, reach)], *NONE)
-    taken = made.taken(N)
+    taken = made.variance_removed(N)
     assert np.all(taken[:3] == 0) and np.all(taken[12:] == 0)
     left = np.mean(made.apply(records) ** 2, axis=1)
     np.testing.assert_allclose(left, 1 - taken, atol=5 * np.sqrt(2 / count))
@@ -96,5 +96,5 @@ def test_what_following_takes_away(size: float) -> None:
 
 
 def test_without_windows_nothing_is_followed() -> None:
-    assert not Marginal().taken(N).any()
-    assert not marginal([], DENSE, SPREADS).taken(N).any()
+    assert not Marginal().variance_removed(N).any()
+    assert not marginal([], DENSE, SPREADS).variance_removed(N).any()

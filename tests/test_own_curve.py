@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from test_laws import DRIVES, PLACES, at
-from tubular_dea.discover.own_curve import Bench, Course, own_curve
+from tubular_dea.discover.own_curve import Excitation, IsolatedEffect, own_curve
 from tubular_dea.discover.parameters import effect_parameters
 from tubular_dea.identify.fit import Fit
 from tubular_dea.kernel import Kernel
@@ -38,12 +38,14 @@ def law(plant: str, name: str) -> tuple[Model, Effect]:
     return PLACES[plant][0](), found[0]
 
 
-def bench_of(plant: str, name: str, values: dict[str, float] | None = None) -> tuple[Bench, list[Course]]:
+def isolated_of(
+    plant: str, name: str, values: dict[str, float] | None = None
+) -> tuple[IsolatedEffect, list[Excitation]]:
     model, effect = law(plant, name)
     drive, times = DRIVES[plant], np.linspace(0, DRIVES[plant].time[-1], 801)
     run = Kernel(model).simulate(drive, times)
     given = {s.quantity.name: run[s.quantity.name] for s in model.states} | drive.at(times)
-    return Bench(model, effect, fit_of(model, effect, values or {})), [Course(times, given)]
+    return IsolatedEffect(model, effect, fit_of(model, effect, values or {})), [Excitation(times, given)]
 
 
 @pytest.mark.parametrize(
@@ -70,9 +72,9 @@ def test_the_cut_does_what_the_effect_does_in_the_whole_model(plant: str, name: 
     drive = DRIVES[plant]
     fine = np.unique(np.concatenate([np.linspace(drive.time[0], drive.time[-1], 6001), drive.time]))
     run = Kernel(whole).simulate(drive, fine, values, tolerance=1e-9)
-    bench = Bench(model, effect, fit_of(model, effect, {}))
+    isolated = IsolatedEffect(model, effect, fit_of(model, effect, {}))
     states = {s.quantity.name: run[s.quantity.name] for s in model.states}
-    found = bench.run(Course(fine, states | drive.at(fine)), bench.on)[cut.output]
+    found = isolated.run(Excitation(fine, states | drive.at(fine)), isolated.on)[cut.output]
     error = np.abs(found - run[cut.output])
     assert np.quantile(error, 0.99) < 2e-3 * np.ptp(run[cut.output])  # but for samples beside a jump of the drive
 
@@ -91,22 +93,22 @@ def test_the_cut_does_what_the_effect_does_in_the_whole_model(plant: str, name: 
     ],
 )
 def test_each_is_drawn_as_what_it_is(plant: str, name: str, kind: str) -> None:
-    bench, courses = bench_of(plant, name)
-    curve = own_curve(bench, courses)
+    isolated, excitations = isolated_of(plant, name)
+    curve = own_curve(isolated, excitations)
     assert curve is not None and curve.kind == kind
     assert np.all(np.isfinite(curve.on)) and np.all(curve.low <= curve.high)
     assert np.ptp(curve.on - curve.off) > 0
 
 
 def test_what_is_the_same_whatever_moves_has_no_curve() -> None:
-    assert own_curve(*bench_of("tanks", "offset(pump)")) is None
-    assert own_curve(*bench_of("oscillator", "offset(v)")) is None
+    assert own_curve(*isolated_of("tanks", "offset(pump)")) is None
+    assert own_curve(*isolated_of("oscillator", "offset(v)")) is None
 
 
 def test_a_lags_step_is_an_exponential_with_its_time_constant() -> None:
-    bench, courses = bench_of("oscillator", "lag(force)", {"force_lag_tau": 0.2})
-    bench.jumping = {"force"}
-    curve = own_curve(bench, courses)
+    isolated, excitations = isolated_of("oscillator", "lag(force)", {"force_lag_tau": 0.2})
+    isolated.jumping = {"force"}
+    curve = own_curve(isolated, excitations)
     assert curve is not None and curve.kind == "step" and curve.ends == (-2.0, 3.0)
     after = curve.x > 1e-6
     assert curve.on[after] == pytest.approx(-2 + 5 * (1 - np.exp(-curve.x[after] / 0.2)), abs=5e-3)
@@ -117,10 +119,10 @@ def test_a_lags_step_is_an_exponential_with_its_time_constant() -> None:
 
 
 def test_a_frictions_loop_is_as_high_as_its_force() -> None:
-    bench, courses = bench_of("oscillator", "dry_friction(v)")
-    curve = own_curve(bench, courses)
+    isolated, excitations = isolated_of("oscillator", "dry_friction(v)")
+    curve = own_curve(isolated, excitations)
     assert curve is not None and curve.over is not None and curve.over.name == "x"
-    force = bench.on["v_dry_friction_force"]
+    force = isolated.on["v_dry_friction_force"]
     assert np.ptp(curve.on) == pytest.approx(2 * force, rel=0.03)
     top = curve.on > 0.95 * force
     assert (curve.high - curve.on)[top] == pytest.approx(1.96 * SPREAD * force, rel=0.1)
@@ -154,7 +156,7 @@ def test_effects_of_the_tube(name: str, kind: str, shown: str, over: str | None)
     times = np.linspace(0, 16, 2000)
     run = Kernel(PLANT.model).simulate(protocol, times)
     given = {s.quantity.name: run[s.quantity.name] for s in PLANT.model.states} | protocol.at(times)
-    bench = Bench(PLANT.model, effect, fit_of(PLANT.model, effect, {}), {"voltage"})
-    curve = own_curve(bench, [Course(times, given)])
+    isolated = IsolatedEffect(PLANT.model, effect, fit_of(PLANT.model, effect, {}), {"voltage"})
+    curve = own_curve(isolated, [Excitation(times, given)])
     assert curve is not None
     assert (curve.kind, curve.shown.name, curve.over.name if curve.over else None) == (kind, shown, over)

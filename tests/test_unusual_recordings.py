@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tubular_dea.cli import main
-from tubular_dea.discover import base, engine, inputs_noise, outcome, residuals
+from tubular_dea.discover import base, engine, input_noise, outcome, residuals
 from tubular_dea.identify import procedure
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.checks import mislabelled
@@ -98,7 +98,7 @@ def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     def prepared(recordings: Recordings) -> tuple[Study, list[np.ndarray]]:
         work = adjusted(study(recordings, prior=engine.PRIOR), (), MODEL.parameter_values())
-        return work, inputs_noise.weights(work, inputs_noise.input_gains(work, MODEL.parameter_values()))
+        return work, input_noise.weights(work, input_noise.input_gains(work, MODEL.parameter_values()))
 
     (_, positive), (work, negative) = prepared(plain), prepared(changed(plain, {"voltage": lambda v: -v}))
     for a, b in zip(positive, negative, strict=True):

@@ -29,7 +29,7 @@ class FileError(UserError, OSError):
 
 
 @contextmanager
-def told(path: Path, what: str) -> Iterator[None]:
+def as_file_error(path: Path, what: str) -> Iterator[None]:
     """`FileError` in the place of an `OSError`: `path`: cannot be `what`: and why."""
     try:
         yield
@@ -52,7 +52,7 @@ def write_atomically(path: Path, data: bytes) -> Path:
     Raises `FileError`, and leaves nothing, where that cannot be done. Where the process is killed meanwhile, what was
     there before stays, and a hidden `.NAME.*.unfinished` may be left.
     """
-    with told(path, "written"):
+    with as_file_error(path, "written"):
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
         try:
@@ -73,7 +73,7 @@ def is_unfinished(path: Path) -> bool:
 
 def read_whole(path: Path, largest: int = LARGEST_INPUT) -> bytes:
     """The content of a file or a pipe; `FileError` for what is no file, and for more than `largest` bytes."""
-    with told(path, "read"):
+    with as_file_error(path, "read"):
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
             raise FileError(f"{path}: expected a file but it is a folder")
@@ -94,7 +94,7 @@ def working_folder(purpose: str) -> Iterator[Path]:
     except OSError as problem:
         raise FileError(f"{purpose}: no temporary folder can be made: {problem}; set TMPDIR to one with room") from None
     try:
-        with told(folder, f"used for {purpose}"):
+        with as_file_error(folder, f"used for {purpose}"):
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -107,7 +107,7 @@ def unpack(archive: Path, folder: Path, largest: int = LARGEST_ARCHIVE) -> None:
     says of itself may be false), and for names that lead out of the folder; what was unpacked so far stays.
     """
     try:
-        with told(archive, "unpacked"), zipfile.ZipFile(archive) as bundle:
+        with as_file_error(archive, "unpacked"), zipfile.ZipFile(archive) as bundle:
             left = largest
             for entry in bundle.infolist():
                 target = _inside(archive, folder, entry.filename)

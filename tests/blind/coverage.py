@@ -17,8 +17,8 @@ import numpy as np
 from blind import bench
 from tubular_dea.identify import procedure
 from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.doubt import with_monitors
 from tubular_dea.identify.fit import described, interval
+from tubular_dea.identify.monitor_uncertainty import with_monitor_noise
 from tubular_dea.identify.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED
 from tubular_dea.plants.tube import PLANT, TABLE_II
@@ -44,7 +44,7 @@ def linearised(seed: int, only: list[str] | None = None) -> Ends:
     at = problem.scaled(truth)
     there = described(problem, at)
     found = at - there.covariance @ (there.jacobian.T @ there.residual)
-    half = 1.96 * np.sqrt(np.diag(with_monitors(problem, there, [p.driven for p in work.training]).covariance))
+    half = 1.96 * np.sqrt(np.diag(with_monitor_noise(problem, there, [p.driven for p in work.training]).covariance))
     si = [
         [f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)]
         for row in (found, found - half, found + half)

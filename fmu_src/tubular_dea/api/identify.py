@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
-from ..identify.adjust import adjusted, with_own
+from ..identify.adjust import adjusted, with_nuisances
 from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
 from ..identify.misfit import misfit
 from ..identify.problem import Problem
@@ -234,7 +234,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     """What parameters.json says, in SI units."""
     model, left, first = work.plant.model, misfit(problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
-    outputs = [with_own(work, p, y) for p, y in zip(work.training, answers, strict=True)]
+    outputs = [with_nuisances(work, p, y) for p, y in zip(work.training, answers, strict=True)]
     parameters = {}
     for name in best.names:
         ends = profile_interval(problem, best, name) if profile else interval(best, name)

@@ -37,7 +37,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Left:
+class Signature:
     """What an effect of its usual size changes (rms, over the outputs' largest values), and `residual` (N,), what stays
     of that; None where the model has no answer."""
 
@@ -51,7 +51,7 @@ class Left:
         return 0.0 if self.residual is None else float(np.sqrt(np.mean(self.residual**2)))
 
     @property
-    def seen(self) -> bool:
+    def visible(self) -> bool:
         """Whether anything stays that the plant's own parameters cannot take up."""
         return self.remains > TAKEN_UP * self.changed > 0
 
@@ -68,7 +68,7 @@ class Atlas:
     cases: list[Case]
     base: np.ndarray
     scale: dict[str, float]
-    effects: list[Left]
+    effects: list[Signature]
     cosines: np.ndarray
 
     def parts(self) -> list[tuple[str, Case, Reading, slice]]:
@@ -96,13 +96,13 @@ def atlas(plant: Plant, tell: Progress = lambda what: None) -> Atlas:
     tell("the plant's own parameters")
     own = _own(plant, compiled.kernel(), cases, values) / unit[:, None]
 
-    def one(effect: Effect) -> Left:
+    def one(effect: Effect) -> Signature:
         tell(effect.id)
         try:
             changed = bases[id(kernels[effect.id])].changed(effect) / unit
         except KernelError:
-            return Left(effect, 0.0, None)
-        return Left(effect, float(np.sqrt(np.mean(changed**2))), _remaining(changed, own))
+            return Signature(effect, 0.0, None)
+        return Signature(effect, float(np.sqrt(np.mean(changed**2))), _remaining(changed, own))
 
     found = side_by_side(one, plant.catalogue.values())
     ordered, cosines = _ordered(plant, found)
@@ -175,20 +175,20 @@ def _remaining(changed: np.ndarray, own: np.ndarray) -> np.ndarray:
     return changed - own @ np.linalg.solve(information, own.T @ changed / ATLAS_NOISE**2)
 
 
-def _ordered(plant: Plant, found: Sequence[Left]) -> tuple[list[Left], np.ndarray]:
+def _ordered(plant: Plant, found: Sequence[Signature]) -> tuple[list[Signature], np.ndarray]:
     """By channel, and in each so that neighbours look alike: the leaves of a tree of the cosines (average linkage)."""
     size = found[0].residual.size if found and found[0].residual is not None else 1
-    columns = np.column_stack([np.zeros(size) if e.residual is None or not e.seen else e.residual for e in found])
+    columns = np.column_stack([np.zeros(size) if e.residual is None or not e.visible else e.residual for e in found])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     cosines = columns.T @ columns
     places: list[int] = []
     for channel in plant.channels:
         group = [i for i, e in enumerate(found) if e.effect.channel == channel]
-        there = [i for i in group if found[i].seen]
+        there = [i for i in group if found[i].visible]
         if len(there) > 2:
             apart = np.clip(1 - np.abs(cosines[np.ix_(there, there)]), 0, 1)
             np.fill_diagonal(apart, 0)
             tree = linkage(squareform(apart, checks=False), "average", optimal_ordering=True)
             there = [there[i] for i in leaves_list(tree)]
-        places += [*there, *(i for i in group if not found[i].seen)]
+        places += [*there, *(i for i in group if not found[i].visible)]
     return [found[i] for i in places], cosines[np.ix_(places, places)]

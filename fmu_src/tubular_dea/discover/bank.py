@@ -74,11 +74,11 @@ def candidates_at(
     known = {e.id: e for e in (*study.catalogue.values(), *listed)}
     kernels = study.compiled.scorers(present, None if effects is None else listed)
     distinct = {id(kernel): kernel for kernel in kernels.values()}
-    plain = dict(
-        zip(distinct, side_by_side(lambda k: _plain(k, problem, values, known), distinct.values()), strict=True)
+    baseline = dict(
+        zip(distinct, side_by_side(lambda k: _baseline(k, problem, values, known), distinct.values()), strict=True)
     )
     points = [
-        (plain[id(kernels[e.id])], e, dict(zip(e.shapes, p, strict=True)), strength)
+        (baseline[id(kernels[e.id])], e, dict(zip(e.shapes, p, strict=True)), strength)
         for e in listed
         for p in itertools.product(*e.shapes.values())
         for strength in _strengths(e)
@@ -88,7 +88,7 @@ def candidates_at(
 
 
 @dataclass(frozen=True)
-class _Plain:
+class _Baseline:
     """What a model that may have many effects answers at `values` (SI), where all but those present are off."""
 
     response: Response
@@ -96,10 +96,12 @@ class _Plain:
     outputs: list[np.ndarray]
 
 
-def _plain(kernel: Kernel, problem: Problem, values: Mapping[str, float], effects: Mapping[str, Effect]) -> _Plain:
+def _baseline(
+    kernel: Kernel, problem: Problem, values: Mapping[str, float], effects: Mapping[str, Effect]
+) -> _Baseline:
     response = Response(kernel, problem.response.cases, problem.response.fixed)
     off = {n: v for name in kernel.model.effects for n, v in switched_off(effects[name]).items()} | dict(values)
-    return _Plain(response, off, response.outputs_alone(off, FINE))
+    return _Baseline(response, off, response.outputs_alone(off, FINE))
 
 
 def scores(listed: Iterable[Candidate], residual: np.ndarray, jacobian: np.ndarray) -> list[Score]:
@@ -120,19 +122,24 @@ def best_of_each(listed: Iterable[Score]) -> list[Score]:
 
 
 def _candidate(
-    problem: Problem, rows: int, plain: _Plain, effect: Effect, shape: dict[str, float], strength: Mapping[str, float]
+    problem: Problem,
+    rows: int,
+    baseline: _Baseline,
+    effect: Effect,
+    shape: dict[str, float],
+    strength: Mapping[str, float],
 ) -> Candidate | None:
     """The columns of an effect: chords over `strength` where it names an amplitude, else tangents."""
-    off = plain.values | switched_off(effect) | shape
+    off = baseline.values | switched_off(effect) | shape
     names = tuple(n for n in effect.off if n not in effect.refine)
     columns = []
     for name in names:
         step = strength.get(name) or SCORE_STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
         try:
-            moved = plain.response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
+            moved = baseline.response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
         except KernelError:
             return None
-        columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, plain.outputs, strict=True)]))
+        columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, baseline.outputs, strict=True)]))
     return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
 
 

@@ -36,13 +36,13 @@ SPANNED = 1e-3  # [1] of the largest singular value: directions below are the ot
 class Isolation:
     """Evidence of every channel (Akaike's: half the gain less one a term), and the channel that has most.
 
-    `gains` are the sums of squares explained; `disturbance` is True where a function of recorded signals explains
+    `statistics` are the sums of squares explained; `disturbance` is True where a function of recorded signals explains
     little and the place was found by where the residual is large.
     """
 
     channel: str
     evidence: dict[str, float]
-    gains: dict[str, float]
+    statistics: dict[str, float]
     disturbance: bool
 
 
@@ -57,18 +57,20 @@ def isolate(study: Study, ids: Ids, fitted: Fit, excess: float, known: Sequence[
         return None
     basis, _ = np.linalg.qr(fitted.jacobian)
     left = fitted.residual - basis @ (basis.T @ fitted.residual)
-    gains, terms = {}, {}
+    statistics, terms = {}, {}
     for channel in dict.fromkeys(c.effect.channel for c in listed):
-        gains[channel], terms[channel] = _spanned([c for c in listed if c.effect.channel == channel], basis, left)
-    evidence = {channel: 0.5 * gains[channel] - terms[channel] for channel in gains}
+        statistics[channel], terms[channel] = _score_statistic(
+            [c for c in listed if c.effect.channel == channel], basis, left
+        )
+    evidence = {channel: 0.5 * statistics[channel] - terms[channel] for channel in statistics}
     best = max(evidence, key=lambda c: evidence[c])
-    if gains[best] >= RECORDED_SHARE * excess:
-        return Isolation(best, evidence, gains, False)
+    if statistics[best] >= RECORDED_SHARE * excess:
+        return Isolation(best, evidence, statistics, False)
     outside = disturbance(study, ids, fitted)
-    return Isolation(max(outside, key=lambda c: outside[c]), outside, gains, True)
+    return Isolation(max(outside, key=lambda c: outside[c]), outside, statistics, True)
 
 
-def _spanned(listed: Sequence[Candidate], basis: np.ndarray, left: np.ndarray) -> tuple[float, int]:
+def _score_statistic(listed: Sequence[Candidate], basis: np.ndarray, left: np.ndarray) -> tuple[float, int]:
     """What all columns of some candidates together take from a residual, and how many directions they are."""
     columns = np.column_stack([c.columns for c in listed])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -90,13 +92,13 @@ def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     result: dict[str, float] = {}
     ways = [(study.plant.outputs[0].channel, ""), *((s.channel or s.name, s.name) for s in study.plant.inputs)]
     for channel, name in ways:
-        gained = 0.0
+        statistic = 0.0
         for piece, residual in zip(pieces, residuals, strict=True):
             columns = np.column_stack(_swings(study, ids, fitted, piece, name, frequency))
             white = piece.marginal.apply(whitened(piece.case, columns, study.noise, piece.weight))
             basis, _ = np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-300))
-            gained += float(np.sum((basis.T @ residual) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
-        result[channel] = 0.5 * gained
+            statistic += float(np.sum((basis.T @ residual) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
+        result[channel] = 0.5 * statistic
     return result
 
 

@@ -10,16 +10,16 @@ import numpy as np
 from ..errors import UserError
 from ..identify.adjust import adjusted
 from ..identify.data import Recordings
-from ..identify.doubt import with_monitors
 from ..identify.fit import Fit
+from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
 from ..identify.study import Study, study
 from ..identify.threads import one_blas_thread, side_by_side
-from . import acceptance, base, channels, equivalence, inputs_noise, next_experiment, numerics, residuals, selection
+from . import acceptance, base, channels, equivalence, input_noise, next_experiment, numerics, residuals, selection
 from .channels import Isolation
 from .held_out import with_held_out
-from .law_doubt import with_law, with_rivals
+from .law_uncertainty import with_law, with_rivals
 from .next_experiment import Proposal
 from .noise_limit import with_noise_of
 from .options import Option, fitted_option
@@ -119,7 +119,7 @@ def discover(
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
-    coloured = inputs_noise.coloured_rms(work, inputs_noise.input_gains(work, fitted.values))
+    coloured = input_noise.coloured_rms(work, input_noise.input_gains(work, fitted.values))
     return Discovery(
         recordings,
         work,
@@ -191,7 +191,7 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
     work = with_noise_of(work, fitted)
     for _ in range(SETTLES):
         work = adjusted(work, (), fitted.values, base_parameters(work.plant))
-        work = inputs_noise.weighted(work, fitted.values)
+        work = input_noise.weighted(work, fitted.values)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
     return work, fitted
 
@@ -208,7 +208,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
     if acceptance.far(option):  # neither noise nor another law says how sure a parameter is, but the misfit does
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
-    wider = with_monitors(problem, fitted, [p.driven for p in work.training])
+    wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     return replace(option, fitted=with_law(work, problem, option.ids, wider))
 

@@ -24,7 +24,7 @@ DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate tha
 
 
 @dataclass(frozen=True)
-class _Sight:
+class _Information:
     """By candidate, the share of what it changes that lies in each piece (m, pieces); information (pieces, k, k)."""
 
     shares: np.ndarray
@@ -48,7 +48,7 @@ def with_held_out(study: Study) -> Study:
     if len(study.pieces) < 3:
         return study
     try:
-        sight = _sight(study)
+        information = _information(study)
     except KernelError:
         return study
     chosen: list[int] = []
@@ -58,13 +58,13 @@ def with_held_out(study: Study) -> Study:
         rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, HELD_LONG * sum(sizes))]
         if not rest:
             break
-        chosen.append(max(rest, key=lambda i: (sight.worth([*chosen, i]), -i)))
+        chosen.append(max(rest, key=lambda i: (information.worth([*chosen, i]), -i)))
     if not chosen:
         return study
     return replace(study, pieces=[replace(p, held_out=i in chosen) for i, p in enumerate(study.pieces)])
 
 
-def _sight(study: Study) -> _Sight:
+def _information(study: Study) -> _Information:
     everyone = replace(study, pieces=[replace(p, held_out=False) for p in study.pieces])
     values = study.plant.model.parameter_values()
     problem = everyone.problem((), base_parameters(study.plant), {})
@@ -74,4 +74,4 @@ def _sight(study: Study) -> _Sight:
     listed = bank.candidates_at(everyone, values, residual.size)
     squares = np.array([[np.sum(part**2) for part in np.split(c.columns[: ends[-1]], ends[:-1])] for c in listed])
     shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), 1e-300)
-    return _Sight(shares, np.array([part.T @ part for part in parts]))
+    return _Information(shares, np.array([part.T @ part for part in parts]))

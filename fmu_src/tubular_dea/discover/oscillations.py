@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identify.adjust import with_own
+from ..identify.adjust import with_nuisances
 from .engine import Discovery
 
 # Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/hum.py).
@@ -43,7 +43,7 @@ def oscillations(found: Discovery) -> list[Oscillation]:
     answers = study.response(named.ids, study.pieces).outputs(named.fitted.values)
     left: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
     for piece, answer in zip(study.pieces, answers, strict=True):
-        residual = piece.record - with_own(study, piece, answer)
+        residual = piece.record - with_nuisances(study, piece, answer)
         for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
             left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
     told = []

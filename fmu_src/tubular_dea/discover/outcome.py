@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..identify.adjust import with_own
+from ..identify.adjust import with_nuisances
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, goodness, interval, rmse
 from ..identify.study import Piece, Study
@@ -47,7 +47,7 @@ def result(found: Discovery) -> dict[str, Any]:
         },
         "noise_floor": study.noise[first].rms,
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
-        "invisible": found.search.rounds[0].visible if found.search.rounds else {},
+        "invisible": found.search.rounds[0].limits if found.search.rounds else {},
         "remarks": remarks.remarks(found, waves),
         "next_experiment": advice(found),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
@@ -150,7 +150,7 @@ def _output_errors(study: Study, name: str, answers: Sequence[np.ndarray] | None
     pairs = [
         (p, *pair)
         for p, y in zip(study.pieces, answers, strict=True)
-        for pair in _of_output(p, name, with_own(study, p, y))
+        for pair in _of_output(p, name, with_nuisances(study, p, y))
     ]
     each = {
         p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}

@@ -44,7 +44,7 @@ Given = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Course:
+class Excitation:
     """A record as the effect feels it: `time` (n,) and, by name, inputs and states of the plant, each (n,)."""
 
     time: np.ndarray
@@ -72,7 +72,7 @@ class OwnCurve:
     ends: tuple[float, float]
 
 
-class Bench:
+class IsolatedEffect:
     """An effect alone, compiled, at identified parameters."""
 
     def __init__(self, base: Model, effect: Effect, fitted: Fit, jumping: Collection[str] = ()) -> None:
@@ -90,22 +90,22 @@ class Bench:
         return self.cut.model.quantity(self.cut.output)
 
     def run(
-        self, course: Course, values: Mapping[str, float], times: np.ndarray | None = None
+        self, excitation: Excitation, values: Mapping[str, float], times: np.ndarray | None = None
     ) -> dict[str, np.ndarray]:
-        """What the effect changes, and its own states, along a course."""
-        inputs = {inner: course.given[name] for name, inner in self.cut.acts_on.items()}
-        at = course.time if times is None else times
-        found = self._kernel.simulate(Protocol(course.time, inputs), np.unique(at), values, max_steps=CURVE_STEPS)
+        """What the effect changes, and its own states, along an excitation."""
+        inputs = {inner: excitation.given[name] for name, inner in self.cut.acts_on.items()}
+        at = excitation.time if times is None else times
+        found = self._kernel.simulate(Protocol(excitation.time, inputs), np.unique(at), values, max_steps=CURVE_STEPS)
         places = np.searchsorted(found.time, at)
         wanted = [self.cut.output, *(s.quantity.name for s in self.cut.model.states)]
         return {name: found[name][places] for name in wanted}
 
-    def change(self, course: Course, times: np.ndarray | None = None) -> np.ndarray:
-        """By how much the effect changes what it changes, along a course."""
+    def change(self, excitation: Excitation, times: np.ndarray | None = None) -> np.ndarray:
+        """By how much the effect changes what it changes, along an excitation."""
         name = self.cut.output
-        return self.run(course, self.on, times)[name] - self.run(course, self.off, times)[name]
+        return self.run(excitation, self.on, times)[name] - self.run(excitation, self.off, times)[name]
 
-    def band(self, course: Course, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def band(self, excitation: Excitation, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The ends of the 95 % band: quantiles of runs at parameters drawn from their covariance, inside their bounds.
 
         nan where the model has no answer at too many of these.
@@ -119,7 +119,7 @@ class Bench:
         for moved in self.fitted.scaled[mine] + drawn:
             values = {f.name: f.to_si(float(np.clip(x, *f.bounds()))) for f, x in zip(free, moved, strict=True)}
             try:
-                runs.append(self.run(course, self.on | values, times)[self.cut.output])
+                runs.append(self.run(excitation, self.on | values, times)[self.cut.output])
             except KernelError:
                 continue
         if len(runs) < ANSWERED * DRAWS:
@@ -128,32 +128,32 @@ class Bench:
         return low, high
 
 
-def own_curve(bench: Bench, courses: Sequence[Course]) -> OwnCurve | None:
+def own_curve(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> OwnCurve | None:
     """What the effect does over the ranges of some records; None where it is the same whatever moves."""
-    usual, cut = _Usual.of(bench, courses), bench.cut
+    usual, cut = _Usual.of(isolated, excitations), isolated.cut
     if cut.clock:
-        return _drawn(bench, "time", None, usual, *usual.still(cut, usual.longest))
-    name = _most(bench, usual)
+        return _drawn(isolated, "time", None, usual, *usual.still(cut, usual.longest))
+    name = _most(isolated, usual)
     if name is None:
         return None
     if not cut.remembers:
-        return _drawn(bench, "curve", name, usual, *usual.way(cut, name, usual.longest))
-    slow = bench.change(*usual.way(cut, name, usual.longest))
-    fast = bench.change(*usual.way(cut, name, usual.longest / FASTER))
+        return _drawn(isolated, "curve", name, usual, *usual.way(cut, name, usual.longest))
+    slow = isolated.change(*usual.way(cut, name, usual.longest))
+    fast = isolated.change(*usual.way(cut, name, usual.longest / FASTER))
     if np.abs(slow - fast).max() < SAME * np.abs(slow).max():
-        return _drawn(bench, "loop", name, usual, *usual.way(cut, name, usual.longest))
-    return _drawn(bench, "step", name, usual, *_step(bench, name, usual))
+        return _drawn(isolated, "loop", name, usual, *usual.way(cut, name, usual.longest))
+    return _drawn(isolated, "step", name, usual, *_step(isolated, name, usual))
 
 
-def _most(bench: Bench, usual: _Usual) -> str | None:
-    """What the effect is moved by most: what it says itself, else the course that changes most of what it does."""
-    cut = bench.cut
+def _most(isolated: IsolatedEffect, usual: _Usual) -> str | None:
+    """What the effect is moved by most: what it says itself, else the excitation that changes most of what it does."""
+    cut = isolated.cut
     names = [cut.over] if cut.over else [n for n in cut.drivers if n in usual.moving]
-    course, at = usual.still(cut, usual.longest)
-    still, size = bench.change(course, at), {}
+    excitation, at = usual.still(cut, usual.longest)
+    still, size = isolated.change(excitation, at), {}
     for name in names:
-        course, times = usual.way(cut, name, usual.longest)
-        size[name] = float(np.abs(bench.change(course, times) - np.interp(times, at, still)).max())
+        excitation, times = usual.way(cut, name, usual.longest)
+        size[name] = float(np.abs(isolated.change(excitation, times) - np.interp(times, at, still)).max())
     moved = [n for n in names if size[n] > FELT * np.abs(still).max()]
     return max(moved, key=lambda n: size[n]) if moved else None
 
@@ -168,17 +168,17 @@ class _Usual:
     longest: float
 
     @classmethod
-    def of(cls, bench: Bench, courses: Sequence[Course]) -> _Usual:
-        changes = [np.abs(bench.change(course)) for course in courses]
+    def of(cls, isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> _Usual:
+        changes = [np.abs(isolated.change(excitation)) for excitation in excitations]
         most = int(np.argmax([c.max() for c in changes]))
         at = int(np.argmax(changes[most]))
-        names = {*bench.cut.acts_on, *bench.cut.drivers}
-        joined = {n: np.concatenate([c.given[n] for c in courses]) for n in names}
+        names = {*isolated.cut.acts_on, *isolated.cut.drivers}
+        joined = {n: np.concatenate([c.given[n] for c in excitations]) for n in names}
         return cls(
-            {n: float(courses[most].given[n][at]) for n in names},
+            {n: float(excitations[most].given[n][at]) for n in names},
             {n: (float(v.min()), float(v.max())) for n, v in joined.items()},
-            {n: max(float(np.abs(np.diff(c.given[n]) / np.diff(c.time)).max()) for c in courses) for n in names},
-            max(float(np.ptp(c.time)) for c in courses),
+            {n: max(float(np.abs(np.diff(c.given[n]) / np.diff(c.time)).max()) for c in excitations) for n in names},
+            max(float(np.ptp(c.time)) for c in excitations),
         )
 
     @property
@@ -186,23 +186,23 @@ class _Usual:
         """What has a range."""
         return [n for n, (low, high) in self.ends.items() if high > low]
 
-    def way(self, cut: Alone, name: str, lasts: float) -> tuple[Course, np.ndarray]:
-        """The course of `name` through its range within `lasts` seconds, and times at which to look."""
+    def way(self, cut: Alone, name: str, lasts: float) -> tuple[Excitation, np.ndarray]:
+        """The excitation of `name` through its range within `lasts` seconds, and times at which to look."""
         shares = np.array(WAY if cut.remembers else (0.0, 1.0))
         gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares)))])
         corners = lasts * (gone / gone[-1])
         times = np.unique(np.concatenate([np.linspace(0, lasts, CURVE_POINTS), corners]))
-        return self.course(cut, name, corners, shares), times
+        return self.excitation(cut, name, corners, shares), times
 
-    def still(self, cut: Alone, lasts: float) -> tuple[Course, np.ndarray]:
-        """The course on which nothing moves."""
+    def still(self, cut: Alone, lasts: float) -> tuple[Excitation, np.ndarray]:
+        """The excitation on which nothing moves."""
         at = self.values | (dict.fromkeys(cut.moving.values(), 0.0) if cut.remembers else {})
-        return Course(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(
+        return Excitation(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(
             0, lasts, CURVE_POINTS
         )
 
-    def course(self, cut: Alone, name: str, time: np.ndarray, shares: np.ndarray) -> Course:
-        """The course of `name` through shares of its range, straight between times; all else as it usually is."""
+    def excitation(self, cut: Alone, name: str, time: np.ndarray, shares: np.ndarray) -> Excitation:
+        """The excitation of `name` through shares of its range, straight between times; all else as it usually is."""
         low, high = self.ends[name]
         values = low + (high - low) * shares
         begin = np.flatnonzero(np.diff(time) > 0)
@@ -214,35 +214,37 @@ class _Usual:
         given[name] = values[both]
         if name in cut.moving:
             given[cut.moving[name]] = np.repeat(slopes, 2)
-        return Course(time[both], given)
+        return Excitation(time[both], given)
 
 
-def _step(bench: Bench, name: str, usual: _Usual) -> tuple[Course, np.ndarray]:
-    """The course of a step of `name`, and times at which to look until its answer has settled."""
+def _step(isolated: IsolatedEffect, name: str, usual: _Usual) -> tuple[Excitation, np.ndarray]:
+    """The excitation of a step of `name`, and times at which to look until its answer has settled."""
     low, high = usual.ends[name]
-    rise = 0.0 if name in bench.jumping else min((high - low) / usual.rates[name], STEP_RISE * usual.longest)
+    rise = 0.0 if name in isolated.jumping else min((high - low) / usual.rates[name], STEP_RISE * usual.longest)
     shares = np.array([0.0, 0.0, 1.0, 1.0])
-    far = usual.course(bench.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
+    far = usual.excitation(isolated.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
     looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, CURVE_POINTS) * usual.longest]))
-    left = np.abs(_settling(bench.change(far, looked)))
+    left = np.abs(_settling(isolated.change(far, looked)))
     unsettled = looked[left > STEP_SETTLED * left.max()] if left.max() > 0 else looked[:1]
     lasts = float(np.clip(STEP_SHOWN * unsettled[-1], max(4 * rise, 1e-4 * usual.longest), usual.longest))
-    course = usual.course(bench.cut, name, np.array([-BEFORE * lasts, 0.0, rise, lasts]), shares)
-    return course, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, CURVE_POINTS), [0.0, rise]]))
+    excitation = usual.excitation(isolated.cut, name, np.array([-BEFORE * lasts, 0.0, rise, lasts]), shares)
+    return excitation, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, CURVE_POINTS), [0.0, rise]]))
 
 
 def _settling(change: np.ndarray) -> np.ndarray:
     return change - change[-1]
 
 
-def _drawn(bench: Bench, kind: str, name: str | None, usual: _Usual, course: Course, times: np.ndarray) -> OwnCurve:
-    on, off = (bench.run(course, values, times)[bench.cut.output] for values in (bench.on, bench.off))
-    low, high = bench.band(course, times)
+def _drawn(
+    isolated: IsolatedEffect, kind: str, name: str | None, usual: _Usual, excitation: Excitation, times: np.ndarray
+) -> OwnCurve:
+    on, off = (isolated.run(excitation, values, times)[isolated.cut.output] for values in (isolated.on, isolated.off))
+    low, high = isolated.band(excitation, times)
     x, over, moved, ends = times, None, None, (0.0, 0.0)
     if name is not None:
-        moved, ends = bench.base.quantity(name), usual.ends[name]
+        moved, ends = isolated.base.quantity(name), usual.ends[name]
     if name is not None and kind in ("curve", "loop"):
-        x, over = Protocol(course.time, {name: course.given[name]}).at(times)[name], moved
-    if kind == "curve" and bench.effect.recording:
-        x, over = off, bench.shown
-    return OwnCurve(kind, x, on, low, high, off, bench.shown, over, moved, ends)
+        x, over = Protocol(excitation.time, {name: excitation.given[name]}).at(times)[name], moved
+    if kind == "curve" and isolated.effect.recording:
+        x, over = off, isolated.shown
+    return OwnCurve(kind, x, on, low, high, off, isolated.shown, over, moved, ends)

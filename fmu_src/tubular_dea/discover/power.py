@@ -30,7 +30,7 @@ FASTEST_GAIN = 4.0  # [1] the same at most
 Sizes = dict[str, float | None]
 
 
-def smallest_visible(listed: Sequence[Candidate], jacobian: np.ndarray, null: NullScores) -> dict[str, Sizes]:
+def detection_limits(listed: Sequence[Candidate], jacobian: np.ndarray, null: NullScores) -> dict[str, Sizes]:
     """By effect and parameter the smallest size (SI) that would have been seen; None where none would.
 
     `listed` are the candidates at the present model with `jacobian` (N, k).
@@ -40,17 +40,17 @@ def smallest_visible(listed: Sequence[Candidate], jacobian: np.ndarray, null: Nu
     found: dict[str, Sizes] = {}
     for effect in {c.effect.id: c.effect for c in listed}.values():
         tangents = [c for c in listed if c.effect.id == effect.id]
-        gains = [_unit_gain(c, basis) for c in tangents]
+        statistics = [_unit_statistic(c, basis) for c in tangents]
         name = tangents[0].names[0]
         if name in effect.on:
-            found[effect.id] = _length(effect, tangents, gains, needed)
+            found[effect.id] = _length(effect, tangents, statistics, needed)
         else:
-            best = max(gains)
+            best = max(statistics)
             found[effect.id] = {name: float(np.sqrt(needed / best)) if best > 0 else None}
     return found
 
 
-def _unit_gain(candidate: Candidate, basis: np.ndarray) -> float:
+def _unit_statistic(candidate: Candidate, basis: np.ndarray) -> float:
     """The expected score of the first amplitude at 1 (SI)."""
     column = candidate.columns[:, 0]
     left = column - basis @ (basis.T @ column)
@@ -58,13 +58,13 @@ def _unit_gain(candidate: Candidate, basis: np.ndarray) -> float:
     return size**2 if size > HIDDEN * float(np.linalg.norm(column)) else 0.0
 
 
-def _length(effect: Effect, listed: Sequence[Candidate], gains: Sequence[float], needed: float) -> Sizes:
+def _length(effect: Effect, listed: Sequence[Candidate], statistics: Sequence[float], needed: float) -> Sizes:
     """The length (or rate, or frequency) at which the whole effect would just be seen."""
     name = next(iter(effect.shapes))
     best: dict[float, float] = {}
-    for candidate, gain in zip(listed, gains, strict=True):
+    for candidate, statistic in zip(listed, statistics, strict=True):
         at = candidate.shape[name]
-        best[at] = max(best.get(at, 0.0), gain)
+        best[at] = max(best.get(at, 0.0), statistic)
     lengths = np.array(sorted(best))
     levels = np.array([best[x] for x in lengths])
     if levels.max() <= 0:

@@ -80,13 +80,13 @@ def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
 def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
     """The variance of every whitened sample (N,), as averages over `block` samples feel it."""
     sensor = piece.weight**2
-    through = _through(study, piece, block) * (1 - sensor)
+    transmitted = _transmitted(study, piece, block) * (1 - sensor)
     if block == 1:
-        through = np.maximum(through, sensor * piece.shaken)
-    return (sensor + through) * (1 - piece.marginal.taken(sensor.size))
+        transmitted = np.maximum(transmitted, sensor * piece.input_variance)
+    return (sensor + transmitted) * (1 - piece.marginal.variance_removed(sensor.size))
 
 
-def _through(study: Study, piece: Piece, block: int) -> float:
+def _transmitted(study: Study, piece: Piece, block: int) -> float:
     """The share of the monitors' noise that is in averages over `block` samples.
 
     A monitor drawn as straight lines keeps the noise slower than its corners; the plant keeps what is in its bandwidth.

@@ -16,7 +16,7 @@ from .bootstrap import NullScores, null_scores
 from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
 from .parameters import unusual
-from .power import Sizes, smallest_visible
+from .power import Sizes, detection_limits
 from .refit import FULL_STEPS, first_refit, further
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
@@ -48,7 +48,7 @@ Progress = Callable[[str], None]
 class Round:
     """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), choice.
 
-    `visible` is the smallest size of every effect that would have been seen, `listed` are the candidates with their
+    `limits` is the smallest size of every effect that would have been seen, `listed` are the candidates with their
     columns, where they are asked for once more.
     """
 
@@ -59,7 +59,7 @@ class Round:
     options: list[Option]
     accepted: bool
     reason: str
-    visible: dict[str, Sizes]
+    limits: dict[str, Sizes]
     listed: list[bank.Candidate] = field(default_factory=list, repr=False)
 
 
@@ -71,26 +71,26 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     ranked = bank.best_of_each(scored)
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
     threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
-    visible = smallest_visible(listed, chosen.fitted.jacobian, null)
+    limits = detection_limits(listed, chosen.fitted.jacobian, null)
     kept = [] if chosen.ids or study.plant.latent else listed
-    blank = Round(chosen.ids, ranked, null, threshold, [], False, "", visible, kept)
+    blank = Round(chosen.ids, ranked, null, threshold, [], False, "", limits, kept)
     if ranked[0].statistic < threshold:
         return replace(blank, reason="no score stands out of the nulls'")
     hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].statistic, ranked[0].id) if chosen.ids else ""
     if hopeless:
         return replace(blank, reason=hopeless)
-    worth = _worth(ranked, threshold, ALL_REFITS if far(chosen) else MOST_REFITS)
-    options = _refits(study, chosen, scored, worth, tell)
+    shortlist = _shortlist(ranked, threshold, ALL_REFITS if far(chosen) else MOST_REFITS)
+    options = _refits(study, chosen, scored, shortlist, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
     said = [accept(base, chosen, o, threshold) for o in options]
     good = [i for i, (accepted, _) in enumerate(said) if accepted]
-    best = _plainest(study, options, good) if good else 0
+    best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
     return replace(blank, options=options, accepted=said[best][0], reason=said[best][1])
 
 
-def _plainest(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:
+def _preferred(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:
     """Of the options at the places `good`, the best; of equals a monitor's fault, before one of the plant."""
     reach = max(CHANCE, error_reach(options[good[0]]))
     equal = [i for i in good if 2 * (options[good[0]].evidence - options[i].evidence) < reach]
@@ -99,7 +99,7 @@ def _plainest(study: Study, options: Sequence[Option], good: Sequence[int]) -> i
     return next((i for i in equal if study.catalogue[options[i].ids[-1]].recording), good[0])
 
 
-def _worth(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
+def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
     """The ids that are refitted: the best few, and all that score near the best."""
     standing = [s for s in ranked if s.statistic > STANDING * threshold]
     best = standing[0].statistic
@@ -128,9 +128,9 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
         return option(study, together, fitted, chosen.refined)
 
     options = sorted(side_by_side(finish, begun), key=lambda o: -o.evidence)
-    worth = [o for o in options[:RESTARTED] if not clean(options[0].lack_of_fit) or _near(o, options[0])]
-    again = side_by_side(lambda o: _from_declared(study, o), worth)
-    return sorted([*again, *(o for o in options if not any(o is w for w in worth))], key=lambda o: -o.evidence)
+    shortlist = [o for o in options[:RESTARTED] if not clean(options[0].lack_of_fit) or _near(o, options[0])]
+    again = side_by_side(lambda o: _from_declared(study, o), shortlist)
+    return sorted([*again, *(o for o in options if not any(o is w for w in shortlist))], key=lambda o: -o.evidence)
 
 
 def _near(one: Option, best: Option) -> bool:

@@ -34,7 +34,7 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
         if number >= ROUNDS and not far(found.chosen):
             break
         step = take_round(found.study, base, found.chosen, numeric, seed, tell)
-        deeper = _deeper(study, found, step.options)
+        deeper = _better_base(study, found, step.options)
         if deeper is not None:
             return search(study, deeper, numeric, seed, tell)
         found.rounds.append(step)
@@ -61,7 +61,7 @@ def _settle(found: Search, tell: Progress) -> None:
         found.study, found.chosen = study, again
 
 
-def _deeper(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
+def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
     """A better fit of the base, from where the best refit has its parameters: what let it escape is no effect."""
     if found.chosen.ids or not options:
         return None

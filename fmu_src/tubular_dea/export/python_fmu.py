@@ -101,7 +101,7 @@ def _model_block(model: Model) -> str:
     lines = [
         f'NAME = "{model.name}"',
         f'GUID = "{guid(model, "python")}"',
-        "VARIABLES: tuple[Variable, ...] = (",
+        "VARIABLES: tuple[SlaveVariable, ...] = (",
         *(_row(v) for v in variables(model)),
         ")",
         *tuple_lines("NOMINAL = ", [repr(float(s.quantity.nominal)) for s in model.states]),
@@ -118,7 +118,7 @@ def _row(variable: Variable) -> str:
     high = "INF" if q.maximum is None else repr(float(q.maximum))
     words = ", ".join(f'"{word}"' for word in (variable.name, q.unit, variable.kind))
     return (
-        f'    Variable({words}, {variable.index}, "{q.type}", "{variable.variability}", {low}, {high}, '
+        f'    SlaveVariable({words}, {variable.index}, "{q.type}", "{variable.variability}", {low}, {high}, '
         f"{float(q.value or 0.0)!r}, {variable.needs_fold}),"
     )
 

@@ -26,12 +26,12 @@ from ..kernel import KernelError
 from ..protocol import Protocol
 from . import hum as hums
 from .compiled import Ids
-from .doubt import shifted
 from .edges import Edge
 from .marginal import Marginal, marginal
+from .monitor_uncertainty import shifted
 from .problem import Free, whitened
 from .response import Case, Response
-from .study import Own, Piece, Study
+from .study import Nuisances, Piece, Study
 from .threads import side_by_side
 
 # Set by judgement. Check: `pytest tests/test_adjust.py`,
@@ -67,19 +67,19 @@ GAIN_OF, LATE_OF = "gain of ", "late "  # names of what a monitor has of its own
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Linearised:
     """A piece at the present model: its white residual and whitened columns, before anything is integrated out.
 
     `windows` are the samples that feel the instant of each edge, and what they do where it moves through its bounds.
     """
 
     residual: np.ndarray
-    windows: list[_Moved]
+    windows: list[_EdgeResponse]
     columns: np.ndarray
 
 
 @dataclass(frozen=True)
-class _Moved:
+class _EdgeResponse:
     """The samples `where` that feel an edge's instant, their whitened answers (g, m) at the shifts `grid` (g,) [s], and
     the shift `now`."""
 
@@ -112,15 +112,15 @@ def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence
     `free` are the parameters that follow along while spreads are estimated.
     """
     fixed = study.geometry | dict(values)
-    owned = side_by_side(lambda p: _owned(study, ids, fixed, p), study.pieces)
+    owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=owned)
-    seen = side_by_side(lambda p: _seen(work, ids, fixed, p), work.pieces)
-    spread, later = _spreads(work, ids, fixed, seen, free)
-    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, seen, strict=True)]
+    linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
+    spread, later = _spreads(work, ids, fixed, linear, free)
+    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
     return replace(work, pieces=pieces, spread=spread, late=later)
 
 
-def _owned(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
+def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
     """The piece with columns (SI) of its zeros, hum and unknown start at the present model."""
     columns: list[np.ndarray] = []
     names: list[str] = []
@@ -148,7 +148,7 @@ def _owned(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) ->
         names.append(f"start {name}")
         columns.append((answer - here) / (START_STEP * size))
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
-    return replace(piece, own=Own(tuple(names), table, np.zeros(len(names))))
+    return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
 
 
 def _step_of(piece: Piece) -> float:
@@ -174,16 +174,16 @@ def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
     return column
 
 
-def _seen(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> _Seen:
+def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> _Linearised:
     """White residual, edges' columns in their windows, and the columns of what the record has of its own."""
     response = study.asked(ids, [piece.case])
     here = response.outputs_alone(values)[0]
     residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
-    columns = whitened(piece.case, piece.own.columns, study.noise, piece.weight)
-    return _Seen(residual, _edges(study, response, values, piece), columns)
+    columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
+    return _Linearised(residual, _edges(study, response, values, piece), columns)
 
 
-def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_Moved]:
+def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_EdgeResponse]:
     """For every edge what its window answers while the edge moves through its bounds.
 
     Every other edge is moved at once: what one does is over when the next but one comes, or it is cut there.
@@ -206,16 +206,16 @@ def _edges(study: Study, response: Response, values: Mapping[str, float], piece:
     try:
         answers = Response(response.kernel, cases, response.fixed).outputs_alone(values)
     except KernelError:
-        return [_Moved(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
+        return [_EdgeResponse(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
     white = [whitened(piece.case, a, study.noise, piece.weight) for a in answers]
     found = []
     for i, place in enumerate(places):
         known = high[i] <= low[i] or place.stop <= place.start or times.size == 0
         rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
         moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
-        where = slice(0, 0) if known else slice(place.start, place.start + _heard(moved))
+        where = slice(0, 0) if known else slice(place.start, place.start + _informative_samples(moved))
         grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
-        found.append(_Moved(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
+        found.append(_EdgeResponse(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
     return found
 
 
@@ -229,7 +229,7 @@ def _place(piece: Piece, number: int, following: Iterable[int]) -> slice:
     return slice(int(begin), max(int(begin), int(np.searchsorted(times, min(ends)))))
 
 
-def _heard(answers: np.ndarray) -> int:
+def _informative_samples(answers: np.ndarray) -> int:
     """How many of the samples behind an edge hold TOLD of what its instant changes; `answers` are (g, m)."""
     told = np.cumsum((answers[-1] - answers[0]) ** 2)
     return min(int(np.searchsorted(told, TOLD * told[-1])) + 1, told.size)
@@ -241,18 +241,20 @@ def _reach(edge: Edge) -> float:
 
 
 def _spreads(
-    study: Study, ids: Ids, values: Mapping[str, float], seen: Sequence[_Seen], free: Sequence[Free]
+    study: Study, ids: Ids, values: Mapping[str, float], linear: Sequence[_Linearised], free: Sequence[Free]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """The standard deviation between files of every zero and gain, by name (SI), and how late monitors are (samples).
 
     With few files the spreads are the usual ones.
     """
     first = study.pieces[0]
-    kinds = [n for n in dict.fromkeys(n for p in study.pieces for n in p.own.names) if _usual(study, first, n) > 0]
+    kinds = [
+        n for n in dict.fromkeys(n for p in study.pieces for n in p.nuisances.names) if _usual(study, first, n) > 0
+    ]
     if not study.filtered:
         kinds = [n for n in kinds if not n.startswith(LATE_OF)]
     usual = {n: _usual(study, first, n) for n in kinds if not n.startswith(LATE_OF)}
-    training = [(p, s) for p, s in zip(study.pieces, seen, strict=True) if not p.held_out]
+    training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
     if not kinds or not training:
         return usual, {}
     problem = study.problem(ids, free, {n: v for n, v in values.items() if n not in {f.name for f in free}})
@@ -277,7 +279,11 @@ def _usual(study: Study, piece: Piece, name: str) -> float:
 
 
 def _estimated(
-    study: Study, kinds: Sequence[str], training: Sequence[tuple[Piece, _Seen]], fixed: Sequence[np.ndarray], few: bool
+    study: Study,
+    kinds: Sequence[str],
+    training: Sequence[tuple[Piece, _Linearised]],
+    fixed: Sequence[np.ndarray],
+    few: bool,
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Expectation and maximisation over the normal equations of parameters, means and every file's deviations.
 
@@ -286,18 +292,18 @@ def _estimated(
     k, p, m = len(kinds), fixed[0].shape[1], len(training)
     size = p + k + m * k
     information, target = np.zeros((size, size)), np.zeros(size)
-    for i, ((piece, seen), columns) in enumerate(zip(training, fixed, strict=True)):
+    for i, ((piece, linear), columns) in enumerate(zip(training, fixed, strict=True)):
         own = np.column_stack(
             [
-                seen.columns[:, piece.own.names.index(n)] * _usual(study, piece, n)
-                if n in piece.own.names
+                linear.columns[:, piece.nuisances.names.index(n)] * _usual(study, piece, n)
+                if n in piece.nuisances.names
                 else np.zeros(piece.record.size)
                 for n in kinds
             ]
         )
-        others = np.array([0.0 if n in kinds else _prior(study, piece, n, {}) for n in piece.own.names])
-        local = marginal(_windows(piece, seen, piece.shifts), seen.columns, others)
-        together = local.apply(np.column_stack([columns, own, seen.residual]))
+        others = np.array([0.0 if n in kinds else _prior(study, piece, n, {}) for n in piece.nuisances.names])
+        local = marginal(_windows(piece, linear, piece.shifts), linear.columns, others)
+        together = local.apply(np.column_stack([columns, own, linear.residual]))
         gram = together.T @ together
         at = np.r_[0 : p + k, p + k + i * k : p + k + (i + 1) * k]
         wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
@@ -323,28 +329,30 @@ def _estimated(
     return variance, later
 
 
-def _settled(study: Study, piece: Piece, seen: _Seen, spread: Mapping[str, float], later: Mapping[str, float]) -> Piece:
+def _settled(
+    study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
+) -> Piece:
     """The piece with its edges moved to where the record has them, and everything of its own integrated out.
 
     `later` says by how many samples inputs are recorded late.
     """
-    sd = np.array([_prior(study, piece, name, spread) for name in piece.own.names])
+    sd = np.array([_prior(study, piece, name, spread) for name in piece.nuisances.names])
     shifts = piece.shifts
-    if seen.windows:
-        local = marginal(_windows(piece, seen, shifts), np.empty((piece.record.size, 0)), np.empty(0))
-        own = piece.own.mean(local.apply(seen.columns), local.apply(seen.residual), sd)
-        left = seen.residual + seen.columns @ own
-        shifts = np.array([m.best(left[m.where]) for m in seen.windows])
-    made = marginal(_windows(piece, seen, shifts), seen.columns, sd)
+    if linear.windows:
+        local = marginal(_windows(piece, linear, shifts), np.empty((piece.record.size, 0)), np.empty(0))
+        own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+        left = linear.residual + linear.columns @ own
+        shifts = np.array([m.best(left[m.where]) for m in linear.windows])
+    made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late={name: by * _step_of(piece) for name, by in later.items()})
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     if piece.unknown:
         local = Marginal(made.windows)
-        mean = piece.own.mean(local.apply(seen.columns), local.apply(seen.residual), sd)
-        found = dict(zip(piece.own.names, mean, strict=True))
+        mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+        found = dict(zip(piece.nuisances.names, mean, strict=True))
         started = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
         case = replace(case, own=dict(case.own) | _inside(study, started))
-    return replace(piece, case=case, shifts=shifts, marginal=made, own=replace(piece.own, sd=sd))
+    return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
 
 
 def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
@@ -357,11 +365,11 @@ def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
     return inside
 
 
-def _windows(piece: Piece, seen: _Seen, shifts: np.ndarray) -> list[tuple[slice, np.ndarray, float]]:
+def _windows(piece: Piece, linear: _Linearised, shifts: np.ndarray) -> list[tuple[slice, np.ndarray, float]]:
     """Of every edge its samples, their column at a shift, and its prior [s]."""
     return [
         (m.where, m.column(float(s)), _reach(e))
-        for m, s, e in zip(seen.windows, shifts, piece.driven.edges, strict=False)
+        for m, s, e in zip(linear.windows, shifts, piece.driven.edges, strict=False)
     ]
 
 
@@ -379,9 +387,11 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
     return HUM_SIZE * study.noise[output].rms
 
 
-def with_own(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
     """A model's answer (N,) for a piece, with the most likely values of what the record has of its own."""
     residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
-    columns = whitened(piece.case, piece.own.columns, study.noise, piece.weight)
+    columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     local = Marginal(piece.marginal.windows)
-    return answer + piece.own.columns @ piece.own.mean(local.apply(columns), local.apply(residual), piece.own.sd)
+    return answer + piece.nuisances.columns @ piece.nuisances.mean(
+        local.apply(columns), local.apply(residual), piece.nuisances.sd
+    )

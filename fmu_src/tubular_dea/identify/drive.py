@@ -20,7 +20,7 @@ from .monitors import (
     COLOURED,
     LARGEST,
     WRONG,
-    Line,
+    Polyline,
     halved,
     level,
     long_run,
@@ -214,7 +214,7 @@ def _continuous(experiment: Experiment, name: str, noise: float) -> _Drawn:
     return _Drawn(line, noise, _missed(experiment, name, line, noise, hum=hum), line.time)
 
 
-def _smoothed(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[Line, float]:
+def _smoothed(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[Polyline, float]:
     """The line of a continuous input and its noise: coloured noise is known better once the line is."""
     line = polyline(time, values, noise)
     if noise < COLOURED * noise_level(values):

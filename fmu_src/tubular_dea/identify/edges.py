@@ -162,7 +162,7 @@ def _rung_out(values: np.ndarray, noise: float, found: Transitions) -> Transitio
     return Transitions(found.before, after)
 
 
-def _rings(edge: _Look) -> bool:
+def _rings(edge: _EdgeSamples) -> bool:
     """Whether a sample on the way lies beyond the new level: then the monitor's filter made the edge, and it jumps."""
     beyond = max(3 * GOES_ON, STANDS_OUT / 2 * float(np.sqrt(max(edge.error**2 - ROUGH_SHAPE**2, 0.0))))
     return bool(np.any(edge.parts[edge.on_the_way] > 1 + beyond))
@@ -228,7 +228,7 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
     The likelihood of a rise, the instant of every edge being anything: samples on the way agree with it, and the
     longer it is, the more often there is one.
     """
-    edges = [edge for record in records for edge in _looks(*record)]
+    edges = [edge for record in records for edge in _edge_samples(*record)]
     if not edges:
         return None
     chosen = [edges[i] for i in np.unique(np.linspace(0, len(edges) - 1, min(SAMPLED, len(edges))).astype(int))]
@@ -245,7 +245,7 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
 
 
 @dataclass(frozen=True)
-class _Look:
+class _EdgeSamples:
     """One edge: `times` and `parts` (0 before, 1 after) of the samples around it, `first` the last of the old level."""
 
     times: np.ndarray
@@ -265,10 +265,10 @@ class _Look:
         return int(inner[np.argmin(np.abs(self.parts[inner] - 0.5))]) if inner.size else None
 
 
-def _looks(time: np.ndarray, values: np.ndarray, noise: float) -> list[_Look]:
+def _edge_samples(time: np.ndarray, values: np.ndarray, noise: float) -> list[_EdgeSamples]:
     found = transitions(time, values, noise)
     large = np.abs(values[found.after] - values[found.before]) > MATTERS * np.ptp(values)
-    looks = [_look(time, values, noise, a, b) for a, b in _pairs(found.only(few(found) & large))]
+    looks = [_samples_of(time, values, noise, a, b) for a, b in _pairs(found.only(few(found) & large))]
     return [look for look in looks if not _rings(look)]
 
 
@@ -276,12 +276,12 @@ def _pairs(found: Transitions) -> list[tuple[int, int]]:
     return list(zip(found.before.tolist(), found.after.tolist(), strict=True))
 
 
-def _look(time: np.ndarray, values: np.ndarray, noise: float, before: int, after: int) -> _Look:
+def _samples_of(time: np.ndarray, values: np.ndarray, noise: float, before: int, after: int) -> _EdgeSamples:
     """The samples of one edge, and two on either side."""
     a, b = max(before - 1, 0), min(after + 2, time.size)
     height = values[after] - values[before]
     error = float(np.hypot(ROUGH_SHAPE, noise / abs(height)))
-    return _Look(time[a:b], (values[a:b] - values[before]) / height, before - a, after - a, error)
+    return _EdgeSamples(time[a:b], (values[a:b] - values[before]) / height, before - a, after - a, error)
 
 
 def _shape(late: np.ndarray, tau: np.ndarray, exponential: bool) -> np.ndarray:
@@ -297,7 +297,7 @@ def _lateness(part: float, tau: np.ndarray, exponential: bool) -> np.ndarray:
     return -tau * np.log(1 - part) - tau if exponential else tau * (part - 0.5)
 
 
-def _likelihood(edge: _Look, trials: np.ndarray, exponential: bool) -> np.ndarray:
+def _likelihood(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> np.ndarray:
     """Logarithm of the chance of one edge's samples for every rise (k,), over all instants."""
     centroids, measure = _instants(edge, trials, exponential)
     expected = _shape(edge.times[:, None, None] - centroids, trials[:, None], exponential)
@@ -308,7 +308,7 @@ def _likelihood(edge: _Look, trials: np.ndarray, exponential: bool) -> np.ndarra
     return np.log(np.mean(np.exp(np.maximum(squares, -300)), axis=1) * measure)
 
 
-def _instants(edge: _Look, trials: np.ndarray, exponential: bool) -> tuple[np.ndarray, np.ndarray]:
+def _instants(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> tuple[np.ndarray, np.ndarray]:
     """Centroids (k, m) to average over, and the time they stand for (k,).
 
     Where a sample is on the way it alone tells the instant, for a given rise; else all between the samples are tried.
@@ -323,7 +323,7 @@ def _instants(edge: _Look, trials: np.ndarray, exponential: bool) -> tuple[np.nd
     return np.broadcast_to(a + (b - a) * every, (trials.size, 33)), np.full(trials.size, b - a)
 
 
-def _together(edges: Sequence[_Look]) -> float:
+def _together(edges: Sequence[_EdgeSamples]) -> float:
     """How many edges count as one: all, where every one falls on the same part of the sampling (synchronous)."""
     if len(edges) < TOGETHER:
         return 1.0
@@ -346,7 +346,7 @@ def located(
     """An `Edge` for every transition; `between` its samples (0 to 1) is where it is if nothing on the way tells."""
     listed = []
     for (before, after), ramp in zip(_pairs(found), few(found), strict=True):
-        look = _look(time, values, noise, before, after)
+        look = _samples_of(time, values, noise, before, after)
         if ramp and _rings(look):
             time_, earliest, latest, lasting = _through_filter(time, values, before, after)
         elif ramp and how is not None:
@@ -367,7 +367,7 @@ def located(
     return listed
 
 
-def _between(edge: _Look, how: Rise, between: float) -> tuple[float, float, float, float]:
+def _between(edge: _EdgeSamples, how: Rise, between: float) -> tuple[float, float, float, float]:
     """Centroid, its bounds and the rise of an edge with few samples on the way."""
     a, b = edge.times[edge.first], edge.times[edge.last]
     if edge.anchor is None:
@@ -397,7 +397,7 @@ def _through_filter(time: np.ndarray, values: np.ndarray, before: int, after: in
     return centroid, centroid - ALIASED * step, centroid + ALIASED * step, 0.0
 
 
-def _agreement(edge: _Look, how: Rise) -> np.ndarray:
+def _agreement(edge: _EdgeSamples, how: Rise) -> np.ndarray:
     """How well every rise agrees with the samples of one edge: a logarithm (k,), 0 where perfectly."""
     centroids, _ = _instants(edge, how.trials, how.exponential)
     expected = _shape(edge.times[:, None] - centroids[:, 0], how.trials, how.exponential)

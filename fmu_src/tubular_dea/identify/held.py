@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .edges import Edge, Transitions, few
-from .monitors import Line, polyline
+from .monitors import Polyline, polyline
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
@@ -83,7 +83,7 @@ def _within(n: int, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.cumsum(turns[:-1]) > 0.5
 
 
-def _levelled(line: Line, starts: np.ndarray, n: int, noise: float) -> Line:
+def _levelled(line: Polyline, starts: np.ndarray, n: int, noise: float) -> Polyline:
     """With a level for every piece of which two corners are left and whose slope is chance."""
     first = np.searchsorted(line.corners, np.append(0, starts))
     last = np.append(first[1:], line.corners.size) - 1
@@ -93,11 +93,11 @@ def _levelled(line: Line, starts: np.ndarray, n: int, noise: float) -> Line:
     values = line.values.copy()
     mean = (values[first[flat]] + values[last[flat]]) / 2
     values[first[flat]] = values[last[flat]] = mean
-    return Line(line.corners, values)
+    return Polyline(line.corners, values)
 
 
 def _breakpoints(
-    time: np.ndarray, kept: np.ndarray, line: Line, starts: np.ndarray, ramp: np.ndarray, late: float
+    time: np.ndarray, kept: np.ndarray, line: Polyline, starts: np.ndarray, ramp: np.ndarray, late: float
 ) -> HeldLine:
     """All corners `late` after they were recorded, the two at every edge assigned to it; one alone becomes two."""
     piece = np.searchsorted(starts, line.corners, side="right")

@@ -50,7 +50,7 @@ class Marginal:
             out += self.basis @ (np.reshape(shrink(self.sizes), (-1, *[1] * (along.ndim - 1))) * along)
         return out
 
-    def taken(self, n: int) -> np.ndarray:
+    def variance_removed(self, n: int) -> np.ndarray:
         """How much of each sample's variance following the record in its windows takes away, shape (n,)."""
         out = np.zeros(n)
         for window in self.windows:

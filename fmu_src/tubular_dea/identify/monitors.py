@@ -54,7 +54,7 @@ QUIET = 1e-4  # [1] of its span: noise below which a record comes from a compute
 
 
 @dataclass(frozen=True)
-class Line:
+class Polyline:
     """Corners at sample numbers `corners` (k,) with `values` (k,), in the unit of the record."""
 
     corners: np.ndarray
@@ -137,14 +137,14 @@ def _coarseness(values: np.ndarray) -> float:
     return step if step < COARSEST * float(np.ptp(values)) else 0.0
 
 
-def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndarray | None = None) -> Line:
+def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndarray | None = None) -> Polyline:
     """Continuous lines through `values` (n,) at ascending `time` (n,) [s], as simple as their noise allows.
 
     `starts` are samples at which a new line begins (the first one is understood): lines are not joined there.
     """
     n = values.size
     if n <= 3 or noise <= 0:
-        return Line(np.arange(n), values.copy())
+        return Polyline(np.arange(n), values.copy())
     begins = np.array([], dtype=int) if starts is None else starts
     fixed, broken = np.zeros((2, n), dtype=bool)
     fixed[np.concatenate([[0, n - 1], begins, begins - 1])] = True
@@ -161,10 +161,10 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
     far = np.convolve(missed**2, np.ones(MISSED_BLOCK) / MISSED_BLOCK, mode="same") > allowed**2
     if far.any():
         corners = np.union1d(corners, np.flatnonzero(np.convolve(far, np.ones(MISSED_BLOCK), mode="same") > 0.5))
-    return Line(corners, mean + _fit(time, centred, corners))
+    return Polyline(corners, mean + _fit(time, centred, corners))
 
 
-def halved(time: np.ndarray, values: np.ndarray, line: Line) -> Line:
+def halved(time: np.ndarray, values: np.ndarray, line: Polyline) -> Polyline:
     """The line with one more corner in the middle of every piece.
 
     Corners are set where noise asks for them, so chords cut what bends by as much as noise allows, always to the same
@@ -174,7 +174,7 @@ def halved(time: np.ndarray, values: np.ndarray, line: Line) -> Line:
     gaps = np.diff(line.corners)
     middle = (line.corners[:-1] + gaps // 2)[gaps >= SHORT]
     corners = np.union1d(line.corners, middle)
-    return Line(corners, smoothed(time, values, corners))
+    return Polyline(corners, smoothed(time, values, corners))
 
 
 def smoothed(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -184,7 +184,7 @@ def smoothed(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.nd
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class _Segments:
     """Sums over the samples of the pieces between `corners` (k,), which make their normal equations.
 
     For every piece (k - 1,) its samples from one corner to before the next (the last one: to the end): their number,
@@ -196,16 +196,16 @@ class _Pieces:
     sums: np.ndarray
 
     @staticmethod
-    def of(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> _Pieces:
+    def of(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> _Segments:
         """From the samples."""
         count = np.diff(corners)
         count[-1] += 1
         since = time - np.repeat(time[corners[:-1]], count)
         terms = np.stack([np.ones(time.size), since, since**2, values, since * values])
         sums = np.add.reduceat(terms, corners[:-1], axis=1)
-        return _Pieces(corners, np.diff(time[corners]), sums)
+        return _Segments(corners, np.diff(time[corners]), sums)
 
-    def without(self, removed: np.ndarray) -> _Pieces:
+    def without(self, removed: np.ndarray) -> _Segments:
         """With the pieces on both sides of every removed corner (k,) made one; no two neighbours are removed."""
         second = np.flatnonzero(removed)
         first = second - 1
@@ -214,7 +214,7 @@ class _Pieces:
         sums, length = self.sums.copy(), self.length.copy()
         sums[:, first] += np.stack([n, s + n * later, ss + 2 * later * s + n * later**2, v, sv + later * v])
         length[first] += length[second]
-        return _Pieces(self.corners[~removed], np.delete(length, second), np.delete(sums, second, axis=1))
+        return _Segments(self.corners[~removed], np.delete(length, second), np.delete(sums, second, axis=1))
 
     def fit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Least squares values at the corners, and the normal equations: diagonal (k,) and what is beside it."""
@@ -230,7 +230,7 @@ class _Pieces:
 
 def _fit(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Least squares values at the corners (k,)."""
-    return _Pieces.of(time, values, corners).fit()[0]
+    return _Segments.of(time, values, corners).fit()[0]
 
 
 def _prune(
@@ -240,7 +240,7 @@ def _prune(
 
     Those go that lose less than both neighbours, again and again.
     """
-    pieces = _Pieces.of(time, values, corners)
+    pieces = _Segments.of(time, values, corners)
     for most in stages:
         while pieces.corners.size > 2:
             loss = _loss(pieces, noise)
@@ -254,7 +254,7 @@ def _prune(
     return pieces.corners
 
 
-def _loss(pieces: _Pieces, noise: float) -> np.ndarray:
+def _loss(pieces: _Segments, noise: float) -> np.ndarray:
     """What the sum of squares over `noise` squared loses without each corner (k,); the outermost have none.
 
     The bend at a corner over its own variance, for which corners farther than its neighbours are taken as known: 4 %

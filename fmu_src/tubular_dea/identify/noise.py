@@ -266,7 +266,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _ColourEstimate:
     """A colour's numbers: the time constant's correlation at the base step, the white share, the variance;
     `uncertainty` is the relative standard error of the slow noise that they make."""
 
@@ -285,7 +285,7 @@ def _colour(phi: float, white: float, steps: float) -> Colour:
     return Colour(phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), white)
 
 
-def _coloured(quiet: Sequence[Stretches], step: float) -> _Found:
+def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
     """White, an autoregression, or both: the simplest whose further numbers earn their place."""
 
     def objective(x: np.ndarray) -> float:
@@ -318,7 +318,7 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _Found:
     phi, white = _numbers(chosen)
     _, variance = _restricted(quiet, lambda s: _colour(phi, white, s / step))
     freedom = _freedom(quiet)
-    return _Found(phi, white, step, variance, freedom, _standard_error(objective, chosen, freedom))
+    return _ColourEstimate(phi, white, step, variance, freedom, _standard_error(objective, chosen, freedom))
 
 
 def _numbers(x: np.ndarray) -> tuple[float, float]:

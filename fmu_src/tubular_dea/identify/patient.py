@@ -59,7 +59,7 @@ MISSES = 0.25  # [1] of the swing: a best patient that misses the beat by more i
 INDEPENDENT = 20  # [1] numbers in a beat, whatever the points it is drawn with
 
 
-class FitError(UserError, RuntimeError):
+class PatientFitError(UserError, RuntimeError):
     """No patient of this model has such a beat."""
 
 
@@ -112,7 +112,7 @@ class _Problem:
         self.beat, self.names, self._progress = beat, list(SPREADS), progress
         self.output = float(beat.flow.mean()) if beat.flow is not None else cardiac_output
         if not self.output or not np.isfinite(self.output) or self.output <= 0:
-            raise FitError(f"expected a positive cardiac output but was given {self.output}")
+            raise PatientFitError(f"expected a positive cardiac output but was given {self.output}")
         self.base = {**base, "heart_rate": 1 / beat.period, "elements": 3.0}
         self.base |= self._scaled()
         self.kernel = Kernel(aortic_windkessel())
@@ -165,7 +165,7 @@ class _Problem:
                 Protocol.of([0, BEATS * period], tube_flow=[0, 0]), times[order], self.values(theta), PATIENT_TOLERANCE
             )
         except KernelError as problem:
-            raise FitError(f"no steady beat: {problem}") from None
+            raise PatientFitError(f"no steady beat: {problem}") from None
         self._progress()
         back = np.argsort(order)
         return run["aortic_pressure"][back], run["aortic_flow"][back]
@@ -218,7 +218,7 @@ class _Problem:
         misfit = float(np.sqrt(np.mean((pressure - self.beat.pressure) ** 2)))
         swing = float(np.ptp(self.beat.pressure))
         if misfit > MISSES * swing:
-            raise FitError(
+            raise PatientFitError(
                 f"no patient of this model has such a beat: the best one misses it by {misfit * MMHG:.1f} mmHg of "
                 f"{swing * MMHG:.0f}; check that it is an arterial pressure, and its unit"
             )

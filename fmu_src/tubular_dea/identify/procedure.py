@@ -14,8 +14,8 @@ import numpy as np
 from ..errors import UserError
 from ..model.declare import Model
 from ..plants.plant import Plant
-from .doubt import with_monitors
 from .fit import Fit, FitError, fit
+from .monitor_uncertainty import with_monitor_noise
 from .problem import Free, Problem
 from .study import Study
 
@@ -83,7 +83,8 @@ def joint(
 ) -> tuple[Problem, Fit]:
     """All parameters (or `names`) from all experiments at once, from several starts around `start`.
 
-    Exchangeable parameters are ordered (`ordered_fit`); their uncertainty counts the monitors' noise (`with_monitors`).
+    Exchangeable parameters are ordered (`ordered_fit`); their uncertainty includes the monitors' noise
+    (`with_monitor_noise`).
     """
     problem = work.problem((), free_parameters(work.plant.model, start, names), start)
     samples = sum(r.size for r in problem.records)
@@ -93,7 +94,7 @@ def joint(
             f"{10 * len(problem.free)}: record longer, or free fewer parameters"
         )
     best = ordered_fit(work.plant, problem, fit(problem, start, starts, 0.1, seed))
-    return problem, with_monitors(problem, best, [p.driven for p in work.training])
+    return problem, with_monitor_noise(problem, best, [p.driven for p in work.training])
 
 
 def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -> dict[str, float]:

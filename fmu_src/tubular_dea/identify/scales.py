@@ -61,7 +61,7 @@ INVERSE = {  # the same, so many times too small
 
 
 @dataclass(frozen=True)
-class Wrong:
+class Mislabelling:
     """A signal whose numbers are `factor` times what they should be: `words` say what mistake that would be."""
 
     signal: str
@@ -69,18 +69,18 @@ class Wrong:
     words: str
 
 
-def candidates(plant: Plant, outputs: Sequence[str]) -> Iterator[Wrong]:
+def candidates(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
     for name in [*(s.name for s in plant.inputs), *outputs]:
         for factor, words in FACTORS.get(plant.quantity(name).unit, OTHERWISE).items():
-            yield Wrong(name, factor, words)
+            yield Mislabelling(name, factor, words)
             a, _, b = words.partition(" labelled ")
-            yield Wrong(name, 1 / factor, INVERSE.get(words, f"{b} labelled {a}" if b else words))
+            yield Mislabelling(name, 1 / factor, INVERSE.get(words, f"{b} labelled {a}" if b else words))
 
 
 def findings(recordings: Recordings) -> list[str]:
     """What the declared plant says against the scale of a signal, in words."""
-    plant, chosen = recordings.plant, _telling(recordings.experiments)
+    plant, chosen = recordings.plant, _informative(recordings.experiments)
     output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
     parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
     kernel = Compiled(plant).kernel()
@@ -88,7 +88,7 @@ def findings(recordings: Recordings) -> list[str]:
     records = [_record(e, output.name) for e in experiments]
     zero = _zero(plant, experiments[0], parameters)
 
-    def missed(wrong: Wrong | None) -> float:
+    def missed(wrong: Mislabelling | None) -> float:
         """Which share of the records is missed if this was wrong (rms); infinite where the plant has no answer."""
         try:
             answers = [
@@ -131,7 +131,7 @@ def _times(factor: float) -> str:
     return f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
 
 
-def _telling(experiments: Sequence[Experiment]) -> list[int]:
+def _informative(experiments: Sequence[Experiment]) -> list[int]:
     """The experiments with the largest outputs, of those that start from rest if there are any."""
     rested = [i for i, e in enumerate(experiments) if e.start == RESTED] or list(range(len(experiments)))
     first = next(iter(experiments[rested[0]].outputs))
@@ -148,7 +148,7 @@ def _record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, 
     return driven, experiment.time[taken], experiment.outputs[output][taken]
 
 
-def _rescaled(protocol: Protocol, wrong: Wrong | None) -> Protocol:
+def _rescaled(protocol: Protocol, wrong: Mislabelling | None) -> Protocol:
     if wrong is None or wrong.signal not in protocol.inputs:
         return protocol
     return Protocol(protocol.time, protocol.inputs | {wrong.signal: protocol.inputs[wrong.signal] / wrong.factor})

@@ -39,7 +39,7 @@ FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be le
 
 
 @dataclass(frozen=True)
-class Own:
+class Nuisances:
     """Numbers that a record has of its own: `columns` (N, k) that they are multiplied by (SI), priors `sd` (k,)."""
 
     names: tuple[str, ...]
@@ -74,13 +74,13 @@ class Piece:
     driven: Drive
     marginal: Marginal = field(default_factory=Marginal)
     shifts: np.ndarray = field(default_factory=lambda: np.empty(0))
-    own: Own = field(default_factory=lambda: Own((), np.empty((0, 0)), np.empty(0)))
+    nuisances: Nuisances = field(default_factory=lambda: Nuisances((), np.empty((0, 0)), np.empty(0)))
     unknown: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
     before: Protocol | None = None
     mask: np.ndarray = field(default_factory=lambda: np.ones(1))
     late: Mapping[str, float] = field(default_factory=dict)
-    shaken: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    input_variance: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     def driven_by(self, shifts: np.ndarray) -> Protocol:
         """The protocol with edges moved by their shifts [s] and `late` taken off, behind what was done `before`."""
@@ -342,7 +342,7 @@ def _split(piece: Piece) -> list[Piece]:
                 held_out=held,
                 weight=piece.weight[keep],
                 mask=piece.mask[keep],
-                shaken=piece.shaken[keep] if piece.shaken.size > 1 else piece.shaken,
+                input_variance=piece.input_variance[keep] if piece.input_variance.size > 1 else piece.input_variance,
             )
         )
     return parts

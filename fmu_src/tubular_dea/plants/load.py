@@ -70,7 +70,7 @@ def _imported(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as problem:
         sys.modules.pop(name, None)
-        raise PlantError("", _told(path, problem)) from None
+        raise PlantError("", _message(path, problem)) from None
     finally:
         sys.path.remove(folder)
     return module
@@ -93,7 +93,7 @@ def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
     return plant
 
 
-def _told(path: Path, problem: BaseException) -> str:
+def _message(path: Path, problem: BaseException) -> str:
     """What went wrong in a plant file, in one line: file, line, reason."""
     if isinstance(problem, SyntaxError):
         return f"{path}, line {problem.lineno}: cannot be read as Python: {problem.msg}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..discover.atlas import Atlas, Left
+from ..discover.atlas import Atlas, Signature
 from ..model.effect import equations
 from .figures import COLOURS
 from .page import Page
@@ -76,24 +76,24 @@ def _overview(made: Page, atlas: Atlas, channel: str) -> None:
     here = [e for e in atlas.effects if e.effect.channel == channel]
     made.strips((e.effect.id, _strip(atlas, e, sign)) for e, sign in _upright(atlas, channel))
     for words, chosen in (
-        ("Nothing to see, as the model's own parameters take it up:", [e for e in here if e.changed and not e.seen]),
+        ("Nothing to see, as the model's own parameters take it up:", [e for e in here if e.changed and not e.visible]),
         ("Nothing happens in these experiments:", [e for e in here if not e.changed]),
     ):
         if chosen:
             made.links(words, ((e.effect.id, e.effect.id) for e in chosen))
 
 
-def _upright(atlas: Atlas, channel: str) -> Iterator[tuple[Left, float]]:
+def _upright(atlas: Atlas, channel: str) -> Iterator[tuple[Signature, float]]:
     """The effects of a channel that are to be seen, and the sign at which each looks most like the one before it."""
     sign, before = 1.0, -1
     for number, one in enumerate(atlas.effects):
-        if one.effect.channel == channel and one.seen:
+        if one.effect.channel == channel and one.visible:
             sign *= 1.0 if before < 0 or atlas.cosines[before, number] >= 0 else -1.0
             before = number
             yield one, sign
 
 
-def _strip(atlas: Atlas, one: Left, sign: float) -> str:
+def _strip(atlas: Atlas, one: Signature, sign: float) -> str:
     """The residual over all experiments, one after the other."""
     assert one.residual is not None
     residual = sign * one.residual
@@ -123,7 +123,7 @@ def _effect(made: Page, atlas: Atlas, number: int) -> None:
         made.text("In these experiments it does nothing: they do not come to where it acts.")
         return
     made.text(" ".join(_amounts(atlas, one)))
-    if one.seen:
+    if one.visible:
         made.drawings(_panels(atlas, one), "panels")
         order = np.argsort(-np.abs(atlas.cosines[number]))
         alike = [i for i in order if i != number and abs(atlas.cosines[number, i]) > ALIKE][:NAMED]
@@ -135,7 +135,7 @@ def _likeness(atlas: Atlas, number: int, other: int) -> str:
     return f"{atlas.effects[other].effect.id} ({abs(atlas.cosines[number, other]):.2f})"
 
 
-def _sizes(one: Left) -> Iterator[str]:
+def _sizes(one: Signature) -> Iterator[str]:
     """The parameters of an effect at their usual values; those that are held at 1 or 0 are no sizes."""
     for q in one.effect.parameters:
         value = one.effect.typical[q.name]
@@ -145,7 +145,7 @@ def _sizes(one: Left) -> Iterator[str]:
         yield f"{q.name} = {value / scale:.3g} {unit}".removesuffix(" 1")
 
 
-def _amounts(atlas: Atlas, one: Left) -> Iterator[str]:
+def _amounts(atlas: Atlas, one: Signature) -> Iterator[str]:
     """How large what it changes is and what it leaves, of every output."""
     assert one.residual is not None
     for output, full in atlas.scale.items():
@@ -159,7 +159,7 @@ def _amounts(atlas: Atlas, one: Left) -> Iterator[str]:
         )
 
 
-def _panels(atlas: Atlas, one: Left) -> Iterator[tuple[str, str]]:
+def _panels(atlas: Atlas, one: Signature) -> Iterator[tuple[str, str]]:
     """The residual in every experiment, all of an output to one scale; at last what surrounds its largest value."""
     assert one.residual is not None
     parts, sizes = atlas.parts(), np.abs(one.residual)

@@ -7,7 +7,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.engine import Discovery
-from ..discover.law_doubt import LAW
+from ..discover.law_uncertainty import LAW
 from ..discover.outcome import remainder
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK

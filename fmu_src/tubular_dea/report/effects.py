@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.engine import Discovery
-from ..discover.own_curve import Bench, Course, OwnCurve, own_curve
+from ..discover.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..model.declare import Quantity
 from ..model.effect import Effect, equations
 from ..model.units import factor
@@ -44,24 +44,24 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     """A section for every effect that is named."""
     if not outcome["effects"]:
         return
-    courses = list(_courses(found))
+    excitations = list(_excitations(found))
     first = {a.piece.name: a for a in reversed(list(answered(found)))}  # of every piece its first output
     records = [first[p.name] for p in found.study.pieces]
     held = {s.name for s in found.study.plant.inputs if s.held}
     for entry in outcome["effects"]:
         effect = found.study.catalogue[entry["id"]]
-        bench = Bench(found.study.plant.model, effect, found.named.fitted, held)
+        isolated = IsolatedEffect(found.study.plant.model, effect, found.named.fitted, held)
         page.heading(f"What was found: {effect.id}")
         page.text(f"{effect.summary}. It explains {entry['explained']:.0%} of what is not noise.")
         page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
         page.lines(equations(found.study.plant.model, effect))
-        curve = own_curve(bench, courses)
+        curve = own_curve(isolated, excitations)
         drawn = [] if curve is None else [_own(effect, curve)]
-        page.drawings([*drawn, _over(bench, courses, records)])
+        page.drawings([*drawn, _over(isolated, excitations, records)])
         if curve is None:
-            page.text(_constant(bench, courses))
+            page.text(_constant(isolated, excitations))
 
 
 def size_words(effect: Effect, entry: dict[str, Any]) -> str:
@@ -83,7 +83,7 @@ def _sizes(effect: Effect, entry: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def _courses(found: Discovery) -> Iterator[Course]:
+def _excitations(found: Discovery) -> Iterator[Excitation]:
     """Inputs and states of the plant along every piece, as the model with the named effects has them."""
     study, named = found.study, found.named
     runs = study.response(named.ids, study.pieces).trajectories(named.fitted.values)
@@ -91,7 +91,7 @@ def _courses(found: Discovery) -> Iterator[Course]:
     for piece, run in zip(study.pieces, runs, strict=True):
         times = piece.case.readings[0].times
         at = np.searchsorted(run.time, times)
-        yield Course(times, {n: run[n][at] for n in states} | piece.case.protocol.at(times))
+        yield Excitation(times, {n: run[n][at] for n in states} | piece.case.protocol.at(times))
 
 
 def _own(effect: Effect, curve: OwnCurve) -> tuple[str, str]:
@@ -129,16 +129,16 @@ def _between(curve: OwnCurve) -> str:
     return f"from {low:g} to {high:g} {unit}".removesuffix(" 1")
 
 
-def _constant(bench: Bench, courses: Sequence[Course]) -> str:
+def _constant(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> str:
     """What is the same whatever moves, in a sentence."""
-    course = courses[0]
-    on, off = (bench.run(course, v)[bench.cut.output][-1] for v in (bench.on, bench.off))
-    scale, unit = _unit(bench.shown, np.array([on, off]))
+    excitation = excitations[0]
+    on, off = (isolated.run(excitation, v)[isolated.cut.output][-1] for v in (isolated.on, isolated.off))
+    scale, unit = _unit(isolated.shown, np.array([on, off]))
     values = f"{on / scale:.4g} instead of {off / scale:.4g} {unit}".removesuffix(" 1")
-    if unit != "1" and np.ptp(bench.run(course, bench.off)[bench.cut.output]) > 0:
-        change, unit = readable(float(on - off), bench.shown.unit)
+    if unit != "1" and np.ptp(isolated.run(excitation, isolated.off)[isolated.cut.output]) > 0:
+        change, unit = readable(float(on - off), isolated.shown.unit)
         values = f"{(on - off) / change:+.4g} {unit}"
-    return f"By itself it is a constant: {_meaning(bench.shown)}, {values}."
+    return f"By itself it is a constant: {_meaning(isolated.shown)}, {values}."
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ class _Axis:
     turn: np.ndarray
 
     @classmethod
-    def of(cls, quantity: Quantity, courses: Sequence[Course], values: Sequence[np.ndarray]) -> _Axis:
-        rates = np.concatenate([np.gradient(v, c.time) for v, c in zip(values, courses, strict=True)])
+    def of(cls, quantity: Quantity, excitations: Sequence[Excitation], values: Sequence[np.ndarray]) -> _Axis:
+        rates = np.concatenate([np.gradient(v, c.time) for v, c in zip(values, excitations, strict=True)])
         turn = np.sign(rates) * (np.abs(rates) > 1e-3 * np.abs(rates).max())
         return cls(quantity, np.concatenate(list(values)), turn)
 
@@ -176,12 +176,12 @@ class _Axis:
         return float(np.sum(sums[kept] ** 2 / counts[kept])) / max(float(residual @ residual), 1e-300)
 
 
-def _over(bench: Bench, courses: Sequence[Course], records: Sequence[Answered]) -> tuple[str, str]:
+def _over(isolated: IsolatedEffect, excitations: Sequence[Excitation], records: Sequence[Answered]) -> tuple[str, str]:
     """The residual before and after over what the effect depends on."""
     to_si = factor(records[0].unit, records[0].quantity.unit)
     left = {n: to_si * np.concatenate([r.record - r.models[n] for r in records]) for n in ("before", "after")}
     weight = np.concatenate([r.weight for r in records])
-    axis, apart = _chosen(list(_axes(bench, courses)), left["before"] * weight)
+    axis, apart = _chosen(list(_axes(isolated, excitations)), left["before"] * weight)
     averages = {
         (name, turn): _averages(axis, residual, turn, weight > LITTLE * weight.max())
         for name, residual in left.items()
@@ -192,7 +192,7 @@ def _over(bench: Bench, courses: Sequence[Course], records: Sequence[Answered]) 
     sizes = np.concatenate([v for _, *rest in averages.values() for v in (rest[1:2] if apart else rest)])
     y_scale, y_unit = readable(float(np.abs(sizes).max(initial=0.0)), records[0].quantity.unit)
     labels = _label(axis.quantity.name, x_unit), _label("residual", y_unit)
-    plot = Plot(f"{bench.effect.id}: the residual", span(reached / x_scale), span(sizes / y_scale), labels)
+    plot = Plot(f"{isolated.effect.id}: the residual", span(reached / x_scale), span(sizes / y_scale), labels)
     plot.level(0.0)
     for (name, turn), (x, low, mean, high) in averages.items():
         colour = BEFORE if name == "before" else AFTER
@@ -206,17 +206,17 @@ def _over(bench: Bench, courses: Sequence[Course], records: Sequence[Answered]) 
     )
 
 
-def _axes(bench: Bench, courses: Sequence[Course]) -> Iterator[_Axis]:
+def _axes(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> Iterator[_Axis]:
     """What the residual may be drawn over: what the effect acts on, what it changes, and its own states."""
-    cut = bench.cut
+    cut = isolated.cut
     for name in dict.fromkeys([*cut.drivers, *cut.acts_on]):
-        yield _Axis.of(bench.base.quantity(name), courses, [c.given[name] for c in courses])
-    shown = bench.shown
+        yield _Axis.of(isolated.base.quantity(name), excitations, [c.given[name] for c in excitations])
+    shown = isolated.shown
     change = replace(shown, name=f"change of {shown.name}", description=f"what the effect adds to {_meaning(shown)}")
-    yield _Axis.of(change, courses, [bench.change(c) for c in courses])
-    runs = [bench.run(c, bench.on) for c in courses]
+    yield _Axis.of(change, excitations, [isolated.change(c) for c in excitations])
+    runs = [isolated.run(c, isolated.on) for c in excitations]
     for state in cut.model.states:
-        yield _Axis.of(state.quantity, courses, [r[state.quantity.name] for r in runs])
+        yield _Axis.of(state.quantity, excitations, [r[state.quantity.name] for r in runs])
 
 
 def _chosen(axes: Sequence[_Axis], residual: np.ndarray) -> tuple[_Axis, bool]:

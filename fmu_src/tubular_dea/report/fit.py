@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..identify.adjust import with_own
+from ..identify.adjust import with_nuisances
 from ..identify.fit import Fit
 from ..identify.study import Study
 from .figures import panels_figure
@@ -20,7 +20,7 @@ def worst_fit(work: Study, best: Fit, errors: Mapping[str, Mapping[str, Any]], f
     worst = max(work.training, key=lambda p: errors[p.name]["rmse"])
     answer = work.response((), [worst]).outputs(best.values)[0]
     part, reading = worst.case.parts()[0], worst.case.readings[0]
-    record, answer = worst.record[part], with_own(work, worst, answer)[part]
+    record, answer = worst.record[part], with_nuisances(work, worst, answer)[part]
     scale, unit = shown_unit(model.quantity(reading.output))
     heading = reading.output.replace("_", " ")  # the heading in the files may be that of another quantity
     panels = [

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..discover.engine import Discovery
-from ..identify.adjust import with_own
+from ..identify.adjust import with_nuisances
 from .parts import shown_unit, thinned
 
 
@@ -54,7 +54,7 @@ def _runs(found: Discovery, name: str) -> list[tuple[np.ndarray, ...]]:
     answers = study.response(option.ids, study.pieces).outputs(option.fitted.values)
     for piece, answer in zip(study.pieces, answers, strict=True):
         part, times = piece.case.parts()[0], piece.case.readings[0].times
-        left = (piece.record - with_own(study, piece, answer))[part]
+        left = (piece.record - with_nuisances(study, piece, answer))[part]
         driven = piece.case.protocol.at(times)[name]
         made.append(tuple(thinned(v) for v in (answer[part], np.gradient(answer[part], times), driven, left)))
     return made

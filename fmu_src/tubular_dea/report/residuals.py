@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..discover.engine import Discovery
-from ..identify.adjust import with_own
+from ..identify.adjust import with_nuisances
 from ..identify.study import Piece
 from ..kernel import KernelError
 from ..model.declare import Quantity
@@ -44,7 +44,7 @@ def answered(found: Discovery) -> Iterator[Answered]:
     except KernelError:
         after = before
     for first, piece, y0, y1 in zip(base.pieces, study.pieces, before, after, strict=True):
-        own0, own1 = with_own(base, first, y0), with_own(study, piece, y1)
+        own0, own1 = with_nuisances(base, first, y0), with_nuisances(study, piece, y1)
         for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
             q = study.plant.quantity(reading.output)
             scale, unit = shown_unit(q)

@@ -59,7 +59,7 @@ def panels(
 ) -> list[Panel]:
     """All panels over `span` [s]. `runs`: the first without assist; `limits` by variable; `ecg`: time [s], signal."""
     assisted = list(runs.values())[-1]
-    pulses = [(max(a, span[0]), min(b, span[1])) for a, b in told(assisted) if b > span[0] and a < span[1]]
+    pulses = [(max(a, span[0]), min(b, span[1])) for a, b in pulse_times(assisted) if b > span[0] and a < span[1]]
     pressures = _curves(runs, span, "heart.aortic_pressure", MMHG, "aortic, ")
     pressures |= _curves(runs, span, "heart.ventricular_pressure", MMHG, "ventricular, ", 1.0)
     made = [_rhythm(assisted, span, pulses, ecg), Panel("pressure [mmHg]", pressures, pulses)]
@@ -78,7 +78,7 @@ def panels(
     return [*made, Panel("energy [mJ]", _energies(assisted, span))]
 
 
-def told(run: Run) -> list[tuple[float, float]]:
+def pulse_times(run: Run) -> list[tuple[float, float]]:
     """Begin and end [s] of each pulse."""
     on = np.concatenate([[0], run["scheduler.on"] > 0.5, [0]]).astype(int)
     # Outputs show a step late what was decided at its start.

@@ -29,7 +29,7 @@ from .snapshot import (
     to_bytes,
 )
 from .stand_in import CURVE, GUID, NAME, VARIABLES, derivatives, outputs, start
-from .table import INF, Curve, Variable, Vector
+from .table import INF, Curve, SlaveVariable, Vector
 
 
 class PythonSlave(Fmi2Slave):
@@ -193,7 +193,7 @@ class PythonSlave(Fmi2Slave):
         self._allow(function, INITIALIZATION | STEPPING | TERMINATED)
         return [self._value(variable_of(function, transported, vr)) for vr in vrs]
 
-    def _value(self, variable: Variable) -> float:
+    def _value(self, variable: SlaveVariable) -> float:
         now = self._now
         if variable.kind == "TIME":
             return now.time
@@ -210,7 +210,7 @@ class PythonSlave(Fmi2Slave):
             raise Refused(f"{variable.name} is not a finite number at time {now.time:.9g}; check inputs and parameters")
         return float(value)
 
-    def _calculated(self, variable: Variable) -> float:
+    def _calculated(self, variable: SlaveVariable) -> float:
         """States, their derivatives, the fold and outputs; outputs together, and only when one is wanted."""
         now = self._now
         if variable.kind == "STATE":
@@ -249,7 +249,7 @@ class PythonSlave(Fmi2Slave):
             self._now = now._replace(u=tuple(u), p=tuple(p))
             self._forget()
 
-    def _check_settable(self, function: str, variable: Variable) -> None:
+    def _check_settable(self, function: str, variable: SlaveVariable) -> None:
         if variable.kind == "INPUT":
             return
         if variable.kind != "PARAMETER":

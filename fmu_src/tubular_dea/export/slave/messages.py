@@ -7,10 +7,10 @@ import math
 from .guard import Refused
 from .integrator import MAX_STEPS, Unsolvable
 from .stand_in import NOMINAL, VARIABLES
-from .table import Variable
+from .table import SlaveVariable
 
 
-def variable_of(function: str, transported: str, vr: int) -> Variable:
+def variable_of(function: str, transported: str, vr: int) -> SlaveVariable:
     """The variable of a value reference, if it is of the type that the function transports."""
     if not 1 <= vr <= len(VARIABLES):
         raise Refused(f"{function}: unknown value reference {vr}; expected 1 to {len(VARIABLES)}")
@@ -22,7 +22,7 @@ def variable_of(function: str, transported: str, vr: int) -> Variable:
     return variable
 
 
-def check_range(function: str, variable: Variable, value: float) -> None:
+def check_range(function: str, variable: SlaveVariable, value: float) -> None:
     """`Refused` for a value that is no finite number or out of the variable's bounds."""
     subject = f"{function}: {variable.name}"
     unit = "" if variable.unit == "1" else f" {variable.unit}"

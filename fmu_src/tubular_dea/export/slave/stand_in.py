@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from .table import INF, Curve, Variable, Vector
+from .table import INF, Curve, SlaveVariable, Vector
 
 NAME = "StandIn"
 GUID = "{00000000-0000-4000-8000-000000000000}"
-VARIABLES: tuple[Variable, ...] = (
-    Variable("time", "s", "TIME", 0, "Real", "continuous", -INF, INF, 0.0, False),
-    Variable("load", "N", "INPUT", 0, "Real", "continuous", -INF, INF, 0.0, False),
-    Variable("x", "1", "STATE", 0, "Real", "continuous", -10.0, INF, 0.0, False),
-    Variable("margin", "N", "OUTPUT", 0, "Real", "continuous", -INF, INF, 0.0, True),
-    Variable("der(x)", "1/s", "DERIVATIVE", 0, "Real", "continuous", -INF, INF, 0.0, False),
-    Variable("damping", "N.s", "PARAMETER", 0, "Real", "tunable", 1e-3, INF, 0.1, False),
-    Variable("at_rest", "1", "PARAMETER", 1, "Boolean", "fixed", -INF, INF, 0.0, False),
+VARIABLES: tuple[SlaveVariable, ...] = (
+    SlaveVariable("time", "s", "TIME", 0, "Real", "continuous", -INF, INF, 0.0, False),
+    SlaveVariable("load", "N", "INPUT", 0, "Real", "continuous", -INF, INF, 0.0, False),
+    SlaveVariable("x", "1", "STATE", 0, "Real", "continuous", -10.0, INF, 0.0, False),
+    SlaveVariable("margin", "N", "OUTPUT", 0, "Real", "continuous", -INF, INF, 0.0, True),
+    SlaveVariable("der(x)", "1/s", "DERIVATIVE", 0, "Real", "continuous", -INF, INF, 0.0, False),
+    SlaveVariable("damping", "N.s", "PARAMETER", 0, "Real", "tunable", 1e-3, INF, 0.1, False),
+    SlaveVariable("at_rest", "1", "PARAMETER", 1, "Boolean", "fixed", -INF, INF, 0.0, False),
 )
 NOMINAL = (1.0,)
 FLOORS = ((0, -10.0),)

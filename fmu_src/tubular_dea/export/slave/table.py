@@ -10,7 +10,7 @@ INF = math.inf
 Vector = Sequence[float]
 
 
-class Variable(NamedTuple):
+class SlaveVariable(NamedTuple):
     """A variable of modelDescription.xml; its value reference is its place in `VARIABLES`, from 1 on."""
 
     name: str

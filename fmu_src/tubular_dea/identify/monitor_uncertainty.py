@@ -28,7 +28,7 @@ CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
-def with_monitors(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
+def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
     """The fit with the covariance and standard errors that it has beside noisy monitors; `drives` are its cases'."""
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
     solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals

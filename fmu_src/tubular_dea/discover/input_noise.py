@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..identify.doubt import constant_gains
 from ..identify.drive import joined
+from ..identify.monitor_uncertainty import constant_gains
 from ..identify.monitors import halved, polyline
 from ..identify.problem import whitened
 from ..identify.response import Case
@@ -27,8 +27,8 @@ WIDE = 25  # [samples] over which what it does is averaged
 
 def weighted(study: Study, values: Mapping[str, float]) -> Study:
     """The study with every sample weighted by the sensor's share of its standard deviation."""
-    shaken = _shaken(study, values)
-    study = replace(study, pieces=[replace(p, shaken=s) for p, s in zip(study.pieces, shaken, strict=True)])
+    added = _input_variance(study, values)
+    study = replace(study, pieces=[replace(p, input_variance=s) for p, s in zip(study.pieces, added, strict=True)])
     return study.weighted(weights(study, input_gains(study, values)))
 
 
@@ -38,11 +38,11 @@ def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndar
     for i, piece in enumerate(study.pieces):
         slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
         added = sum((study.monitor_noise[name] * gain[i]) ** 2 for name, gain in gains.items())
-        result.append(1 / np.sqrt(1 + np.maximum(added / slow**2, piece.shaken)))
+        result.append(1 / np.sqrt(1 + np.maximum(added / slow**2, piece.input_variance)))
     return result
 
 
-def _shaken(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
+def _input_variance(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
     """The variance that the monitors' noise adds to every whitened sample (N,) of outputs that feel rates."""
     feeling = {o.name for o in study.plant.outputs if o.jumps}
     found = [np.zeros(p.record.size) for p in study.pieces]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover.law_doubt import with_law, with_rivals
+from tubular_dea.discover.law_uncertainty import with_law, with_rivals
 from tubular_dea.identify.fit import Fit, described
 from tubular_dea.identify.problem import Free
 from tubular_dea.plants.effects import catalogue
