@@ -153,8 +153,8 @@ def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch
 
 def test_what_is_held_out_sees_what_may_be_missing_and_leaves_what_is_needed() -> None:
     def best(shares: list[list[float]], information: list[float]) -> int:
-        sight = held_out._Sight(np.array(shares), np.array([[[i]] for i in information]))
-        return max(range(3), key=lambda i: sight.worth([i]))
+        information_ = held_out._Information(np.array(shares), np.array([[[i]] for i in information]))
+        return max(range(3), key=lambda i: information_.worth([i]))
 
     assert best([[0.1, 0.3, 0.6], [0.0, 0.4, 0.6]], [100.0] * 3) == 1  # 0 sees too little, 2 leaves too little
     assert best([[1.0, 0.0, 0.0], [0.0, 0.3, 0.7], [0.0, 0.3, 0.7]], [100.0] * 3) == 1

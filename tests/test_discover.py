@@ -100,7 +100,7 @@ def test_the_report_is_self_contained(closed: Path) -> None:
     assert "From the residual to its cause" in page
     assert 'src="http' not in page
     assert (
-        page.index("In short") < page.index("What was found: electrode_resistance") < page.index("For the statistician")
+        page.index("Summary") < page.index("What was found: electrode_resistance") < page.index("Statistical details")
     )
 
 

@@ -1,6 +1,6 @@
 """tubular-dea: a tubular dielectric elastomer actuator as a co-simulation unit, and any plant beside it.
 
-The way in from Python; everything that the command line does is a few lines over it::
+The Python interface; the command line is a few lines on top of it::
 
     import tubular_dea as td
 
@@ -12,8 +12,8 @@ The way in from Python; everything that the command line does is a few lines ove
     found.verdict, found.effects
     found.report("closed")
 
-Numbers without a unit are in SI; texts have one, as in "5.5 kV". What a user has to mend is a `UserError`, whose text
-says what was expected, what came and what to do.
+Numbers without a unit are in SI; texts have one, as in "5.5 kV". What a user has to correct is a `UserError`, whose
+text says what was expected, what came and what to do.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The errors that are a user's to mend: their text says what was expected, what came and what to do."""
+"""Errors that the user can correct: their text says what was expected, what came and what to do."""
 
 
 class UserError(Exception):

@@ -21,11 +21,11 @@ from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
 
 WHY = {
-    "no_effect": "Nothing is missing at this noise",
-    "effect_found": "The effects are told apart from every rival",
-    "ambiguous": "The record cannot tell these effects apart",
-    "partly_explained": "The named effects predict data that no fit has seen, and something else remains",
-    "unexplained": "A residual remains that no effect of the catalogue explains",
+    "no_effect": "At this level of noise nothing is missing",
+    "effect_found": "The effects are distinguished from every rival",
+    "ambiguous": "The recordings cannot distinguish these effects",
+    "partly_explained": "The named effects improve the prediction of held-out data, and a significant residual remains",
+    "unexplained": "No effect of the catalogue explains the residual",
 }
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
@@ -59,7 +59,7 @@ def result(found: Discovery) -> dict[str, Any]:
 
 
 def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
-    """What every sensor and monitor adds, what swings beside, and by how much zeros differ between files."""
+    """The noise of every sensor and monitor, oscillations, and the spread of zeros between files."""
     study = found.study
     sensors = {
         name: {
@@ -83,7 +83,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
 
 
 def remainder(found: Discovery) -> dict[str, Any] | None:
-    """What stays where not everything is explained: its size, share and channel."""
+    """The significant residual where not everything is explained: its size, share and channel."""
     if found.verdict not in ("partly_explained", "unexplained"):
         return None
     state, before = found.named.lack_of_fit, found.base.lack_of_fit
@@ -96,9 +96,10 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
 
 
 def channel(found: Discovery) -> str | None:
-    """Where the residual arises: the first effect's channel, or the best latent input's; None without residual.
+    """The channel in which the residual arises; None without a residual.
 
-    The effect's too where it explains nearly all and only its form is not quite right.
+    That of the first effect, also where the effect explains nearly all and only its form is not quite right; else that
+    of the isolation.
     """
     if found.verdict == "no_effect":
         return None
@@ -112,7 +113,7 @@ def channel(found: Discovery) -> str | None:
 
 
 def _by_effect(found: Discovery) -> bool:
-    """The first effect explains the residual, or nearly all of it."""
+    """Whether the first effect explains the residual, or nearly all of it."""
     explained = 1 - found.chosen.lack_of_fit.excess / max(found.base.lack_of_fit.excess, 1.0)
     return bool(found.chosen.ids) and (found.verdict != "unexplained" or explained > MOSTLY)
 
@@ -165,7 +166,7 @@ def _output_errors(study: Study, name: str, answers: Sequence[np.ndarray] | None
 
 
 def _of_output(piece: Piece, name: str, answer: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The record and the answer of one output of a piece, where it has it."""
+    """The record and the model's answer of one output of a piece, if it was recorded there."""
     return [
         (piece.record[part], answer[part])
         for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
@@ -192,11 +193,13 @@ def advice(found: Discovery) -> str:
     why, proposal, where = WHY[found.verdict], found.proposal, channel(found)
     if found.verdict == "no_effect" and remarks.thin(found):
         words = proposal.words if proposal else "an experiment of another kind"
-        return f"{why}, but {remarks.thin(found)}: record {words}, to see what this cannot show."
+        return f"{why}, but {remarks.thin(found)}: record {words}, to see what these recordings cannot show."
     if found.verdict == "no_effect":
-        return f"{why}: no further experiment is needed unless the {_plant(found)} will go beyond what was recorded."
+        return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
     if found.verdict in ("unexplained", "partly_explained"):
-        because = "it is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
+        because = (
+            "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
+        )
         return f"{why}: repeat an experiment with a second sensor in the {where} channel, because {because}."
     if proposal is None:
         return f"{why}: repeat the experiments on another specimen to see whether the effect is the same."
@@ -204,12 +207,12 @@ def advice(found: Discovery) -> str:
     names = " or ".join(dict.fromkeys(listed))
     apart = f"by {np.sqrt(2 * proposal.discrimination):.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"{why}: record {proposal.words}, on which {names} differ {apart} where they are closest."
-    return f"{why}: to confirm {names}, record {proposal.words}, on which it and the nearest rival differ {apart}."
+        return f"{why}: record {proposal.words}, for which {names} differ {apart} or more."
+    return f"{why}: to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}."
 
 
 def _nowhere(found: Discovery) -> bool:
-    """No effect explains nearly all of the residual, and no channel half of it."""
+    """Whether no effect explains nearly all of the residual, and no channel half of it."""
     return not _by_effect(found) and bool(found.isolated and found.isolated.disturbance)
 
 
@@ -228,7 +231,7 @@ def _effect(found: Discovery, name: str) -> dict[str, Any]:
 
 
 def _explained(found: Discovery, name: str) -> float:
-    """The share of what is not noise that an effect explains, beside the others that are named."""
+    """The share of the misfit beyond noise that an effect explains, given the other named effects."""
     study = found.search.base_study
     before = max(found.base.misfit - residuals.expected_squares(study, study.pieces), 1.0)
     gained = found.chosen_gains.get(name, 0.0)
@@ -236,7 +239,7 @@ def _explained(found: Discovery, name: str) -> float:
 
 
 def evidence(found: Discovery, name: str) -> float:
-    """Log evidence of an effect: what the model with it has over the best without it."""
+    """Log evidence of an effect: that of the model with it less that of the best model without it."""
     without = [o for r in found.search.rounds for o in r.options if name not in o.ids]
     rest = set(found.chosen.ids) - {name}
     allowed = [found.base, *(o for o in without if set(o.ids) <= rest)]

@@ -1,4 +1,4 @@
-"""What a reader has to know beside the verdict: implausible parameters, starts, what rests on too little."""
+"""Remarks beside the verdict: implausible parameters, oscillations, starts, too few recordings."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     said = [*_implausible(found), *(_swinging(found, w) for w in waves), *_starts(found), *_spread(found)]
     little = thin(found)
-    return [*said, f"The answer rests on little: {little}."] if little else said
+    return [*said, f"The result is based on little data: {little}."] if little else said
 
 
 def implausible(found: Discovery, fitted: Fit) -> list[str]:
-    """The plant's own parameters that had to leave the plausible in a fit, by name."""
+    """The plant's own parameters whose fitted values are implausible, by name."""
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
     return [n for n in judged if not 1 / IMPLAUSIBLE < fitted.values[n] / declared[n] < IMPLAUSIBLE]
@@ -36,9 +36,9 @@ def _swinging(found: Discovery, wave: Oscillation) -> str:
     unit = q.display_unit or q.unit
     reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output).replace("_", " ")
     return (
-        f"The {reading} swings at {wave.frequency:.4g} Hz and no recorded input does: by up to "
-        f"{amplitude / factor(unit, q.unit):.2g} {unit}, most in {name}. Look for what runs at this frequency near the "
-        "plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
+        f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
+        f"{amplitude / factor(unit, q.unit):.2g} {unit}, most in {name}. Look for something that runs at this "
+        "frequency near the plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
     )
 
 
@@ -48,20 +48,20 @@ def _implausible(found: Discovery) -> list[str]:
         value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
         unit = found.study.plant.quantity(name).unit
         said.append(
-            f"{name} went to {value:.3g} {unit} (declared: {usual:.3g} {unit}): it stands in "
-            "for something that the model's form lacks."
+            f"{name} was fitted to {value:.3g} {unit} (declared: {usual:.3g} {unit}): it compensates "
+            "for something that the model lacks."
         )
     return said
 
 
 def thin(found: Discovery) -> str:
-    """Why these recordings can show only little; "" where they are many and of several kinds."""
+    """Why these recordings can show little; "" where they are many and of several kinds."""
     files = {p.source for p in found.study.pieces}
     if len(files) < FEW_EXPERIMENTS:
         what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
-        return f"there {'is' if len(files) == 1 else 'are'} {what} only"
+        return f"there {'is' if len(files) == 1 else 'are'} only {what}"
     still = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
-    return f"{still[0]} hardly moves in any experiment" if still else ""
+    return f"{still[0]} barely moves in any experiment" if still else ""
 
 
 def _moves(found: Discovery, name: str) -> bool:
@@ -76,7 +76,7 @@ def _starts(found: Discovery) -> list[str]:
         return []
     return [
         f"{', '.join(loaded)} begin{'s' if len(loaded) == 1 else ''} under load: the states at the start are "
-        "taken from the record."
+        "estimated from the record."
     ]
 
 

@@ -119,7 +119,7 @@ def findings(recordings: Recordings) -> list[str]:
     what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)
     return [
         f"is {what}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
-        f"(rms), else {_percent(tried[0][0])}; if so, mend the unit in the files, or say it with --columns"
+        f"(rms), else {_percent(tried[0][0])}; if so, correct the unit in the files, or give it with --columns"
     ]
 
 

@@ -186,7 +186,7 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
             n, width = body.lines[i], len(found)
             raise ReadError(
                 f"{path}, line {n}: {width + body.excess[i]} cells below {width} headings; expected one each between "
-                f"{NAMES[layout.delimiter]}{': decimal commas?' if layout.delimiter == ',' else ''}; mend or remove "
+                f"{NAMES[layout.delimiter]}{': decimal commas?' if layout.delimiter == ',' else ''}; correct or remove "
                 "the line"
             )
     return found, filled, remarks

@@ -18,7 +18,7 @@ from .figures import png, sized
 from .page import Page
 from .rhythm import GREY, ML, MMHG, Panel, Trace, panels, window
 
-HEADER = ("figure, over the assisted beats", "without", "with, mean ± sd", "worst", "change")
+HEADER = ("figure (assisted beats)", "without", "with, mean ± sd", "worst", "change")
 MARKS = {"triangle": ("triangle-down", "v"), "cross": ("x", "x")}  # as plotly and as matplotlib call them
 PULSE = "rgba(200, 64, 47, 0.12)"
 
@@ -43,7 +43,7 @@ def write(
     page.heading("With and without assist")
     page.table(HEADER, course.rows())
     page.heading("The whole run")
-    page.table(["what", "how much"], course.counts())
+    page.table(["quantity", "value"], course.counts())
     page.heading("Pressure and volume of the left ventricle")
     loops = pressure_volume(runs, course.judged[-1])
     page.figure(plotly_loops(loops), "One beat each; the area is the stroke work.")

@@ -1,4 +1,4 @@
-"""The atlas as a page: every effect with its equation, its usual size, and a picture of what it leaves."""
+"""The atlas as a page: every effect with its equation, its usual size and its signature in the residual."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ ALIKE, NAMED = 0.9, 4  # cosine from which on two effects look alike, and how ma
 STRIP, PANEL = (800.0, 48.0), (260.0, 110.0)  # px
 FAINT, CLOSEST, CLOSE_UP = 0.1, 10, 0.3  # of the largest value; samples of a close-up; share of a record it may be
 TRACE = COLOURS[0]
-READING = """Every picture is a residual: the record less the model, if the plant had this effect, of its usual size,
-and the model had not. What the model's own parameters would take up in a refit is taken out, so this is what a fit
-leaves. Compare the shape with yours: in which experiments something happens, and when (at a switching, while an input
-rises, slowly over the record). Size and sign are the effect's own and may differ, and so may its times: of a lag that
-is longer the traces last longer. Within a place, neighbours look alike."""
+READING = """Every picture is a residual: the record less the model, for a plant with this effect at its usual size and
+a model without it. The part that the model's own parameters would absorb in a refit is removed, so this is what remains
+after a fit. Compare its shape with that of your own residual: in which experiments something happens, and when (at a
+switching, while an input rises, slowly over the record). Size, sign and time scale may differ from yours: a longer lag
+leaves longer traces. Within a channel, neighbours look alike."""
 
 
 def page(atlas: Atlas, command: str) -> Page:
@@ -29,21 +29,21 @@ def page(atlas: Atlas, command: str) -> Page:
     plant = atlas.plant
     made = Page(
         f"Atlas of residuals: {plant.name}",
-        f"What each of the {len(atlas.effects)} effects that this model may lack would leave behind.",
+        f"What each of the {len(atlas.effects)} effects that this model may lack leaves in the residual.",
     )
     made.heading("How to read it")
     made.text(" ".join(READING.split()))
-    made.text(f"To have your own recordings searched for all of them: {command}")
+    made.text(f"To search your own recordings for all of them: {command}")
     _experiments(made, atlas)
-    made.heading("All at a glance")
+    made.heading("Overview")
     made.text(
-        "All experiments one after the other, each effect to its own scale, and upside down where that makes it more "
-        "like the one above. The names lead to the details."
+        "All experiments one after the other. Each effect has its own scale, and is turned upside down where that "
+        "makes it more like the one above. The names link to the details."
     )
     for channel in plant.channels:
         _overview(made, atlas, channel)
     for channel in plant.channels:
-        made.heading(f"Place: {channel}")
+        made.heading(f"Channel: {channel}")
         for number, one in enumerate(atlas.effects):
             if one.effect.channel == channel:
                 _effect(made, atlas, number)
@@ -51,7 +51,7 @@ def page(atlas: Atlas, command: str) -> Page:
 
 
 def _experiments(made: Page, atlas: Atlas) -> None:
-    """What is done to the plant in every experiment, and what it answers, each over its own largest value."""
+    """Inputs and outputs of every experiment, each relative to its largest value."""
     made.heading("The experiments")
     inputs = [s.name for s in atlas.plant.inputs]
     colours = dict(zip([*inputs, *atlas.scale], COLOURS[1:], strict=False))
@@ -71,20 +71,23 @@ def _experiments(made: Page, atlas: Atlas) -> None:
 
 
 def _overview(made: Page, atlas: Atlas, channel: str) -> None:
-    """The strips of a channel, and what is not to be seen of it."""
+    """The strips of a channel, and its effects that are not visible."""
     made.heading(channel, level=3)
     here = [e for e in atlas.effects if e.effect.channel == channel]
     made.strips((e.effect.id, _strip(atlas, e, sign)) for e, sign in _upright(atlas, channel))
     for words, chosen in (
-        ("Nothing to see, as the model's own parameters take it up:", [e for e in here if e.changed and not e.visible]),
-        ("Nothing happens in these experiments:", [e for e in here if not e.changed]),
+        (
+            "Not visible, because the model's own parameters compensate for it:",
+            [e for e in here if e.changed and not e.visible],
+        ),
+        ("Without any effect in these experiments:", [e for e in here if not e.changed]),
     ):
         if chosen:
             made.links(words, ((e.effect.id, e.effect.id) for e in chosen))
 
 
 def _upright(atlas: Atlas, channel: str) -> Iterator[tuple[Signature, float]]:
-    """The effects of a channel that are to be seen, and the sign at which each looks most like the one before it."""
+    """The visible effects of a channel, and the sign at which each looks most like the one before it."""
     sign, before = 1.0, -1
     for number, one in enumerate(atlas.effects):
         if one.effect.channel == channel and one.visible:
@@ -117,10 +120,10 @@ def _effect(made: Page, atlas: Atlas, number: int) -> None:
     made.lines(equations(atlas.plant.model, effect))
     made.text(f"Usual size, as drawn: {', '.join(_sizes(one))}.")
     if one.residual is None:
-        made.text("The model has no answer at this size.")
+        made.text("The model cannot be solved at this size.")
         return
     if not one.changed:
-        made.text("In these experiments it does nothing: they do not come to where it acts.")
+        made.text("In these experiments it does nothing: they do not reach the range in which it acts.")
         return
     made.text(" ".join(_amounts(atlas, one)))
     if one.visible:
@@ -136,7 +139,7 @@ def _likeness(atlas: Atlas, number: int, other: int) -> str:
 
 
 def _sizes(one: Signature) -> Iterator[str]:
-    """The parameters of an effect at their usual values; those that are held at 1 or 0 are no sizes."""
+    """The parameters of an effect at their usual values, without those that are fixed at 1 or 0."""
     for q in one.effect.parameters:
         value = one.effect.typical[q.name]
         if q.name in one.effect.on or (q.name in one.effect.refine and value == one.effect.off.get(q.name, 0.0)):
@@ -146,7 +149,7 @@ def _sizes(one: Signature) -> Iterator[str]:
 
 
 def _amounts(atlas: Atlas, one: Signature) -> Iterator[str]:
-    """How large what it changes is and what it leaves, of every output."""
+    """How much of every output it changes, and how much of that a refit leaves."""
     assert one.residual is not None
     for output, full in atlas.scale.items():
         parts = [part for _, _, reading, part in atlas.parts() if reading.output == output]
@@ -155,12 +158,12 @@ def _amounts(atlas: Atlas, one: Signature) -> Iterator[str]:
         most = full * float(max(np.abs(one.residual[p]).max() for p in parts)) / scale
         yield (
             f"It leaves {left / scale:.3g} {unit} rms of {output.replace('_', ' ')} ({most:.3g} {unit} at most), "
-            f"{one.remains / one.changed:.0%} of what it changes; the own parameters take up the rest."
+            f"{one.remains / one.changed:.0%} of the change it makes; the model's own parameters absorb the rest."
         )
 
 
 def _panels(atlas: Atlas, one: Signature) -> Iterator[tuple[str, str]]:
-    """The residual in every experiment, all of an output to one scale; at last what surrounds its largest value."""
+    """The residual in every experiment, all of an output to one scale; last, a close-up of its largest value."""
     assert one.residual is not None
     parts, sizes = atlas.parts(), np.abs(one.residual)
     tops = {output: max(float(sizes[p].max()) for _, _, r, p in parts if r.output == output) for output in atlas.scale}
@@ -180,7 +183,7 @@ def _panels(atlas: Atlas, one: Signature) -> Iterator[tuple[str, str]]:
 
 
 def _surroundings(sizes: np.ndarray) -> slice | None:
-    """What surrounds the largest value; None where that is most of a record."""
+    """The samples around the largest value; None where these are most of a record."""
     at = int(np.argmax(sizes))
     small = np.flatnonzero(sizes < FAINT * sizes[at])
     begin, end = small[small < at].max(initial=0), small[small > at].min(initial=sizes.size)

@@ -19,11 +19,11 @@ from .parts import POINTS, bars, parameter_row, readable, record_and_residuals
 from .residuals import answered
 
 WORDS = {
-    "no_effect": "nothing is missing: the model explains these recordings within their noise.",
-    "effect_found": "the model lacked {names}.",
-    "ambiguous": "the model lacks {names}, or what these recordings cannot tell from it: {others}.",
-    "partly_explained": "the model lacked {names}, and something else remains: {remainder}.",
-    "unexplained": "something is missing that no effect of the catalogue explains{nearest}.",
+    "no_effect": "nothing is missing: the model explains these recordings to within their noise.",
+    "effect_found": "the model lacks {names}.",
+    "ambiguous": "the model lacks {names}, or one of those that these recordings cannot distinguish from it: {others}.",
+    "partly_explained": "the model lacks {names}; a significant residual remains: {remainder}.",
+    "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
 TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations of the noise
     "whiteness": "whiteness (Ljung and Box, in standard deviations)"
@@ -33,11 +33,11 @@ SHOWN = 8  # scores of a round that are drawn
 
 def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     """The page for a discovery and its result.json."""
-    page = Page("Closing the loop", f"{found.recordings.source}: {headline(found)}")
+    page = Page("Close-loop report", f"{found.recordings.source}: {headline(found)}")
     in_short(page, found, outcome)
     effects(page, found, outcome)
-    page.heading("For the statistician")
-    page.text("From here on: how that was found, step by step, and the statistics behind it by their usual names.")
+    page.heading("Statistical details")
+    page.text("The rest of this page shows step by step how this was found, with the statistics by their usual names.")
     _errors(page, found, outcome)
     _trace(page, found, outcome)
     _ranking(page, found, outcome)
@@ -45,7 +45,7 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     not_seen(page, found, outcome)
     if found.verdict in ("unexplained", "partly_explained"):
         page.heading("Where the model fails", level=3)
-        page.figure(latent_map(found), "What the model leaves, over what it answers and over what drives it.")
+        page.figure(latent_map(found), "The residual over the model's output and over an input.")
     page.heading("The recordings", level=3)
     for figure, caption in _records(found):
         page.figure(figure, caption)
@@ -83,7 +83,7 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     effects = " and ".join(found.chosen.ids)
     labels = {
         "published": "as declared",
-        "recalibrated": "before: its own parameters refitted",
+        "recalibrated": "before: with its own parameters refitted",
         "after": f"after: with {effects}" if effects else "after: no effect added",
     }
     rows = []
@@ -101,9 +101,9 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.table(["model", "error", "fit [%]", "held-out error", "held-out fit [%]"], rows)
     held = ", ".join(outcome["held_out"]) or "none"
     page.text(
-        f"The sensor's noise is {_size(found, outcome['noise_floor'])}: no model can do better. Held out of every "
-        f"fit: {held}; the other errors are of the experiments that were fitted. Fits give less weight to samples "
-        "which the monitors' noise moves far; an error counts all samples alike."
+        f"The sensor's noise is {_size(found, outcome['noise_floor'])}; no model can have a smaller error. Held out of "
+        f"every fit: {held}. The other errors are those on the fitted experiments. Fits give less weight to samples "
+        "that the monitors' noise disturbs strongly; the errors weight all samples equally."
     )
 
 
@@ -112,52 +112,55 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     page.text(
-        f"1. The noise, from quiet stretches of the record and not from any misfit: "
-        f"{_size(found, noise['rms'])}, correlation {noise['correlation']:.2f} between samples; the noise of the "
-        f"monitors adds {_size(found, noise['from_monitors'])} through the model."
+        f"1. The noise, estimated in quiet parts of the recordings and not from a misfit: "
+        f"{_size(found, noise['rms'])}, correlation between samples {noise['correlation']:.2f}. The noise of the "
+        f"monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
     )
     page.text(
         f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "
-        f"noise; slow parts stand {state.z_slow:.0f} standard deviations out of it. Numerics can feign a gain of "
-        f"{found.numeric:.2g}, no more."
+        f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations. Numerical errors account "
+        f"for a gain of at most {found.numeric:.2g}."
     )
     _channels(page, found)
     for number, step in enumerate(found.search.rounds, start=4):
-        beside = f" beside {', '.join(step.present)}" if step.present else ""
+        beside = f" added to {', '.join(step.present)}" if step.present else ""
         page.text(
-            f"{number}. Every effect of the catalogue scored{beside}, by how much of the squared residual (in units of "
-            f"the noise) it would explain. More than {step.threshold:.0f} is hardly chance. "
-            f"{'Accepted' if step.accepted else 'Nothing accepted'}: {step.reason}.{_undone(found, step)}"
+            f"{number}. The score statistic of every effect of the catalogue{beside}: how much of the squared "
+            "residual (in units of the noise) it would explain. Chance alone rarely gives more than "
+            f"{step.threshold:.0f}. {'Accepted' if step.accepted else 'Nothing accepted'}: "
+            f"{step.reason}.{_undone(found, step)}"
         )
         shown = {s.id: s.statistic for s in step.scores[:SHOWN]}
-        page.figure(bars(shown, "score", step.threshold), "The best scores; what passes the line is hardly chance.")
+        page.figure(
+            bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
+        )
     page.text(
-        f"{len(found.search.rounds) + 4}. What is left: {_size(found, after.structure)} rms that is not noise, "
-        f"{after.z_slow:.1f} standard deviations; the residual of the held-out experiments is {found.held_ratio:.3f} "
+        f"{len(found.search.rounds) + 4}. The final residual: {_size(found, after.structure)} rms are not noise "
+        f"({after.z_slow:.1f} standard deviations); on the held-out experiments the residual is {found.held_ratio:.3f} "
         "times the noise."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
 
 
 def _undone(found: Discovery, step: Round) -> str:
-    """That what a round accepted is not in the final model, where that is so."""
+    """A sentence where an effect that a round accepted is not in the final model; else ""."""
     if not step.accepted or step.options[0].ids[-1] in found.chosen.ids:
         return ""
-    return " It is not in the final model: later steps exchanged or dropped it, or the held-out experiments deny it."
+    return " It is not in the final model: a later step replaced or removed it, or the held-out data contradict it."
 
 
 def _channels(page: Page, found: Discovery) -> None:
-    """Which channel the residual comes through."""
+    """The fault isolation: the channel in which the residual arises."""
     if not found.isolated:
-        page.text("3. No channel is searched for: the residual does not stand out of the noise.")
+        page.text("3. No channel is sought: the residual is noise.")
         return
     how = (
-        "by where it is large, as no function of recorded signals explains half of it"
+        "from where the residual is large, as no function of the recorded signals explains half of it"
         if found.isolated.disturbance
-        else "by an input of any form in each channel"
+        else "from a latent input of free form in each channel"
     )
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
-    page.text(f"3. The channel through which the residual comes, {how}: {found.isolated.channel}.")
+    page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.")
     page.figure(bars(dict(evidence), "log evidence"), "The evidence for each channel.")
 
 
@@ -188,9 +191,9 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.table(["refitted with", "what it means", "log evidence over the base", "residual over noise"], rows)
     for name, others in found.equivalent.items():
         page.text(
-            f"Not told apart from {name}: {', '.join(others)}."
+            f"Not distinguishable from {name}: {', '.join(others)}."
             if others
-            else f"{name} is told apart from every rival: none explains these recordings as well."
+            else f"{name} is distinguished from every rival: none explains these recordings as well."
         )
 
 
@@ -203,10 +206,10 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows += [parameter_row(name, p, published[name]) for name, p in outcome["base_parameters"].items()]
     page.table(["parameter", "value", "95 % interval", "unit", "declared"], rows)
     page.text(
-        "The intervals count the noise of the sensor and of the monitors"
+        "The intervals include the noise of the sensor and of the monitors"
         + (
-            f", how far another law of the effects ({LAW:.0%} off here and there) would move the parameters, and the "
-            "spread between effects that are not told apart."
+            f", the change of the parameters under effects of slightly different form ({LAW:.0%} off in places), and "
+            "the spread between effects that cannot be distinguished."
             if found.chosen.ids
             else "."
         )

@@ -1,7 +1,7 @@
-"""A found effect, shown: what it is, how large, what it does by itself, and the residual over what it depends on.
+"""The section on a found effect: what it is, how large, its own characteristic, and the residual over its variables.
 
-Nothing here knows an effect. Its own curve is made from its declaration (`discover.own_curve`); what the residual is
-drawn over is that of the quantities in its equation, or of its own states, which says most about it.
+Nothing here depends on a particular effect. Its own curve is made from its declaration (`discover.own_curve`). The
+residual is drawn over whichever quantity of its equation, or of its own states, explains most of it.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ LITTLE = 0.3  # of the largest weight: samples that fits gave less are left out
 BETTER = 1.5  # times as much that another axis has to explain than one before it
 TURNING = {0: "", 1: ", rising", -1: ", falling"}
 KINDS = {
-    "curve": "{shown} over {over}, with the effect{band} and without (dashed); all else held as it is where the effect "
-    "does most.",
-    "loop": "{shown} over {over}, which goes there and back, part of the way first, with the effect{band} and without "
-    "(dashed); it is the same at any speed.",
+    "curve": "{shown} over {over}, with the effect{band} and without (dashed). Everything else is held where the "
+    "effect is largest.",
+    "loop": "{shown} over {over}, with the effect{band} and without (dashed). The first cycle covers a part of the "
+    "range, the second all of it. The loop is the same at any speed.",
     "step": "{shown} after a step of {moved}, with the effect{band} and without (dashed).",
-    "time": "{shown} over the time since the start, with the effect{band} and without (dashed), nothing else moving.",
+    "time": "{shown} over the time since the start, with the effect{band} and without (dashed), with all else at rest.",
 }
 BAND = " (line; the band is its 95 % interval)"
 
@@ -52,7 +52,7 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         effect = found.study.catalogue[entry["id"]]
         isolated = IsolatedEffect(found.study.plant.model, effect, found.named.fitted, held)
         page.heading(f"What was found: {effect.id}")
-        page.text(f"{effect.summary}. It explains {entry['explained']:.0%} of what is not noise.")
+        page.text(f"{effect.summary}. It explains {entry['explained']:.0%} of the residual beyond noise.")
         page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
@@ -105,19 +105,19 @@ def _own(effect: Effect, curve: OwnCurve) -> tuple[str, str]:
     labels = _label(x_name, x_unit), _label(f"change of {curve.shown.name}" if small else curve.shown.name, unit)
     banded = bool(np.all(np.isfinite(low + high)))
     ends = span(on / scale, off / scale, *((low / scale, high / scale) if banded else ()))
-    plot = Plot(f"{effect.id} by itself", span(curve.x / x_scale), ends, labels)
+    plot = Plot(f"{effect.id} alone", span(curve.x / x_scale), ends, labels)
     if banded:
         plot.band(curve.x / x_scale, low / scale, high / scale, AFTER, "95 % band")
     plot.line(curve.x / x_scale, off / scale, QUIET, "without", dashed=True)
     plot.line(curve.x / x_scale, on / scale, AFTER, "with the effect")
-    shown = f"What it does by itself: {_meaning(curve.shown)}" + (" (its change)" if small else "")
+    shown = f"The effect alone: {_meaning(curve.shown)}" + (" (its change)" if small else "")
     words = KINDS[curve.kind].format(
         shown=shown,
         over=_meaning(curve.over) if curve.over else "",
         moved=f"{_meaning(curve.moved)} {_between(curve)}" if curve.moved else "",
         band=BAND if banded else "",
     )
-    return plot.svg(), words if banded else f"{words} There is no band: the model has no answer at its ends."
+    return plot.svg(), words if banded else f"{words} There is no band: the model cannot be solved at its ends."
 
 
 def _between(curve: OwnCurve) -> str:
@@ -130,7 +130,7 @@ def _between(curve: OwnCurve) -> str:
 
 
 def _constant(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> str:
-    """What is the same whatever moves, in a sentence."""
+    """An effect that is constant, whatever moves, in a sentence."""
     excitation = excitations[0]
     on, off = (isolated.run(excitation, v)[isolated.cut.output][-1] for v in (isolated.on, isolated.off))
     scale, unit = _unit(isolated.shown, np.array([on, off]))
@@ -138,7 +138,7 @@ def _constant(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> st
     if unit != "1" and np.ptp(isolated.run(excitation, isolated.off)[isolated.cut.output]) > 0:
         change, unit = readable(float(on - off), isolated.shown.unit)
         values = f"{(on - off) / change:+.4g} {unit}"
-    return f"By itself it is a constant: {_meaning(isolated.shown)}, {values}."
+    return f"The effect alone is constant: {_meaning(isolated.shown)}, {values}."
 
 
 @dataclass(frozen=True)
@@ -199,10 +199,10 @@ def _over(isolated: IsolatedEffect, excitations: Sequence[Excitation], records: 
         if not apart:
             plot.band(x / x_scale, low / y_scale, high / y_scale, colour)
         plot.line(x / x_scale, mean / y_scale, colour, f"{name}{TURNING[turn]}", dashed=turn < 0)
-    bands = ", while that rises and while it falls" if apart else ", and the middle half of the samples (bands)"
+    bands = " while that rises and while it falls" if apart else " and the middle half of the samples (bands)"
     return plot.svg(), (
-        f"What the model leaves of the record, over {_meaning(axis.quantity)}: on average (lines){bands}. Flat at 0 is "
-        "explained."
+        f"The residual (record less model) over {_meaning(axis.quantity)}: its mean (lines){bands}. A line that is "
+        "flat at 0 means that nothing is left to explain."
     )
 
 

@@ -1,4 +1,4 @@
-"""The first page of a report, for somebody who is no statistician; and what the recordings could not have shown."""
+"""The summary of a report, in plain words, and what the recordings could not have shown."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from .page import Page
 from .parts import AFTER, BEFORE, RECORD, readable
 from .svg import bars
 
-SURE = {
-    "no_effect": "What the model leaves looks like noise: no effect of the catalogue stands out of it more than one "
-    "does by chance once in a thousand such sets.",
-    "effect_found": "Every other explanation that was tried leaves more than noise.",
-    "ambiguous": "Sure is that something of this kind is missing; which of the names it is, these recordings cannot "
-    "tell.",
-    "partly_explained": "Each effect that is named makes the model better on experiments that no fit has seen. What "
-    "remains is more than noise, so that something else is missing too.",
-    "unexplained": "Sure is that something is missing: what the model leaves is more than noise. Nothing in the "
-    "catalogue makes it better on experiments that no fit has seen.",
+CONFIDENCE = {
+    "no_effect": "The residual looks like noise: no effect of the catalogue explains more of it than chance does "
+    "once in a thousand such sets of recordings.",
+    "effect_found": "Every other explanation that was tried leaves a residual larger than the noise.",
+    "ambiguous": "It is certain that something of this kind is missing. Which of the named effects it is, these "
+    "recordings cannot show.",
+    "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "
+    "remaining residual is larger than the noise, so something else is missing too.",
+    "unexplained": "It is certain that something is missing: the residual is larger than the noise. No effect of the "
+    "catalogue reduces the error on experiments that took no part in the fits.",
 }
-NOTHING = "Nothing that the catalogue knows. The model as it is, its parameters refitted, explains these recordings."
-UNKNOWN = "Something is missing, but none of the effects that were tried explains it. None is named."
-TOLD = 3  # of what could not be seen
+NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
+UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
+SHOWN = 3  # effects that could not be seen
 
 
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
-    """What was found, how sure that is, what it rests on, what could not be seen, and what to do next."""
-    page.heading("In short")
+    """What was found, how certain it is, the data behind it, what could not be seen, and what to do next."""
+    page.heading("Summary")
     page.answers([("What was found?", list(_found(found, outcome)))])
     page.drawings([_errors(found, outcome)])
     files = sorted({p.source for p in found.study.pieces})
     samples = sum(p.record.size for p in found.study.pieces)
     held = ", ".join(outcome["held_out"])
     apart = (
-        f"Kept apart from every fit, to judge by: {held}." if held else "No experiment was kept apart from the fits."
+        f"Held out of every fit, to judge the result by: {held}." if held else "No experiment was held out of the fits."
     )
     questions = [
-        ("How sure is that?", [SURE[outcome["verdict"]], *_rivals(outcome)]),
-        ("What does it rest on?", [f"On {len(files)} recordings with {samples} samples. {apart}"]),
-        ("What else has to be known?", outcome["remarks"]),
-        ("What could these recordings not have shown?", list(_hidden(found, outcome))),
-        ("What to do next?", [outcome["next_experiment"]]),
+        ("How certain is it?", [CONFIDENCE[outcome["verdict"]], *_rivals(outcome)]),
+        ("Which data is it based on?", [f"{len(files)} recordings with {samples} samples. {apart}"]),
+        ("What else should be known?", outcome["remarks"]),
+        ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
+        ("What should be measured next?", [outcome["next_experiment"]]),
     ]
     page.answers((question, texts) for question, texts in questions if texts)
 
@@ -54,16 +54,16 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         return
     page.heading("What these recordings would not have shown", level=3)
     page.text(
-        "The smallest size of every effect that would have been seen (four times in five, with a false alarm in "
-        "twenty records); of what acts the more the smaller it is, a rate limit say, the largest. Where there is none, "
-        "the model's own parameters take the effect up."
+        "The detection limit of every effect: the smallest size that would have been seen (with a power of 80 % and "
+        "5 % false alarms). For a parameter whose effect grows as it falls, such as a rate limit, it is the largest. "
+        '"None" means that the model\'s own parameters compensate for the effect at any size.'
     )
     rows = [
         [name, parameter, "none" if value is None else _limit(found.study.catalogue[name], parameter, value)]
         for name, sizes in sorted(outcome["invisible"].items())
         for parameter, value in sizes.items()
     ]
-    page.table(["effect", "parameter", "not seen"], rows)
+    page.table(["effect", "parameter", "not visible"], rows)
 
 
 def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
@@ -74,15 +74,15 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         said.append(f"{effect.id}: {effect.summary[0].lower()}{effect.summary[1:]}; {size_words(effect, entry)}.")
         if entry["equivalent"]:
             others = ", ".join(entry["equivalent"])
-            said.append(f"It may as well be {others}: these explain the recordings no worse.")
+            said.append(f"It may equally be {others}, which explain the recordings as well.")
     waves = [wave for sensor in outcome["noise"]["sensors"].values() for wave in sensor["oscillations"]]
     said += [f"An oscillation of {wave['hz']:.4g} Hz that no recorded input drives; see below." for wave in waves]
     return said
 
 
 def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
-    """How far the model is off before and after, beside the noise, as bars."""
-    seen = "" if outcome["held_out"] else "on the recordings that were fitted"
+    """The model's error before and after, next to the noise, as bars."""
+    seen = "" if outcome["held_out"] else "on the fitted recordings"
     key = "rmse" if seen else "held_out_rmse"
     effects = " and ".join(e["id"] for e in outcome["effects"])
     unit = outcome["error"]["after"]["unit"]
@@ -94,16 +94,16 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
         scale, shown = readable(value or 0.0, unit)
         entries.append((words, value or 0.0, "no answer" if value is None else f"{value / scale:.3g} {shown}", colour))
     first = found.study.plant.outputs[0].headings[0].replace("_", " ")
-    where = seen or "on experiments that no fit has seen"
+    where = seen or "on held-out experiments"
     after = f" (before) and with {effects} (after)" if effects else ""
     return bars("errors", entries), (
-        f"How far the {first} is off, root mean square, {where}: with the model's own parameters refitted{after}. No "
-        "model can do better than the sensor's noise."
+        f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. No model can "
+        "have a smaller error than the sensor's noise."
     )
 
 
 def _rivals(outcome: dict[str, Any]) -> list[str]:
-    """The nearest other explanation, and what it leaves."""
+    """The nearest rival, and its residual."""
     named = [e["id"] for e in outcome["effects"]]
     equal = {other for e in outcome["effects"] for other in e["equivalent"]}
     best = next((r for r in outcome["ranking"] if r["effects"] == named), None)
@@ -111,13 +111,13 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     if best is None or not rivals:
         return []
     return [
-        f"The nearest other explanation, {' and '.join(rivals[0]['effects'])}, leaves {rivals[0]['ratio']:.2f} times "
-        f"the noise, this one {best['ratio']:.2f} times."
+        f"The nearest other explanation, {' and '.join(rivals[0]['effects'])}, leaves a residual of "
+        f"{rivals[0]['ratio']:.2f} times the noise; this one leaves {best['ratio']:.2f} times."
     ]
 
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
-    """The effects that could have hidden most, beside their usual sizes, in a sentence."""
+    """The effects with the largest detection limits relative to their usual sizes, in a sentence."""
     known, none = [], []
     for name, sizes in outcome["invisible"].items():
         effect = found.study.catalogue[name]
@@ -129,15 +129,15 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
             share = abs(value) / usual
             known.append((1 / share if _smaller_is_more(effect, parameter) else share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
-    said = "; ".join(f"{e.id} {_limit(e, parameter, value)} ({parameter})" for _, e, parameter, value in known[:TOLD])
-    texts = [f"{said}. What is larger would have been seen; the table below has every effect."] if said else []
+    said = "; ".join(f"{e.id} {_limit(e, parameter, value)} ({parameter})" for _, e, parameter, value in known[:SHOWN])
+    texts = [f"{said}. Larger ones would have been seen; the table below lists all effects."] if said else []
     if none:
-        texts.append(f"{', '.join(none)} at any size: the model's own parameters take it up.")
+        texts.append(f"{', '.join(none)} at any size: the model's own parameters compensate for it.")
     return texts
 
 
 def _smaller_is_more(effect: Effect, parameter: str) -> bool:
-    """Whether an effect acts the more the smaller this parameter is: a rate limit, the end of a range."""
+    """Whether the effect grows as this parameter falls: a rate limit, the end of a range."""
     return parameter in effect.shapes and parameter not in effect.off and effect.trades.get(parameter, 0.0) <= 0
 
 

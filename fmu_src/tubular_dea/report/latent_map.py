@@ -1,4 +1,4 @@
-"""Where a model fails: its residual over what it answers and over an input, rising and falling apart."""
+"""Where a model fails: its residual over its output and an input, rising and falling separately."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .parts import shown_unit, thinned
 
 
 def latent_map(found: Discovery) -> go.Figure:
-    """The residual of the first output in colour over answer and input; rising and falling answers apart."""
+    """The residual of the first output in colour over output and input; rising and falling outputs separately."""
     plant = found.study.plant
     signal = next((s for s in plant.inputs if s.held), plant.inputs[0])
     y_scale, y_unit = shown_unit(plant.quantity(plant.outputs[0].name))

@@ -1,4 +1,4 @@
-"""The best pulse for a patient: the map of all timings with the optimum and the default marked, and what it gains."""
+"""The best pulse for a patient: the map of all timings with the optimum and the default, and the benefit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[st
     page.text(f"To run it: {command}")
     page.heading("Every timing, each at its best voltage within the limits")
     page.figure(_plotly_map(best), f"Change of {OBJECTIVES[best.objective][1]} [%]; empty: forbidden by the limits.")
-    page.heading("How much it may be off")
+    page.heading("Sensitivity to disturbances")
     page.table(ROBUSTNESS, robustness(best))
     page.heading("The optimum and the default, as the scheduler runs them")
     page.table(*table(courses))
@@ -45,7 +45,7 @@ def sentence(best: Optimum) -> str:
     words, place = OBJECTIVES[best.objective][1], "before" if best.ahead < 0 else "after"
     return (
         f"The best pulse is {best.pulse.voltage / 1e3:.2f} kV from {begin:.0f} to {end:.0f} ms after the R wave, "
-        f"begun {abs(1e3 * best.ahead):.0f} ms {place} ejection begins without it: {words} changes by "
+        f"starting {abs(1e3 * best.ahead):.0f} ms {place} ejection would begin without it: {words} changes by "
         f"{100 * best.gain:+.1f} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
         f"(the default: {100 * best.default_gain:+.1f} %)."
     )
@@ -82,7 +82,7 @@ def _plotly_map(best: Optimum) -> go.Figure:
             )
         )
     figure.add_vline(x=1e3 * best.without["ejection_begins"], line_dash="dash")
-    figure.update_xaxes(title="begin of the pulse after R [ms]; dashed: ejection begins")
+    figure.update_xaxes(title="start of the pulse after R [ms]; dashed: ejection begins")
     return figure.update_yaxes(title="end of the pulse after R [ms]").update_layout(height=520)
 
 
@@ -100,7 +100,7 @@ def draw_map(best: Optimum, figure: Figure | None = None) -> Figure:
     begins = 1e3 * best.without["ejection_begins"]
     axis.axvline(begins, color="#1b2733", linestyle="--", linewidth=1)
     axis.text(begins + 3, axis.get_ylim()[0] + 8, "ejection begins", rotation=90, va="bottom", color="#1b2733")
-    axis.set_xlabel("begin of the pulse after R [ms]")
+    axis.set_xlabel("start of the pulse after R [ms]")
     axis.set_ylabel("end of the pulse after R [ms]")
     axis.set_title(f"Best voltage within the limits at every timing; optimum {best.pulse.voltage / 1e3:.2f} kV")
     return figure

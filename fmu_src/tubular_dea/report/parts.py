@@ -1,4 +1,4 @@
-"""What reports on a closed loop have in common: a record with its models, and a row of a table of parameters."""
+"""Parts that several reports share: a record with its models, and a row of a table of parameters."""
 
 from __future__ import annotations
 

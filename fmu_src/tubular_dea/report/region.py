@@ -1,4 +1,4 @@
-"""From where the controller brings the tube to its reference, as a picture."""
+"""The region of attraction of the controller, as a picture."""
 
 from __future__ import annotations
 

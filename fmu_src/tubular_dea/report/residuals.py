@@ -1,4 +1,4 @@
-"""What a model leaves of every experiment, before and after its effects were found."""
+"""The residuals of every experiment, before and after the effects were found."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def panels(
 
 
 def pulse_times(run: Run) -> list[tuple[float, float]]:
-    """Begin and end [s] of each pulse."""
+    """Start and end [s] of each pulse."""
     on = np.concatenate([[0], run["scheduler.on"] > 0.5, [0]]).astype(int)
     # Outputs show a step late what was decided at its start.
     at = run.time[np.concatenate([[0], np.arange(run.time.size)])]

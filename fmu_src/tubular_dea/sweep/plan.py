@@ -86,7 +86,7 @@ class Plan:
 
 
 def read_plan(path: Path) -> Plan:
-    """The plan in a TOML file; files it names are taken relative to it. `PlanError` says what to mend."""
+    """The plan in a TOML file; files it names are taken relative to it. `PlanError` says what to correct."""
     try:
         content = tomllib.loads(read_whole(path).decode())
     except FileError as problem:

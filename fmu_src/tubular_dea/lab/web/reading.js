@@ -115,7 +115,7 @@ function columnsOf(path, body, head, layout) {
   }
   body.excess.forEach((excess, i) => {
     if (!excess || !filled[i] || (excess < 0 && mayBeShort(i))) return;
-    throw new ReadError(`${path}, line ${body.lines[i]}: ${width + excess} cells below ${width} headings; expected one each between ${DELIMITER_NAMES[layout.delimiter]}${layout.delimiter === "," ? ": decimal commas?" : ""}; mend or remove the line`);
+    throw new ReadError(`${path}, line ${body.lines[i]}: ${width + excess} cells below ${width} headings; expected one each between ${DELIMITER_NAMES[layout.delimiter]}${layout.delimiter === "," ? ": decimal commas?" : ""}; correct or remove the line`);
   });
   return { found, kept, remarks };
 }
