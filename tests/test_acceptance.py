@@ -89,10 +89,10 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
     def told(excess: float, **more: float) -> tuple[bool, str]:
         return acceptance.accept(base, base, option("lag", excess=excess, turned=0.1, **more), 30.0)
 
-    assert told(471.0) == (False, "refitted, lag gains 29.0, less than nulls do (30.0)")
+    assert told(471.0) == (False, "refitted, lag gains 29.0, less than chance can (30.0)")
     blocks = told(450.0, cross=base.cross_validated, held_out=2400.0)
-    assert blocks == (False, "lag does not predict the blocks left out")
-    assert told(450.0, held_out=2501.0) == (False, "lag does not predict the held-out experiments")
+    assert blocks == (False, "lag does not improve the prediction of blocks left out")
+    assert told(450.0, held_out=2501.0) == (False, "lag does not improve the prediction of the held-out experiments")
     assert told(450.0, held_out=2499.0)[0]
     assert told(411.0, held_out=2507.0)[0] is False
     assert told(410.0, held_out=2507.0)[0]  # strong: asked at the end
@@ -168,8 +168,8 @@ def test_a_further_effect_must_be_more_than_another_form_of_the_first() -> None:
     def refused(gain: float, after: Option | None = None, first: Option = before) -> str:
         return acceptance.no_further_effect(BASE, first, gain, "creep", after)
 
-    assert "another form of lag may be all there is" in refused(143.0)  # 0.4 % of what the first gained
-    assert refused(1999.0) == "creep removes less than half of what is left"
+    assert "which another form of lag could explain" in refused(143.0)  # 0.4 % of what the first gained
+    assert refused(1999.0) == "creep removes less than half of the remaining residual"
     assert refused(2000.0) == ""
     assert refused(1999.0, option("lag", "creep", excess=2001.0, z_slow=4.9)) == ""  # what is left are no slow parts
     assert refused(1999.0, option("lag", "creep", excess=2001.0, z_slow=5.1)) != ""
@@ -189,10 +189,13 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
     def refused(gain: float) -> str:
         return acceptance.no_further_effect(base, before, gain, "creep")
 
-    assert refused(5.0 * LARGE - 1) == "creep explains less than 25% of what is left"
+    assert refused(5.0 * LARGE - 1) == "creep explains less than 25% of the remaining residual"
     assert refused(5.0 * LARGE + 1) == ""
     worse = option("lag", "creep", excess=15 * LARGE, held_out=2.1e5, turned=0.2)
-    assert acceptance.accept(base, before, worse, 30.0) == (False, "creep does not predict the held-out experiments")
+    assert acceptance.accept(base, before, worse, 30.0) == (
+        False,
+        "creep does not improve the prediction of the held-out experiments",
+    )
     assert acceptance.accept(base, before, replace(worse, unseen=0.86 * before.unseen), 30.0)[0]
     rival = option("slew", excess=20 * LARGE + 0.19 * before.misfit, held_out=2e5)
     assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) == ("lag", "slew")  # a fifth of what is left

@@ -108,7 +108,7 @@ def test_the_report_shows_what_the_effect_does_and_what_it_leaves(closed: Path) 
     """The lag's step and the residual over what it depends on; before it is far from 0, after it is not."""
     page = (closed / "report.html").read_text(encoding="utf-8")
     assert "after a step of voltage" in page
-    assert 'aria-label="electrode_resistance by itself"' in page
+    assert 'aria-label="electrode_resistance alone"' in page
     drawn = page.split('aria-label="electrode_resistance: the residual"')[1].split("</svg>")[0]
     heights = {
         colour: [float(p.split(",")[1]) for p in points.split()]

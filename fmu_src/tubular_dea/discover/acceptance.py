@@ -1,12 +1,12 @@
-"""When an effect is accepted, and when what is left is noise.
+"""When an effect is accepted, and when the residual is noise.
 
-A first effect needs more gain than the largest score of nulls and than the numerics could feign, and must predict
-blocks that were left out. A further one must besides remove most of what the ones before it left, and more than
-another functional form of them would: no law of a catalogue is exactly the one in the tube, and a candidate may pick
-up in part what that leaves.
+A first effect must gain more than the largest score of nulls and more than numerical errors can, and must improve the
+prediction of blocks left out. A further one must also remove most of the residual that the earlier ones leave, and more
+than another functional form of those would: no law of the catalogue is exactly that of the plant, and a candidate may
+explain part of the difference.
 
-The held-out experiments are asked at once where the evidence is weak. Where it is strong they are asked at the end:
-one of two effects alone may predict them worse than none.
+Where the evidence is weak, the held-out experiments are checked at once. Where it is strong they are checked at the
+end: one of two effects alone may predict them worse than none.
 """
 
 from __future__ import annotations
@@ -55,26 +55,26 @@ CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess 
 
 
 def far(option: Option) -> bool:
-    """Whether what an option leaves is the model's own error, beside which noise hardly counts."""
+    """Whether the residual of an option is dominated by the error of the model's form, not by noise."""
     return option.lack_of_fit.ratio > option.lack_of_fit.far
 
 
 def clean(state: LackOfFit) -> bool:
-    """Nothing is left that stands out of the noise."""
+    """Whether the residual is consistent with noise."""
     return state.z_slow < SLOW_CHANCE and state.z_total < CLEAN_TOTAL
 
 
 def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
-    """What stands out of the noise is little, and little of what stood out `before`."""
+    """Whether the excess over noise is small, also relative to that of `before`."""
     explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
     allowed = ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO
     return explained >= NEARLY_EXPLAINED and max(state.ratio, held_ratio) <= allowed
 
 
 def finished(base: Option, chosen: Option) -> bool:
-    """Whether nothing is left to look for: noise, and less of it than a further effect would have to bring.
+    """Whether the search may end: the residual is noise, and smaller than what a further effect would have to gain.
 
-    Or noise in its slow parts by all means: what is left of the undamped ringing at rest is fast, and no effect.
+    Or its slow part is clearly noise: the undamped ringing at rest leaves a fast residual, which is no effect.
     """
     if not clean(chosen.lack_of_fit) or chosen.exact:
         return False
@@ -85,11 +85,11 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     """Whether `best` is accepted over `before`, and why (not), in words."""
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
     if gain < threshold:
-        return False, f"refitted, {name} gains {gain:.1f}, less than nulls do ({threshold:.1f})"
+        return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold:.1f})"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
-        return False, f"{name} does not predict the blocks left out"
+        return False, f"{name} does not improve the prediction of blocks left out"
     if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):
-        return False, f"{name} does not predict the held-out experiments"
+        return False, f"{name} does not improve the prediction of the held-out experiments"
     refusal = no_further_effect(base, before, gain, name, best) if before.ids else ""
     if refusal:
         return False, refusal
@@ -101,8 +101,8 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 
 def confirmed(before: Option, after: Option) -> bool:
-    """Whether data that no fit has seen speak for `after`: the held-out experiments, or where they can hardly tell the
-    two apart, experiments left out in turn."""
+    """Whether data that no fit used support `after`: the held-out experiments or, where these cannot distinguish the
+    two, experiments left out in turn."""
     if not np.all(np.isfinite(after.unseen)):
         return False
     apart = after.unseen - before.unseen
@@ -114,7 +114,7 @@ def confirmed(before: Option, after: Option) -> bool:
 def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
     """The 95 % interval of a parameter of an effect (SI).
 
-    A size that cannot be negative has one in proportion: that it is there at all is told by what it gains.
+    For a size that cannot be negative the interval is logarithmic: whether it is zero is decided by its gain.
     """
     low, high = interval(fitted, name)
     quantity = next(q for q in effect.parameters if q.name == name)
@@ -127,7 +127,7 @@ def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]
 
 
 def bounded_away(effect: Effect, fitted: Fit) -> bool:
-    """Whether the 95 % interval of a size of the effect leaves out the value at which it is off."""
+    """Whether the 95 % interval of a size of the effect excludes the value at which it is off."""
     sizes = [n for n in effect.off if n in fitted.names]
     for name in sizes:
         low, high = size_interval(effect, fitted, name)
@@ -138,20 +138,20 @@ def bounded_away(effect: Effect, fitted: Fit) -> bool:
 
 
 def denied(before: Option, after: Option) -> bool:
-    """Whether the held-out experiments speak against `after`, by odds that chance does not explain."""
+    """Whether the held-out experiments contradict `after` by more than chance explains."""
     gain = before.fitted.cost - after.fitted.cost
     return after.held_out > before.held_out + max(DENIAL, DENIED_PART * gain)
 
 
 def earned(base: Option, chosen: Option) -> bool:
-    """Whether effects that leave a significant remainder have earned their names: on data that no fit has seen."""
+    """Whether effects that leave a significant remainder may be named: they improve the prediction of held-out data."""
     before = max(base.lack_of_fit.excess, 1.0)
     held = base.held_out - chosen.held_out
     return held > DENIAL and 1 - chosen.lack_of_fit.excess / before >= PARTLY
 
 
 def settled(base: Option, accepted: list[Option]) -> Option:
-    """The last of the options accepted in turn that the held-out experiments do not deny against those before it."""
+    """The last of the options accepted in turn that the held-out experiments do not contradict."""
     best = base
     for one in accepted:
         if not denied(best, one):
@@ -160,24 +160,24 @@ def settled(base: Option, accepted: list[Option]) -> Option:
 
 
 def no_further_effect(base: Option, before: Option, gain: float, name: str, after: Option | None = None) -> str:
-    """Why an effect that gains `gain` besides those of `before` is no further effect; empty if it may be one.
+    """Why an effect that gains `gain` in addition to those of `before` is no further effect; "" if it may be one.
 
-    Where `after` it the slow parts are noise, what is left besides is that the noise's level is not known better.
+    Where the slow part of the residual of `after` is noise, the rest is the uncertainty of the noise's level.
     """
     if far(before):
         held = 0.0 if after is None else after.held_out - (1 - FURTHER) * before.held_out
         little = gain < FURTHER * before.lack_of_fit.excess or held > 0
-        return f"{name} explains less than {FURTHER:.0%} of what is left" if little else ""
+        return f"{name} explains less than {FURTHER:.0%} of the remaining residual" if little else ""
     if gain < _least_gain(base, before, gain):
-        return f"{name} gains {gain:.1f}: another form of {', '.join(before.ids)} may be all there is"
+        return f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE
     if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
-        return f"{name} removes less than half of what is left"
+        return f"{name} removes less than half of the remaining residual"
     return ""
 
 
 def _least_gain(base: Option, before: Option, gain: float) -> float:
-    """What one that gains `gain` besides `before` has to gain: more where another form of `before` might do it."""
+    """The gain that a further effect needs: more where another form of the effects of `before` could reach `gain`."""
     first = base.fitted.cost - before.fitted.cost
     if before.exact:
         return SECOND_PART * first

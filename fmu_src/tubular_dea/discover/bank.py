@@ -44,8 +44,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Score:
-    """The score statistic of a candidate beside the present model: what it would gain if the model were linear, and the
-    amplitudes (SI, by name) at which it would."""
+    """The score statistic of a candidate added to the present model: its gain if the model were linear, and the
+    amplitudes (SI, by name) at which that is reached."""
 
     candidate: Candidate
     statistic: float
@@ -60,14 +60,14 @@ class Score:
 def candidates(
     study: Study, fitted: Fit, present: Ids = (), effects: Iterable[Effect] | None = None
 ) -> list[Candidate]:
-    """All candidates with their columns at the present optimum; those the model has no answer for are left out."""
+    """All candidates with their columns at the present optimum, without those for which the model cannot be solved."""
     return candidates_at(study, fitted.values, fitted.residual.size, present, effects)
 
 
 def candidates_at(
     study: Study, values: Mapping[str, float], rows: int, present: Ids = (), effects: Iterable[Effect] | None = None
 ) -> list[Candidate]:
-    """The same at any parameters; `rows` are those of the residual, the prior's among them."""
+    """The same at any parameters; `rows` counts the rows of the residual, including those of the prior."""
     listed = [e for e in (study.catalogue.values() if effects is None else effects) if e.id not in present]
     problem = study.problem(present, [], values)
     rows -= sum(r.size for r in problem.records)  # of the prior
@@ -89,7 +89,7 @@ def candidates_at(
 
 @dataclass(frozen=True)
 class _Baseline:
-    """What a model that may have many effects answers at `values` (SI), where all but those present are off."""
+    """The outputs of a model with many effects at `values` (SI), where all but the present effects are off."""
 
     response: Response
     values: dict[str, float]
@@ -129,7 +129,7 @@ def _candidate(
     shape: dict[str, float],
     strength: Mapping[str, float],
 ) -> Candidate | None:
-    """The columns of an effect: chords over `strength` where it names an amplitude, else tangents."""
+    """The columns of an effect: secants over `strength` where it names an amplitude, else derivatives."""
     off = baseline.values | switched_off(effect) | shape
     names = tuple(n for n in effect.off if n not in effect.refine)
     columns = []
@@ -144,7 +144,7 @@ def _candidate(
 
 
 def _strengths(effect: Effect) -> list[dict[str, float]]:
-    """The tangent ({}), and every strength at which a chord is taken."""
+    """{} for the derivative, and every strength at which a secant is taken."""
     return [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
 
 
@@ -160,7 +160,7 @@ def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score
 
 
 def _inside_bounds(candidate: Candidate, amplitude: np.ndarray) -> np.ndarray:
-    """A single amplitude kept where its parameter may be: no negative lag, no zero as far off as the whole range."""
+    """A single amplitude, clipped to the bounds of its parameter: no negative lag, no offset of the whole range."""
     if amplitude.size > 1:
         return amplitude
     name = candidate.names[0]

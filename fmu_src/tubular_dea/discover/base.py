@@ -1,8 +1,8 @@
-"""The base model with its own parameters refitted: the ground that every candidate is measured from.
+"""The base model with its own parameters refitted: the reference for every candidate.
 
-A base that has not converged produces false names, so the search starts from several places, one of them with the
-declared values of what the plant names as `restart`: a Maxwell branch that became very fast by the way does not come
-back by itself.
+A base that has not converged leads to false effects, so the fit starts from several points. One of them has the
+declared values of the parameters that the plant names as `restart`: a Maxwell branch that became very fast during a fit
+does not come back by itself.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def recalibrate(
 ) -> Fit:
     """The best fit of the base model to the training pieces: from `start` (the declared values), then from around it.
 
-    The first search runs until it converges; the others start around where it ended and confirm it, or go on from a
-    better place.
+    The first fit runs until it converges; the others start near its optimum and confirm it, or go on from a better
+    point.
     """
     problem = study.problem((), base_parameters(study.plant), {})
     best = _somewhere(study, problem, study.plant.model.parameter_values() if start is None else start, seed)
@@ -52,7 +52,7 @@ def recalibrate(
 
 
 def _somewhere(study: Study, problem: Problem, start: Mapping[str, float], seed: int) -> Fit:
-    """From `start`, or from safer values where the model has no answer there (a tube that bursts)."""
+    """The fit from `start`, or from safer values where the model cannot be solved there (a tube that bursts)."""
     for move in (dict, *study.plant.safer):
         try:
             return fit(problem, move(start), 1, seed=seed)

@@ -1,4 +1,4 @@
-"""False alarms: how large the largest score becomes when nothing is missing, by a parametric bootstrap.
+"""The null distribution of the largest score (nothing is missing), by a parametric bootstrap.
 
 Whitened noise is white, so the scores of a null are projections of normal numbers on the candidates' columns; only
 their Gram matrix is needed, and thousands of nulls cost a moment.

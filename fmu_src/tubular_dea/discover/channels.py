@@ -1,11 +1,11 @@
-"""Which channel explains a residual best: a latent input in each, free to be any smooth function of what acts there.
+"""Fault isolation: the channel that explains a residual best, by a latent input in each.
 
-A plant may bring latent inputs of its own (`Plant.latent`); otherwise a channel's is everything that its candidates
-span together. Each is a set of linear terms, scored like any other candidate (`bank`); a channel's evidence is
-Akaike's, for none of these laws is quite the true one.
+A latent input is any smooth function of the signals of its channel. A plant may define its own (`Plant.latent`);
+otherwise it is the span of the channel's candidates. It is a set of linear terms with a score statistic like that of
+any candidate (`bank`). Channels are compared by Akaike's criterion, as none of the functions is exactly the true one.
 
-A disturbance from outside is a function of nothing recorded. A wave betrays its channel by where it is large: as the
-plant answers to a wave of that channel.
+An external disturbance is no function of recorded signals. Its channel shows in where the residual is large: where the
+plant's response to a wave in that channel is.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ SPANNED = 1e-3  # [1] of the largest singular value: directions below are the ot
 
 @dataclass(frozen=True)
 class Isolation:
-    """Evidence of every channel (Akaike's: half the gain less one a term), and the channel that has most.
+    """The channel with the most evidence (Akaike: half the score statistic less the number of terms), and all evidence.
 
-    `statistics` are the sums of squares explained; `disturbance` is True where a function of recorded signals explains
-    little and the place was found by where the residual is large.
+    `statistics` are the score statistics of the channels. `disturbance` is True where functions of recorded signals
+    explain little and the channel was found from where the residual is large.
     """
 
     channel: str
@@ -47,9 +47,9 @@ class Isolation:
 
 
 def isolate(study: Study, ids: Ids, fitted: Fit, excess: float, known: Sequence[Candidate] = ()) -> Isolation | None:
-    """The channel in which the residual of `fitted` arises; `excess` is what of it is not noise.
+    """The channel in which the residual of `fitted` arises; `excess` is its misfit beyond noise.
 
-    `known` are the catalogue's candidates there, where they were computed before.
+    `known` are the catalogue's candidates at `fitted`, if they were computed before.
     """
     latent = list(study.plant.latent.values())
     listed = list(known) if known and not latent else bank.candidates(study, fitted, ids, latent or None)
@@ -71,7 +71,7 @@ def isolate(study: Study, ids: Ids, fitted: Fit, excess: float, known: Sequence[
 
 
 def _score_statistic(listed: Sequence[Candidate], basis: np.ndarray, left: np.ndarray) -> tuple[float, int]:
-    """What all columns of some candidates together take from a residual, and how many directions they are."""
+    """The joint score statistic of some candidates, and its degrees of freedom."""
     columns = np.column_stack([c.columns for c in listed])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     columns -= basis @ (basis.T @ columns)
@@ -81,10 +81,10 @@ def _score_statistic(listed: Sequence[Candidate], basis: np.ndarray, left: np.nd
 
 
 def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
-    """Log likelihood ratio, by channel, of an unrecorded disturbance that enters there over none.
+    """Log likelihood ratio, by channel, of an unrecorded disturbance that enters there.
 
-    It is taken as a wave at the residual's strongest frequency, with an amplitude and a phase of its own in every
-    piece; what enters by an input reaches the sensor as the plant answers at that frequency.
+    The disturbance is a wave at the residual's strongest frequency, with its own amplitude and phase in every piece.
+    One that enters at an input reaches the sensor through the plant's response at that frequency.
     """
     pieces = study.training
     residuals = parts(fitted.residual, [p.record for p in pieces])
@@ -103,7 +103,7 @@ def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
 
 
 def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> float:
-    """The frequency [Hz] that is strongest in the residuals of some pieces, summed over them."""
+    """The frequency [Hz] with the most power in the residuals of some pieces together."""
     means = block_sums(residuals)
     step = BLOCK * float(np.median(np.diff(pieces[0].case.readings[0].times)))
     power = np.abs(np.fft.rfft(means - means.mean())) ** 2
@@ -117,7 +117,7 @@ def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> floa
 
 
 def _swings(study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, frequency: float) -> list[np.ndarray]:
-    """What a small wave of an input does to the reading (N,), in two phases; of the sensor where `name` is empty."""
+    """The change of the reading (N,) by a small wave of the input `name` ("": of the sensor), in two phases."""
     phases = (0.0, 0.5 * np.pi)
     if not name:
         return [np.sin(2 * np.pi * frequency * piece.case.times + phase) for phase in phases]
@@ -130,7 +130,7 @@ def _swings(study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, freque
 
 
 def _waved(study: Study, piece: Piece, name: str, frequency: float, phase: float) -> Protocol:
-    """The protocol with a small wave added to an input, or multiplied to one that is held."""
+    """The protocol with a small wave added to an input; one that is held is modulated in proportion."""
     protocol = piece.case.protocol
     fine = np.arange(protocol.time[0], protocol.time[-1], 1 / (WAVE_POINTS * frequency))
     names = list(protocol.inputs)

@@ -1,4 +1,4 @@
-"""From recordings to a verdict: the steps of the discovery, in their order."""
+"""From recordings to a verdict: the steps of a discovery in order."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Discovery:
-    """All that was found, and how: what result.json and the report are made from."""
+    """The result of a discovery and how it was found: the source of result.json and the report."""
 
     recordings: Recordings
     study: Study
@@ -77,7 +77,7 @@ class Discovery:
 
     @property
     def chosen_gains(self) -> dict[str, float]:
-        """By how much the misfit falls by each effect of the choice."""
+        """The gain of each effect of the choice."""
         return self.search.gains
 
 
@@ -93,7 +93,7 @@ def discover(
     training = sum(p.record.size for p in work.training)
     if training < LEAST_SAMPLES:
         raise UserError(
-            f"{recordings.source}: {training} samples beside those held out are too few to tell an effect from noise; "
+            f"{recordings.source}: {training} samples in training are too few to distinguish an effect from noise; "
             f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
         )
     tell("recalibrate the base model")
@@ -103,7 +103,7 @@ def discover(
     work, fitted = found.study, found.base.fitted
     isolated = None
     if found.chosen.ids or not acceptance.clean(found.base.lack_of_fit):
-        tell("isolate where the residual arises")
+        tell("isolate the channel of the residual")
         known = found.rounds[0].listed if found.rounds else []
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
@@ -147,14 +147,14 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -
 
 
 def supported(work: Study, found: Search, described: Option) -> bool:
-    """Whether every effect of the choice has an interval without its off value, and the choice holds on unseen data."""
+    """Whether the interval of every chosen effect excludes its off value, and held-out data support the choice."""
     if not described.ids:
         return True
     return not _vague(work, found, described) and acceptance.confirmed(found.base, found.chosen)
 
 
 def _vague(work: Study, found: Search, described: Option) -> list[str]:
-    """The effects that gain too little, or whose interval includes the value at which they are off."""
+    """The effects with too small a gain, or with an interval that includes the value at which they are off."""
     slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else 1.0
     return [
         n
@@ -165,7 +165,7 @@ def _vague(work: Study, found: Search, described: Option) -> list[str]:
 
 
 def _withdrawn(work: Study, found: Search, described: Option) -> Option:
-    """The choice without the effect that is least supported, its rivals too; the base, where that was the only one."""
+    """The choice (and its rivals) without its least supported effect; the base, if that was the only one."""
     vague = _vague(work, found, described)
     least = min(vague or described.ids, key=lambda n: found.gains.get(n, 0.0))
 
@@ -184,8 +184,8 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
 
 
 def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
-    """The base fitted, then again with the records' own numbers taken and with the weights that monitors ask for."""
-    if any(p.unknown for p in work.pieces):  # no fit can begin before it is known about where the plant starts
+    """The base fitted, and refitted with nuisance parameters estimated and samples weighted for the monitors' noise."""
+    if any(p.unknown for p in work.pieces):  # a fit needs a first estimate of where the plant starts
         work = adjusted(work, (), work.plant.model.parameter_values())
     fitted = base.recalibrate(work, seed=seed)
     work = with_noise_of(work, fitted)
@@ -197,7 +197,7 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
 
 
 def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
-    """The option as it is reported: branches in order, intervals that count the monitors' noise and other laws."""
+    """The option as reported: branches in order, intervals that include the monitors' noise and other forms of laws."""
 
     def in_order(one: Option) -> tuple[Problem, Fit]:
         fixed = {n: v for n, v in one.fitted.values.items() if n not in one.fitted.names}
@@ -205,7 +205,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
         return problem, ordered_fit(work.plant, problem, one.fitted)
 
     problem, fitted = in_order(option)
-    if acceptance.far(option):  # neither noise nor another law says how sure a parameter is, but the misfit does
+    if acceptance.far(option):  # the misfit, not noise or another law, determines the uncertainty
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
@@ -220,12 +220,12 @@ def _held_ratio(work: Study, chosen: Option) -> float:
 
 
 def _equals(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:
-    """The rivals that would do in place of the chosen model."""
+    """The rivals that are equivalent to the chosen model."""
     return [r for r in found.rivals if any(i in names for names in equivalent.values() for i in r.ids)]
 
 
 def _competitors(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:
-    """The chosen model and its equivalents; without any, the nearest rival, or the base."""
+    """The chosen model and its equivalents; without any, the nearest rival or the base."""
     nearest = _equals(found, equivalent) or found.rivals[:1] or ([found.base] if found.chosen.ids else [])
     if not nearest and found.rounds and found.rounds[-1].options:
         nearest = found.rounds[-1].options[:1]

@@ -1,8 +1,8 @@
-"""Effects that a record cannot tell apart are one finding with several names.
+"""Equivalence sets: effects that the recordings cannot distinguish are one finding with several names.
 
-Two effects are equivalent on a record if, both fitted in full, one explains it as well as the other: within what
-chance gives, and within what the functional form of an effect may cost. The latter is a share of what the effect
-explains, because no law in the catalogue is exactly the one in the tube.
+Two effects are equivalent if, both fully fitted, they explain the recordings equally well: within chance, and within
+the cost of a slightly wrong functional form. The latter is a share of what the effect explains, because no law of the
+catalogue is exactly that of the plant.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ERROR_SHARE = 0.2  # [1] share of the misfit that says nothing, of a model whose
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:
-    """The effect of `chosen` and the one of `rival` that would do in its place; None where there is no such pair.
+    """The effect of `chosen` and the one of `rival` that is equivalent to it; None where there is no such pair.
 
     `gains` is by how much the misfit falls by each effect of `chosen`.
     """
@@ -38,12 +38,12 @@ def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tupl
 
 
 def error_reach(chosen: Option) -> float:
-    """The difference in misfit that says nothing where a model is far from the plant: a share of what it leaves."""
+    """The difference in misfit that is not significant where a model is far from the plant: a share of its misfit."""
     return ERROR_SHARE * chosen.misfit if far(chosen) else 0.0
 
 
 def equivalents(chosen: Option, rivals: Sequence[Option], gains: Mapping[str, float]) -> dict[str, list[str]]:
-    """For every effect of `chosen`, the ids of those that would do in its place, best first."""
+    """The ids of the effects that are equivalent to each effect of `chosen`, best first."""
     found: dict[str, list[str]] = {name: [] for name in chosen.ids}
     for pair in (stands_in(rival, chosen, gains) for rival in rivals):
         if pair and pair[1] not in found[pair[0]]:

@@ -1,4 +1,4 @@
-"""The numerics gate: what a tighter tolerance changes in the answers may not be explained by any effect."""
+"""The check of numerical errors: no effect may be named for what a tighter tolerance changes in the answers."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ NUMERIC_MARGIN = 4.0  # [1] times what a halved tolerance changes (sum of square
 
 
 def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
-    """The gain (sum of squares in units of the noise) that the change under a halved tolerance could feign.
+    """The gain (sum of squares in units of the noise) that the change under a halved tolerance may cause.
 
-    An effect with less than that is not named.
+    An effect with a smaller gain is not named.
     """
     problem = study.problem((), [], values)
     coarse = problem.response.outputs(values, TOLERANCE)

@@ -1,4 +1,4 @@
-"""One round of the search: the catalogue scored, the best few and every rival near them refitted, the best judged."""
+"""One round of the forward selection: scores of the catalogue, refits of the best candidates, acceptance of one."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Round:
-    """One step of the search: scores of the catalogue, the null's largest, refitted options (best first), choice.
+    """One round: scores of the catalogue, the largest scores of nulls, refitted options (best first), the decision.
 
-    `limits` is the smallest size of every effect that would have been seen, `listed` are the candidates with their
-    columns, where they are asked for once more.
+    `limits` are the detection limits of all effects; `listed` the candidates with their columns, kept where they are
+    needed again.
     """
 
     present: Ids
@@ -64,7 +64,7 @@ class Round:
 
 
 def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed: int, tell: Progress) -> Round:
-    """The next effect beside those of `chosen`; `numeric` is the gain that the numerics could feign."""
+    """Seek one effect in addition to those of `chosen`; `numeric` is the gain that numerical errors may cause."""
     tell("scores of the catalogue")
     listed = bank.candidates(study, chosen.fitted, chosen.ids)
     scored = bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian)
@@ -75,7 +75,7 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     kept = [] if chosen.ids or study.plant.latent else listed
     blank = Round(chosen.ids, ranked, null, threshold, [], False, "", limits, kept)
     if ranked[0].statistic < threshold:
-        return replace(blank, reason="no score stands out of the nulls'")
+        return replace(blank, reason="no score exceeds what chance gives")
     hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].statistic, ranked[0].id) if chosen.ids else ""
     if hopeless:
         return replace(blank, reason=hopeless)
@@ -91,7 +91,7 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
 
 
 def _preferred(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:
-    """Of the options at the places `good`, the best; of equals a monitor's fault, before one of the plant."""
+    """The best of the options at `good`; among equals, a fault of an instrument goes before an effect of the plant."""
     reach = max(CHANCE, error_reach(options[good[0]]))
     equal = [i for i in good if 2 * (options[good[0]].evidence - options[i].evidence) < reach]
     if reach > CHANCE:
@@ -100,7 +100,7 @@ def _preferred(study: Study, options: Sequence[Option], good: Sequence[int]) -> 
 
 
 def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str]:
-    """The ids that are refitted: the best few, and all that score near the best."""
+    """The ids to refit: the best few, and all whose scores are near the best."""
     standing = [s for s in ranked if s.statistic > STANDING * threshold]
     best = standing[0].statistic
     least = FAINT_SCORE * best if most > MOST_REFITS else min(NEAR_SCORE * best, best - WEAK_NEAR)
@@ -109,7 +109,7 @@ def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str
 
 
 def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
-    """The candidates refitted: all of them some steps, those within reach of the best until they converge."""
+    """The candidates refitted: each for a few steps, those close to the best until they converge."""
 
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
@@ -134,13 +134,13 @@ def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence
 
 
 def _near(one: Option, best: Option) -> bool:
-    """Whether an option is so near the best that it might yet take its place."""
+    """Whether an option is close enough to the best to overtake it."""
     return 2 * (best.evidence - one.evidence) < LEAST_REACH
 
 
 def _from_declared(study: Study, found: Option) -> Option:
-    """The option, if it leaves more than noise searched again from the base's declared values: what is missing may have
-    led the base far off."""
+    """The option, refitted from the declared values if its residual is more than noise: without the effect, the base
+    may have converged far away."""
     if clean(found.lack_of_fit):
         return found
     start = found.fitted.values | study.plant.model.parameter_values()
@@ -149,5 +149,5 @@ def _from_declared(study: Study, found: Option) -> Option:
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:
-    """The best shape, and the next one where it scores nearly as much."""
+    """The best shape, and the second where its score is nearly as large."""
     return [s for s in shapes[:SHAPES] if s.statistic > SHAPE_NEAR * shapes[0].statistic]

@@ -1,4 +1,4 @@
-"""The search for what is missing: forward round by round (`rounds`), after each looked over again (`revision`)."""
+"""The search for effects: forward selection in rounds (`rounds`), each followed by a `revision`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given
 
 
 def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
-    """The whole search from the recalibrated base; `numeric` is the gain that the numerics could feign."""
+    """The whole search from the recalibrated base; `numeric` is the gain that numerical errors may cause."""
     base = option(study, (), base_fit)
     found = Search(base, base, study, study)
     stages: list[Search] = []
@@ -52,7 +52,7 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
 
 
 def _settle(found: Search, tell: Progress) -> None:
-    """The records' own numbers taken again, now that the model has what was missing, and the choice fitted there."""
+    """Estimate the nuisance parameters again with the chosen effects, and refit the choice."""
     chosen = found.chosen
     tell("switching instants and zeros")
     study = adjusted(found.study, chosen.ids, chosen.fitted.values, chosen.fitted.free)
@@ -62,7 +62,7 @@ def _settle(found: Search, tell: Progress) -> None:
 
 
 def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
-    """A better fit of the base, from where the best refit has its parameters: what let it escape is no effect."""
+    """A better fit of the base, started from the parameters of the best refit: then a local minimum was the cause."""
     if found.chosen.ids or not options:
         return None
     try:
@@ -74,7 +74,7 @@ def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit 
 
 
 def _settled(found: Search, stages: Sequence[Search]) -> Search:
-    """Back to the last choice that the held-out experiments confirm; the later one becomes its rival."""
+    """Return to the last choice that the held-out experiments do not contradict; the later one becomes its rival."""
     best = settled(found.base, [s.chosen for s in stages])
     if best is found.chosen:
         return found
@@ -84,7 +84,7 @@ def _settled(found: Search, stages: Sequence[Search]) -> Search:
 
 
 def _converged(study: Study, chosen: Option, tell: Progress) -> Option:
-    """The option, searched on until it has converged: what is left of it must not be a search cut short."""
+    """The option, fitted until it has converged: its residual must not come from an unfinished fit."""
     if chosen.fitted.converged:
         return chosen
     tell(f"converge {', '.join(chosen.ids)}")
