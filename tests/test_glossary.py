@@ -24,7 +24,6 @@ DISCOURAGED = {
     "adequacy": "lack of fit",
     "localise": "isolate",
     "punctual": "undelayed",
-    "foreign": "external",
     "feign": "explain",
     "betray": "show",
     "mend": "correct",

@@ -51,7 +51,7 @@ def fitted(record: np.ndarray) -> tuple[Line, Fit]:
     return problem, described(problem, -np.linalg.lstsq(jacobian, residual, rcond=None)[0])
 
 
-def test_another_law_is_within_the_doubt() -> None:
+def test_another_law_is_within_the_uncertainty() -> None:
     random = np.random.default_rng(1)
     outside, inside = 0, 0
     for _ in range(40):
@@ -71,7 +71,7 @@ def test_an_exact_effect_has_no_other_law() -> None:
     assert with_law(STUDY, problem, ("pressure_offset",), best) is best
 
 
-def test_the_law_itself_leaves_little_doubt() -> None:
+def test_the_law_itself_leaves_little_uncertainty() -> None:
     random = np.random.default_rng(2)
     problem, best = fitted(20 * Line.ramp + 0.2 * Line.effect + random.standard_normal(TIMES.size))
     wider = with_law(STUDY, problem, ("field_dependent_permittivity",), best)

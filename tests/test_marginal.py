@@ -69,7 +69,7 @@ def test_columns_that_repeat_each_other_add_up() -> None:
     np.testing.assert_allclose(twice.apply(values), once.apply(values), atol=1e-9)
 
 
-def test_of_a_direction_of_no_doubt_nothing_is_left() -> None:
+def test_of_a_direction_without_variance_nothing_is_left() -> None:
     """A record along which only a nuisance moves loses its say there and keeps it across."""
     made = marginal([], np.ones((N, 1)), np.array([1e6]))
     across = RANDOM.standard_normal(N)

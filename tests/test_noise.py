@@ -98,7 +98,7 @@ def test_rates_may_differ_from_file_to_file() -> None:
         assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(white.size)
 
 
-def test_without_any_quiet_stretch_the_doubt_is_larger() -> None:
+def test_without_any_quiet_stretch_the_uncertainty_is_larger() -> None:
     random = np.random.default_rng(2)
     time = np.arange(0, 60, 0.004)
     beats = np.arange(0, 60, 0.13)

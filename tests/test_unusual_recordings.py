@@ -117,7 +117,7 @@ def test_geometry_of_the_bench_counts_in_identify(plain: Recordings) -> None:
     assert found[1]["h_ao"] == 200e-6
 
 
-def test_recordings_without_pressure_have_finite_doubt() -> None:
+def test_recordings_without_pressure_have_finite_uncertainty() -> None:
     pulses = np.where((TIME > 1) & (TIME < 5), 1.0, 0.0)
     listed = [recorded(i, 0 * TIME, v * pulses, noise=0.0) for i, v in enumerate((5e3, 6e3, 6.8e3))]
     work = study(Recordings(PLANT, listed, {}, {}, "voltage alone"), held_out=())
@@ -134,7 +134,7 @@ def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
         assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + base.AGREE
 
 
-def test_the_level_of_noise_is_as_doubtful_as_the_record_is_short(plain: Recordings) -> None:
+def test_the_level_of_noise_is_as_uncertain_as_the_record_is_short(plain: Recordings) -> None:
     short = replace(plain, experiments=plain.experiments[:1])
     noise = [sensor_noise(r, [drive(e, PLANT.inputs) for e in r.experiments])[OUTPUT] for r in (plain, short)]
     assert noise[0].uncertainty < noise[1].uncertainty == pytest.approx(np.sqrt(2 / TIME.size), rel=0.2)

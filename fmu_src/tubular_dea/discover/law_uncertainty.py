@@ -23,10 +23,10 @@ from ..model.effect import Effect
 from .parameters import switched_off
 
 # Set by judgement: by some per cent, slowly.
-# Check: `pytest tests/test_law_doubt.py::test_another_law_is_within_the_doubt`
+# Check: `pytest tests/test_law_uncertainty.py::test_another_law_is_within_the_uncertainty`
 LAW = 0.1  # [1] standard deviation of each share by which a law may be another
 
-# Set by judgement. Check: `pytest tests/test_law_doubt.py`
+# Set by judgement. Check: `pytest tests/test_law_uncertainty.py`
 PART = 0.1  # [1] of the effect that is switched off to see its contribution
 
 
