@@ -1,9 +1,9 @@
-"""What every effect of a plant leaves on its standard experiments: what a residual looks like, by its cause.
+"""The signatures of all effects of a plant: the residual that each leaves in the plant's standard experiments.
 
-The plant is simulated with an effect of its usual size and without; what the plant's own parameters take up of the
-difference is taken out, as a fit would (linearised, with the fits' weak prior beside a sensor's usual noise). Records
-that start somewhere have their starts fitted too. Two effects look alike where what they leave is nearly parallel:
-the cosine between them is near 1 or -1.
+The plant is simulated with an effect at its usual size and without. The part of the difference that the plant's own
+parameters would absorb in a fit is removed (linearised, with the weak prior of the fits and a sensor's usual noise).
+Unknown start values are fitted too. Two effects look alike where their signatures are nearly parallel: the cosine
+between them is near 1 or -1.
 """
 
 from __future__ import annotations
@@ -38,8 +38,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Signature:
-    """What an effect of its usual size changes (rms, over the outputs' largest values), and `residual` (N,), what stays
-    of that; None where the model has no answer."""
+    """The change that an effect at its usual size makes (rms), and the `residual` (N,) that a refit leaves of it.
+
+    Both are relative to the outputs' largest values; `residual` is None where the model cannot be solved.
+    """
 
     effect: Effect
     changed: float
@@ -47,18 +49,18 @@ class Signature:
 
     @property
     def remains(self) -> float:
-        """The rms of what stays, over the outputs' largest values."""
+        """The rms of the residual, relative to the outputs' largest values."""
         return 0.0 if self.residual is None else float(np.sqrt(np.mean(self.residual**2)))
 
     @property
     def visible(self) -> bool:
-        """Whether anything stays that the plant's own parameters cannot take up."""
+        """Whether a residual remains that the plant's own parameters cannot absorb."""
         return self.remains > TAKEN_UP * self.changed > 0
 
 
 @dataclass(frozen=True)
 class Atlas:
-    """All effects of a plant, look-alikes beside each other: what they leave in `cases` (N values, `base` without any).
+    """The signatures of all effects in `cases` (N values; `base` without effects), similar ones next to each other.
 
     `scale` is the largest value of every output; residuals are in units of it. `cosines` (m, m) is of the effects.
     """
@@ -83,7 +85,7 @@ class Atlas:
 
 @one_blas_thread
 def atlas(plant: Plant, tell: Progress = lambda what: None) -> Atlas:
-    """The atlas of a plant; `tell` is told every step, 2 and one for each effect."""
+    """The atlas of a plant; `tell` reports progress: 2 steps, and one for each effect."""
     tell("compile")
     compiled, protocols = Compiled(plant, [o.name for o in plant.outputs if o.required]), experiments(plant)
     cases = [_case(plant, protocol) for protocol in protocols.values()]
@@ -111,7 +113,7 @@ def atlas(plant: Plant, tell: Progress = lambda what: None) -> Atlas:
 
 @dataclass(frozen=True)
 class _Off:
-    """A model with several effects, all off at `values`, and what it answers then."""
+    """A model with several effects, all off at `values`, and its outputs there."""
 
     response: Response
     values: dict[str, float]
@@ -125,7 +127,7 @@ class _Off:
         return cls(response, values, response.outputs_alone(values, FINE))
 
     def changed(self, effect: Effect) -> np.ndarray:
-        """What an effect of its usual size adds to the answers (N,)."""
+        """The change of the outputs (N,) by an effect at its usual size."""
         answers = self.response.outputs_alone(self.values | dict(effect.typical), FINE)
         return np.concatenate([a - b for a, b in zip(answers, self.outputs, strict=True)])
 
@@ -140,7 +142,7 @@ def _largest(cases: Sequence[Case], answers: Sequence[np.ndarray]) -> dict[str, 
 
 
 def experiments(plant: Plant) -> dict[str, Protocol]:
-    """The protocols that are usual on a plant's bench; steps and sweeps of its inputs where it declares none."""
+    """The standard protocols of a plant; steps and sweeps of its inputs if it declares none."""
     if plant.standard is not None:
         return plant.standard()
     usual = {s.name: plant.quantity(s.name).nominal for s in plant.inputs}
@@ -156,7 +158,7 @@ def _case(plant: Plant, protocol: Protocol) -> Case:
 
 
 def _own(plant: Plant, kernel: Kernel, cases: Sequence[Case], values: Mapping[str, float]) -> np.ndarray:
-    """How the readings move with the plant's own parameters, shared ones and those of each record, (N, k)."""
+    """The sensitivities (N, k) of the readings to the plant's own parameters, shared ones and those of each record."""
     shared, each = base_parameters(plant), list(plant.each_start)
     _, blocks = Response(kernel, cases).sensitivities(values, [*(f.name for f in shared), *each])
     columns = np.concatenate([block[:, : len(shared)] for block in blocks])
@@ -170,13 +172,13 @@ def _own(plant: Plant, kernel: Kernel, cases: Sequence[Case], values: Mapping[st
 
 
 def _remaining(changed: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """What a fit of the own parameters leaves of a change (N,)."""
+    """The residual (N,) that a fit of the plant's own parameters leaves of a change."""
     information = own.T @ own / ATLAS_NOISE**2 + np.eye(own.shape[1]) / PRIOR**2
     return changed - own @ np.linalg.solve(information, own.T @ changed / ATLAS_NOISE**2)
 
 
 def _ordered(plant: Plant, found: Sequence[Signature]) -> tuple[list[Signature], np.ndarray]:
-    """By channel, and in each so that neighbours look alike: the leaves of a tree of the cosines (average linkage)."""
+    """Effects ordered by channel, and within it so that neighbours are alike (average linkage of the cosines)."""
     size = found[0].residual.size if found and found[0].residual is not None else 1
     columns = np.column_stack([np.zeros(size) if e.residual is None or not e.visible else e.residual for e in found])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

@@ -1,8 +1,8 @@
-"""Which experiments take part in no fit: those that can see what may be missing, and leave others that can, too.
+"""The choice of held-out experiments: they should confirm effects, and leave enough data to find them.
 
-Every candidate's columns at the declared parameters say how much of what it would change lies in each experiment. The
-held-out experiments should see about a share HELD of it for as many candidates as possible, and the fits should still
-see most of it; and without them the base's own parameters should become little less certain.
+Every candidate's columns at the declared parameters show how its change is distributed over the experiments. The
+held-out experiments should contain about a share HELD of it, for as many candidates as possible, and the training data
+most of it. Without them, the uncertainty of the base's own parameters should increase only little.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate tha
 
 @dataclass(frozen=True)
 class _Information:
-    """By candidate, the share of what it changes that lies in each piece (m, pieces); information (pieces, k, k)."""
+    """The share of each candidate's change that lies in each piece (m, pieces); Fisher information (pieces, k, k)."""
 
     shares: np.ndarray
     information: np.ndarray
 
     def worth(self, chosen: list[int]) -> float:
-        """What holding out the pieces `chosen` is worth: candidates confirmed, less parameters and candidates lost."""
+        """The value of holding out the pieces `chosen`: candidates confirmed, less candidates and information lost."""
         seen = self.shares[:, chosen].sum(axis=1)
         confirmed = np.mean(np.minimum(seen, HELD) / HELD - np.maximum(seen - HELD, 0) / (1 - HELD))
         rest = [i for i in range(len(self.information)) if i not in chosen]
@@ -44,7 +44,7 @@ class _Information:
 
 
 def with_held_out(study: Study) -> Study:
-    """The study with the held-out pieces chosen by what they can see; as it is where the model has no answer yet."""
+    """The study with held-out pieces chosen by their information; unchanged where the model cannot be solved yet."""
     if len(study.pieces) < 3:
         return study
     try:

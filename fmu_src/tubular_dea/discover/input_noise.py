@@ -1,9 +1,9 @@
-"""The part of the noise that comes in with the monitors: it drives the model, and is no effect.
+"""The monitors' noise: it drives the model, and must not be mistaken for an effect.
 
-A monitor's noise that cannot be told from its signal moves the model's answer slowly (a few um on a bench), so
-samples at which the answer is sensitive to the inputs weigh less: their variance is the sensor's plus the monitors'
-through the gain for a constant, both taken at low frequencies, where effects are sought. An output that feels rates
-(a current) hardly feels a constant: what noise does to it is tried out.
+The part of a monitor's noise that cannot be separated from its signal moves the model's output slowly (a few um on a
+bench). So samples at which the output is sensitive to the inputs weigh less: their variance is that of the sensor plus
+that of the monitors times the squared static gain, both at low frequencies, where effects are sought. An output that
+depends on rates (a current) has almost no static gain; for it, the variance is found by simulation.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndar
 
 
 def _input_variance(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
-    """The variance that the monitors' noise adds to every whitened sample (N,) of outputs that feel rates."""
+    """The variance that the monitors' noise adds to every whitened sample (N,) of outputs that depend on rates."""
     feeling = {o.name for o in study.plant.outputs if o.jumps}
     found = [np.zeros(p.record.size) for p in study.pieces]
     chosen = [i for i, p in enumerate(study.pieces) if feeling & {r.output for r in p.case.readings}]
@@ -60,7 +60,7 @@ def _input_variance(study: Study, values: Mapping[str, float]) -> list[np.ndarra
 
 
 def _noisy(piece: Piece, random: np.random.Generator) -> Case:
-    """The case with continuous inputs as they would have been drawn had their monitors' noise been another."""
+    """The case with continuous inputs as estimated from another realisation of their monitors' noise."""
     times, protocol = piece.case.readings[0].times, piece.case.protocol
     lines = {name: (protocol.time, values) for name, values in protocol.inputs.items()}
     for name in piece.driven.corners:
@@ -77,7 +77,7 @@ def _noisy(piece: Piece, random: np.random.Generator) -> Case:
 
 
 def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
-    """What the monitors' noise leaves in every output [SI], up to the plant's own bandwidth."""
+    """The rms that the monitors' noise causes in every output [SI], up to the plant's own bandwidth."""
     total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
@@ -90,7 +90,7 @@ def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[st
 
 
 def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.ndarray]]:
-    """How the answer of every piece moves with a constant added to each monitor: output over input, each (N,)."""
+    """The static gains of every piece: output over a constant added to each monitor, each (N,)."""
     response = study.response((), study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]
     return {name: constant_gains(response, values, name) for name in noisy}

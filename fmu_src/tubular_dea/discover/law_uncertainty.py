@@ -1,12 +1,12 @@
-"""What another law would change about the parameters: it is not known that the catalogue's is the tube's.
+"""The uncertainty of the parameters due to the form of a law: the catalogue's law may not be exactly the plant's.
 
-The contribution of an effect to the readings, c, may differ from its law's by some per cent, slowly over the output,
-the inputs and the experiments, and by a shift in time: c times smooth functions, each with a share that has zero mean
-and standard deviation LAW. These shares are fitted along with the parameters and integrated out (Kennedy and O'Hagan,
-"Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001) 425, with few functions instead of a
-Gaussian process). The parameters stay those of the law; how far the shares would move them counts as
-uncertainty. Effects with but one form (`Effect.exact`) have none. Where effects cannot be told apart, so does the
-spread between them.
+The true contribution of an effect to the readings may differ from that of its law, c, by some per cent, slowly varying
+over the output, the inputs and the experiments, and by a shift in time. This model discrepancy is c times smooth
+functions, each with a coefficient of zero mean and standard deviation LAW. The coefficients are fitted along with the
+parameters and integrated out (Kennedy and O'Hagan, "Bayesian calibration of computer models", J. R. Statist. Soc. B 63
+(2001) 425, with few functions instead of a Gaussian process). The parameters stay those of the law; the change that the
+coefficients would cause counts as uncertainty. Effects with only one form (`Effect.exact`) have no discrepancy. The
+spread between equivalent effects counts as uncertainty too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PART = 0.1  # [1] of the effect that is switched off to see its contribution
 
 
 def with_law(study: Study, problem: Problem, ids: Ids, best: Fit) -> Fit:
-    """The fit with the covariance and standard errors that it has beside other laws of its effects."""
+    """The fit with a covariance and standard errors that include the discrepancy of its laws."""
     other = [_columns(study.catalogue[name], problem, best) for name in ids if not study.catalogue[name].exact]
     if not other:
         return best
@@ -47,7 +47,7 @@ def with_law(study: Study, problem: Problem, ids: Ids, best: Fit) -> Fit:
 
 
 def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
-    """The fit with the spread of the parameters that it shares with rivals which would do as well."""
+    """The fit with the spread between it and equivalent rivals added to the uncertainty of common parameters."""
     apart = [
         np.array(
             [r.scaled[r.names.index(n)] - best.scaled[i] if n in r.names else 0.0 for i, n in enumerate(best.names)]
@@ -60,7 +60,7 @@ def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
 
 
 def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:
-    """What a share of 1 of each function adds to the whitened readings, shape (N, functions)."""
+    """The change of the whitened readings by a coefficient of 1 of each function, shape (N, functions)."""
     off = switched_off(effect)
     less = {n: v + PART * (off[n] - v) for n, v in best.values.items() if n in effect.off}
     outputs = problem.response.outputs(best.values)

@@ -1,7 +1,8 @@
-"""Which experiment to make next: of feasible protocols, the one on which the competing models differ most.
+"""Design of the next experiment: the feasible protocol on which the competing models differ most.
 
-Expected discrimination is half the squared distance of the models' answers in units of the sensor's noise. Feasible
-are the plant's own protocols (`Plant.experiments`), or steps and sweeps of every input within what was recorded.
+The expected discrimination is half the squared distance between the models' outputs in units of the sensor's noise.
+Feasible protocols are those of the plant (`Plant.experiments`), or steps and sweeps of every input within the recorded
+range.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the larges
 
 @dataclass(frozen=True)
 class Proposal:
-    """A protocol in words, and how far the two closest models are apart on it (log likelihood)."""
+    """A protocol in words, and its discrimination between the two closest models (log likelihood)."""
 
     words: str
     discrimination: float
 
 
 def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
-    """The protocol that separates the two closest of `options` best; None where fewer than two are given."""
+    """The protocol that best discriminates the two closest of `options`; None where fewer than two are given."""
     best: Proposal | None = None
     reading = study.pieces[0].case.readings[0]
     step = float(np.median(np.diff(reading.times)))
@@ -56,7 +57,7 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
 
 
 def feasible(study: Study) -> dict[str, Protocol]:
-    """Protocols in words, within what was recorded."""
+    """Protocols within the recorded range, by their description."""
     largest = study.plant.nominal_inputs([p.case.protocol for p in study.pieces])
     if study.plant.experiments is not None:
         return study.plant.experiments(largest)
@@ -66,7 +67,7 @@ def feasible(study: Study) -> dict[str, Protocol]:
 
 
 def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float) -> dict[str, Protocol]:
-    """Of every input in turn steps of growing height and a sweep, the others at half of their largest values."""
+    """For every input in turn, steps of growing height and a sweep, with the others at half of their largest values."""
     found = {}
     for name, top in largest.items():
         unit = plant.quantity(name).unit

@@ -1,9 +1,8 @@
-"""Noise is never more than what a fit cannot predict of its own residual from the residual's past.
+"""An upper bound of the noise: the prediction error of an autoregression of the base model's residual.
 
-Where a record has no quiet stretch (a circuit driven by a broad band), stretches of it hold signal, and what they
-suggest is far too much, or of the signal's colour; then white noise of the bound's size is all that is known. The error
-of an autoregression of the base model's residual bounds the noise from above, whatever the model lacks: slow structure
-is predicted by it, white noise is not.
+Whatever the model lacks, an autoregression predicts slow structure in the residual, but not white noise. The bound is
+needed where a record has no quiet part (a circuit driven by a broadband signal): its noise estimate then contains
+signal and is far too large, or has the signal's colour. In that case white noise of the size of the bound is assumed.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ TOO_MUCH = 1.25  # [1] times the bound: noise below that is left as it was estim
 
 
 def with_noise_of(study: Study, fitted: Fit) -> Study:
-    """The study with the noise of every output no larger than the base model's residual allows."""
+    """The study with the noise of every output limited to what the base model's residual allows."""
     answers = study.response((), study.training).outputs(fitted.values)
     noise = dict(study.noise)
     for name, known in study.noise.items():
@@ -35,7 +34,7 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
             if reading.output == name
         ]
         bound = prediction_error(left)
-        signal = known.form >= UNQUIET  # what moves cannot be told from noise of its colour
+        signal = known.form >= UNQUIET  # the signal cannot be separated from noise of its colour
         if np.isfinite(known.freedom) and bound > 0 and (signal or known.innovation > TOO_MUCH * bound):
             form = UNQUIET if signal else known.form
             noise[name] = Noise(bound, 0.0, float(sum(r.size for r in left)), hum=known.hum, form=form)
@@ -43,7 +42,7 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
 
 
 def prediction_error(records: list[np.ndarray]) -> float:
-    """Root mean square of what an autoregression over all records (each (n,)) cannot predict."""
+    """Root mean square prediction error of an autoregression over all records (each (n,))."""
     order = min(ORDER, min(r.size for r in records) // 4)
     centred = [r - r.mean() for r in records]
     total = sum(r.size for r in centred)

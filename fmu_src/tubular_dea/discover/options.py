@@ -1,4 +1,4 @@
-"""A set of effects, fitted and validated: what the search compares."""
+"""Options, which the search compares: sets of effects, fitted and validated."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .validation import folds, held_out_residual, left_out
 
 @dataclass(frozen=True)
 class Option:
-    """Effects `ids` fitted: the fit, and what it leaves of data that had no part in it.
+    """Effects `ids` fitted: the fit, and its residuals on data that took no part in it.
 
     `cross_validated` is the sum of squares of blocks left out in turn, `across` that of experiments left out in turn,
-    `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have but one
-    form, so that whatever they leave over is something else.
+    `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have only one
+    form, so that any remaining residual has another cause.
     """
 
     ids: Ids
@@ -40,17 +40,17 @@ class Option:
 
     @property
     def misfit(self) -> float:
-        """The sum of squares of all experiments: those it was fitted to and those held out."""
+        """The sum of squares of all experiments, in training and held out."""
         return self.fitted.cost + self.held_out
 
     @property
     def evidence(self) -> float:
-        """Minus half of the misfit and of the price of the parameters (log of the samples each)."""
+        """Log evidence by BIC: minus half of the misfit and of the penalty, log(samples) for each parameter."""
         return -0.5 * (self.misfit + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
 
 
 def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: Sequence[str]) -> Option | None:
-    """Effects `ids` fitted from `start` (SI), those of them in `refined` in their finer form; None without answer."""
+    """Effects `ids` fitted from `start` (SI), those in `refined` in their finer form; None where that fails."""
     finer = tuple(i for i in ids if i in refined)
     try:
         return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)

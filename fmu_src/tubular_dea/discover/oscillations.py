@@ -1,7 +1,7 @@
-"""Oscillations in the record that no recorded input drives: lines of the sensor's spectrum that are no mains hum.
+"""Oscillations that no recorded input drives: lines in the sensor's spectrum that are not mains hum.
 
-The estimate of the noise finds them in quiet stretches and takes them out (`Noise.lines`). Here they are told: their
-frequency, made finer over all records, and how high they are in what the named model leaves of each.
+The noise estimate finds them in quiet parts of the records and removes them (`Noise.lines`). Here their frequency is
+refined over all records, and their amplitude is determined in the residual of each.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Oscillation:
 
 
 def oscillations(found: Discovery) -> list[Oscillation]:
-    """Those that stand out of the noise in what the named model leaves."""
+    """The significant oscillations in the residual of the named model."""
     study, named = found.study, found.named
     if not any(noise.lines for noise in study.noise.values()):
         return []
@@ -59,7 +59,7 @@ def oscillations(found: Discovery) -> list[Oscillation]:
 
 
 def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> float:
-    """The frequency near a line at which the records, each with a phase of its own, have most."""
+    """The frequency near a line with the largest amplitude in the records, each with its own phase."""
     grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
     return float(grid[int(np.argmax(power))])

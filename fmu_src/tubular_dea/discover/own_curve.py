@@ -1,10 +1,9 @@
-"""What an effect does by itself, as identified: a curve, a loop, the answer to a step, or a drift; with a band.
+"""The characteristic of an effect alone, as identified: a curve, a loop, a step response or a drift, with a band.
 
-The effect is cut out of the model (`model.alone`) and one of the inputs or states that it acts on is moved through the
-range that it has in the records, all others held where the effect does most. An effect without a memory is a curve.
-One with a memory that is the same at any speed is a loop: there and back, part of the way first. Any other is shown by
-the answer to a step, as fast as the records have it, over the time in which it settles; but where all it remembers is
-how long ago the start was, over that.
+The effect is isolated from the model (`model.alone`). One of the inputs or states that it acts on is moved through its
+range in the records, with all others held where the effect is largest. An effect without memory is a curve. One with a
+rate-independent memory is a loop: first part of the way and back, then all of it. Any other is shown by its response to
+a step, as fast as in the records, until it settles; or over time, if it depends on the time since the start only.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ Given = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Excitation:
-    """A record as the effect feels it: `time` (n,) and, by name, inputs and states of the plant, each (n,)."""
+    """What drives an isolated effect: `time` (n,) and, by name, inputs and states of the plant, each (n,)."""
 
     time: np.ndarray
     given: Given
@@ -55,9 +54,9 @@ class Excitation:
 class OwnCurve:
     """A `kind` "curve", "loop", "step" or "time": `on` with the effect and `off` without, over x, each (n,).
 
-    `low` and `high` are the ends of its band. x is of the quantity `over`, or the time where that is None; for a curve
-    of a sensor or monitor it is what comes to the effect. What is moved is `moved`, between `ends`; None where nothing
-    is.
+    `low` and `high` are the ends of its band. x is the quantity `over`, or the time where that is None; for a curve
+    of a sensor or monitor it is the input of the effect. `moved` is the quantity that is moved between `ends`, or
+    None.
     """
 
     kind: str
@@ -73,7 +72,7 @@ class OwnCurve:
 
 
 class IsolatedEffect:
-    """An effect alone, compiled, at identified parameters."""
+    """An effect without the rest of the model, compiled, at identified parameters."""
 
     def __init__(self, base: Model, effect: Effect, fitted: Fit, jumping: Collection[str] = ()) -> None:
         """`fitted` has the effect's parameters; `jumping` are inputs that are held between samples."""
@@ -92,7 +91,7 @@ class IsolatedEffect:
     def run(
         self, excitation: Excitation, values: Mapping[str, float], times: np.ndarray | None = None
     ) -> dict[str, np.ndarray]:
-        """What the effect changes, and its own states, along an excitation."""
+        """The quantity that the effect changes, and its own states, under an excitation."""
         inputs = {inner: excitation.given[name] for name, inner in self.cut.acts_on.items()}
         at = excitation.time if times is None else times
         found = self._kernel.simulate(Protocol(excitation.time, inputs), np.unique(at), values, max_steps=CURVE_STEPS)
@@ -101,14 +100,14 @@ class IsolatedEffect:
         return {name: found[name][places] for name in wanted}
 
     def change(self, excitation: Excitation, times: np.ndarray | None = None) -> np.ndarray:
-        """By how much the effect changes what it changes, along an excitation."""
+        """The change that the effect makes under an excitation."""
         name = self.cut.output
         return self.run(excitation, self.on, times)[name] - self.run(excitation, self.off, times)[name]
 
     def band(self, excitation: Excitation, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The ends of the 95 % band: quantiles of runs at parameters drawn from their covariance, inside their bounds.
 
-        nan where the model has no answer at too many of these.
+        nan where the model cannot be solved for too many of these.
         """
         mine = [i for i, f in enumerate(self.fitted.free) if f.name in {q.name for q in self.effect.parameters}]
         free = [self.fitted.free[i] for i in mine]
@@ -129,7 +128,7 @@ class IsolatedEffect:
 
 
 def own_curve(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> OwnCurve | None:
-    """What the effect does over the ranges of some records; None where it is the same whatever moves."""
+    """The effect's characteristic over the ranges of some records; None where it is constant."""
     usual, cut = _Usual.of(isolated, excitations), isolated.cut
     if cut.clock:
         return _drawn(isolated, "time", None, usual, *usual.still(cut, usual.longest))
@@ -146,7 +145,7 @@ def own_curve(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> Ow
 
 
 def _most(isolated: IsolatedEffect, usual: _Usual) -> str | None:
-    """What the effect is moved by most: what it says itself, else the excitation that changes most of what it does."""
+    """The quantity that moves the effect most: the one it declares, else the one with the largest influence."""
     cut = isolated.cut
     names = [cut.over] if cut.over else [n for n in cut.drivers if n in usual.moving]
     excitation, at = usual.still(cut, usual.longest)
@@ -160,7 +159,8 @@ def _most(isolated: IsolatedEffect, usual: _Usual) -> str | None:
 
 @dataclass(frozen=True)
 class _Usual:
-    """Of what an effect acts on: values where it does most, ranges and largest rates; the longest record [s]."""
+    """For the quantities an effect acts on: values where it is largest, ranges and largest rates; longest record
+    [s]."""
 
     values: dict[str, float]
     ends: dict[str, tuple[float, float]]
@@ -183,11 +183,11 @@ class _Usual:
 
     @property
     def moving(self) -> list[str]:
-        """What has a range."""
+        """The quantities that move."""
         return [n for n, (low, high) in self.ends.items() if high > low]
 
     def way(self, cut: Alone, name: str, lasts: float) -> tuple[Excitation, np.ndarray]:
-        """The excitation of `name` through its range within `lasts` seconds, and times at which to look."""
+        """The excitation of `name` through its range within `lasts` seconds, and the times of the samples."""
         shares = np.array(WAY if cut.remembers else (0.0, 1.0))
         gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(shares)))])
         corners = lasts * (gone / gone[-1])
@@ -195,14 +195,15 @@ class _Usual:
         return self.excitation(cut, name, corners, shares), times
 
     def still(self, cut: Alone, lasts: float) -> tuple[Excitation, np.ndarray]:
-        """The excitation on which nothing moves."""
+        """The excitation in which nothing moves."""
         at = self.values | (dict.fromkeys(cut.moving.values(), 0.0) if cut.remembers else {})
         return Excitation(np.array([0.0, lasts]), {n: np.full(2, v) for n, v in at.items()}), np.linspace(
             0, lasts, CURVE_POINTS
         )
 
     def excitation(self, cut: Alone, name: str, time: np.ndarray, shares: np.ndarray) -> Excitation:
-        """The excitation of `name` through shares of its range, straight between times; all else as it usually is."""
+        """The excitation of `name` through fractions of its range, linear between times; all else at its usual
+        values."""
         low, high = self.ends[name]
         values = low + (high - low) * shares
         begin = np.flatnonzero(np.diff(time) > 0)
@@ -218,7 +219,7 @@ class _Usual:
 
 
 def _step(isolated: IsolatedEffect, name: str, usual: _Usual) -> tuple[Excitation, np.ndarray]:
-    """The excitation of a step of `name`, and times at which to look until its answer has settled."""
+    """The excitation by a step of `name`, and the times of the samples until the response has settled."""
     low, high = usual.ends[name]
     rise = 0.0 if name in isolated.jumping else min((high - low) / usual.rates[name], STEP_RISE * usual.longest)
     shares = np.array([0.0, 0.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""Which parameters are searched for, from where, and in what scale."""
+"""Which parameters are fitted, from which start, and in what scale."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ def base_parameters(plant: Plant) -> list[Free]:
 
 
 def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
-    """What of an effect is identified; with what may be refined later if `refined`."""
+    """The parameters of an effect that are identified, including those of its finer form if `refined`."""
     names = [*effect.fit, *(effect.refine if refined else ())]
     return [_free(q, size(effect, q.name), effect) for q in effect.parameters if q.name in names]
 
 
 def size(effect: Effect, name: str) -> float:
-    """How far a parameter typically is from where it is off."""
+    """The typical distance of a parameter from its off value."""
     typical, off = effect.typical[name], effect.off.get(name, 0.0)
     quantity = next(q for q in effect.parameters if q.name == name)
     return abs(typical - off) or abs(quantity.nominal) or 1.0
 
 
 def unusual(effect: Effect, fitted: Fit) -> float:
-    """How many times its usual size an effect has, or by how many powers of ten beyond one its lengths are off."""
+    """The size of an effect relative to its usual one, or how many powers of ten beyond one its time constants are."""
     sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in effect.off.items() if n in fitted.names]
     lengths = [
         fitted.values[n] / effect.typical[n]
@@ -45,7 +45,7 @@ def unusual(effect: Effect, fitted: Fit) -> float:
 
 
 def switched_on(effect: Effect) -> dict[str, float]:
-    """Values of the parameters that are not searched for: held ones on, refinements off."""
+    """Values of the parameters that are not fitted: fixed ones on, refinements off."""
     held = {q.name: float(q.value or 0.0) for q in effect.parameters if q.name in effect.refine}
     return held | {n: v for n, v in effect.off.items() if n in effect.refine} | dict(effect.on)
 
@@ -56,7 +56,7 @@ def switched_off(effect: Effect) -> dict[str, float]:
 
 
 def clipped(free: Free, value: float) -> float:
-    """A value moved inside the bounds of its parameter."""
+    """A value, clipped to the bounds of its parameter."""
     low = -float("inf") if free.lower is None else free.lower
     high = float("inf") if free.upper is None else free.upper
     return min(max(value, low), high)

@@ -1,9 +1,9 @@
-"""What could not have been seen: for every effect the smallest size that these recordings would have shown.
+"""Detection limits: for every effect the smallest size that these recordings would have shown.
 
-An effect of size A adds A c to the whitened residual; what of c the present parameters cannot take up, c_p, makes the
-expected score A^2 |c_p|^2. It is seen if it passes the largest score of 95 % of nulls (false alarms of 5 %), with a
-probability of POWER. An effect that is switched by a share (a lag) has its own length for a size: the one at which its
-whole response would be seen, from its shape grid.
+An effect of size A adds A c to the whitened residual. The part c_p of c that the present parameters cannot absorb
+gives an expected score statistic of A^2 |c_p|^2. The detection limit is the size that exceeds the largest score of 95 %
+of nulls (5 % false alarms) with a probability of POWER. For an effect with a share (a lag) the size is its time
+constant: the one at which the whole effect would be detected, from its shape grid.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Sizes = dict[str, float | None]
 
 
 def detection_limits(listed: Sequence[Candidate], jacobian: np.ndarray, null: NullScores) -> dict[str, Sizes]:
-    """By effect and parameter the smallest size (SI) that would have been seen; None where none would.
+    """The detection limit (SI) by effect and parameter; None where no size would have been detected.
 
     `listed` are the candidates at the present model with `jacobian` (N, k).
     """
@@ -59,7 +59,7 @@ def _unit_statistic(candidate: Candidate, basis: np.ndarray) -> float:
 
 
 def _length(effect: Effect, listed: Sequence[Candidate], statistics: Sequence[float], needed: float) -> Sizes:
-    """The length (or rate, or frequency) at which the whole effect would just be seen."""
+    """The time constant (or rate, or frequency) at which the whole effect would just be detected."""
     name = next(iter(effect.shapes))
     best: dict[float, float] = {}
     for candidate, statistic in zip(listed, statistics, strict=True):
@@ -70,14 +70,14 @@ def _length(effect: Effect, listed: Sequence[Candidate], statistics: Sequence[fl
     if levels.max() <= 0:
         return {name: None}
     x, y = np.log(lengths), np.log(np.maximum(levels, 1e-300))
-    if y[0] > y[-1]:  # the effect grows as this falls (a rate limit): look from its other end
+    if y[0] > y[-1]:  # the effect grows as this falls (a rate limit): start from the other end
         x, y = -x[::-1], y[::-1]
         return {name: float(np.exp(-_crossing(x, y, float(np.log(needed)))))}
     return {name: float(np.exp(_crossing(x, y, float(np.log(needed)))))}
 
 
 def _crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Where y, which rises over x, comes to `level`; straight beyond its first point and the last."""
+    """Where y, which rises over x, reaches `level`; extrapolated linearly beyond the first and last points."""
     above = np.flatnonzero(y >= level)
     if not above.size:
         return float(x[-1] + (level - y[-1]) / SLOWEST_GAIN)

@@ -1,4 +1,4 @@
-"""Candidates refitted in full: all parameters of the base and of the effects together, from where the scores point."""
+"""Refits of candidates: all parameters of base and effects together, started from the amplitudes of the scores."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ MOST_LAG = 2.0  # [1] the same at most
 
 
 def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score], refined: Ids = ()) -> Fit | None:
-    """The present model with the effect of `scored` (its best shapes) added, after a few steps; None without answer.
+    """The present model with the effect of `scored` (its best shapes) added, after a few steps; None where that fails.
 
     Effects in `refined` keep their finer form.
 
-    Where that gains much less than the score promised, the search starts once more: from where the score's linear
-    model has the present parameters too, as they may have stood in for the effect, and with little of the effect.
+    If the gain is much less than the score predicted, the fit starts again: from the linear model's values of the
+    present parameters, as these may have compensated for the effect, and with little of the effect.
     """
     ids = (*present, scored[0].candidate.effect.id)
     starts = [start_values(fitted, score) for score in scored]
@@ -57,7 +57,7 @@ def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]], refined: I
 
 
 def moved(fitted: Fit, score: Score) -> dict[str, float]:
-    """The present parameters (SI) where the linear model has them beside the score's amplitudes."""
+    """The present parameters (SI) that the linear model gives together with the score's amplitudes."""
     amplitudes = np.array([score.amplitudes[n] for n in score.candidate.names])
     left = fitted.residual + score.candidate.columns @ amplitudes
     step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=1e-8)[0], -BELIEVED, BELIEVED)
@@ -92,7 +92,7 @@ def fit_effects(
 
 
 def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) -> Fit:
-    """The fit, searched on; as it is where the model has no answer on the way."""
+    """The fit continued; unchanged if that fails."""
     try:
         return fit_effects(study, ids, dict(begun.values), evaluations, refined)
     except FitError:
@@ -100,7 +100,7 @@ def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) 
 
 
 def start_values(fitted: Fit, score: Score, share: float = 1.0) -> dict[str, float]:
-    """Where a refit starts: the present optimum, the score's shape, and a share of its amplitude, inside bounds."""
+    """The start of a refit: the present optimum, the score's shape and a share of its amplitude, inside bounds."""
     effect = score.candidate.effect
     values = dict(fitted.values) | dict(effect.typical) | score.candidate.shape
     frees = {f.name: f for f in effect_parameters(effect)}
@@ -122,6 +122,7 @@ def _inside(effect: Effect, free: Free, amplitude: float) -> float:
 
 
 def _lag(effect: Effect, shape: dict[str, float], share: float) -> dict[str, float]:
-    """A share of a lag is about the whole of a shorter one; of a rate limit or a frequency, of a higher one."""
+    """The shape at which a share acts as a whole: a share of a lag is like a shorter lag, of a rate limit a higher
+    one."""
     share = float(np.clip(share, LEAST_LAG, MOST_LAG))
     return {name: value * share ** effect.trades.get(name, 0.0) for name, value in shape.items()}

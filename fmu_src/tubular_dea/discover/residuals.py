@@ -1,4 +1,4 @@
-"""What is left over: how large, how white, and what it goes along with."""
+"""Analysis of residuals: their size, their whiteness and their correlations."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ WHITENESS_LAGS = 20  # [1] lags of block means that their whiteness is judged by
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Whether a residual is noise. `excess` is what the sum of squares has beyond what noise leaves, `expected`.
+    """The lack of fit. `excess` is the sum of squares beyond `expected`, the value for noise alone.
 
     `z_slow` and `z_total` are the excess of block means and of all samples in standard deviations; `structure` is the
-    root mean square of what is not noise [SI], `ratio` the residual's over the noise's. Above a ratio of `far` how far
-    models are from the plant decides between effects, and not noise.
+    root mean square of the residual beyond noise [SI], `ratio` that of the residual over the noise. Above a ratio of
+    `far`, the error of the model's form and not the noise limits the distinction between effects.
     """
 
     excess: float
@@ -44,7 +44,7 @@ class LackOfFit:
 
 
 def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -> LackOfFit:
-    """How the residual of a fit to the training pieces compares with the noise."""
+    """The lack of fit of a fit to the training pieces."""
     pieces = study.training if pieces is None else pieces
     n = sum(p.record.size for p in pieces)
     residual = fitted.residual[:n]
@@ -70,15 +70,15 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
 
 
 def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
-    """The sum of squares that noise leaves: the sensor's in full, the monitors' as far as it came through.
+    """The sum of squares expected from noise: the sensor's, and the part of the monitors' that reaches the residual.
 
-    Where a piece was followed (its switching instants), nothing of it is left.
+    Where the switching instants of a piece were fitted, their part is removed.
     """
     return float(sum(np.sum(_variance(study, p, 1)) for p in pieces))
 
 
 def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
-    """The variance of every whitened sample (N,), as averages over `block` samples feel it."""
+    """The variance of every whitened sample (N,), as it counts in averages over `block` samples."""
     sensor = piece.weight**2
     transmitted = _transmitted(study, piece, block) * (1 - sensor)
     if block == 1:
@@ -89,7 +89,7 @@ def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
 def _transmitted(study: Study, piece: Piece, block: int) -> float:
     """The share of the monitors' noise that is in averages over `block` samples.
 
-    A monitor drawn as straight lines keeps the noise slower than its corners; the plant keeps what is in its bandwidth.
+    A monitor fitted by straight lines keeps noise slower than its corners; the plant keeps noise in its bandwidth.
     """
     corners = np.unique(piece.case.protocol.time).size
     kept = 2 * study.plant.bandwidth * float(np.median(np.diff(piece.case.readings[0].times)))
@@ -108,15 +108,15 @@ def block_means(residual: np.ndarray, pieces: Sequence[Piece]) -> np.ndarray:
 
 
 def slow_variance(fitted: Fit, pieces: Sequence[Piece]) -> float:
-    """By how much the white residual's averages vary more than noise would let them: 1 for noise, or less."""
+    """The variance of the white residual's block means relative to that of noise, at least 1."""
     n = sum(p.record.size for p in pieces)
     return max(1.0, float(np.mean(block_means(fitted.residual[:n], pieces) ** 2)))
 
 
 def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
-    """Named statistics of the residual: whiteness, correlation with what drives the tube, asymmetry, hysteresis.
+    """Named statistics of the residual: whiteness, correlation with inputs and outputs, asymmetry, hysteresis.
 
-    Correlations are of block means, so that 2 / sqrt(blocks) is about their 95 % limit under the null.
+    Correlations are of block means, so that their 95 % limit under the null hypothesis is about 2 / sqrt(blocks).
     """
     pieces = study.training
     n = sum(p.record.size for p in pieces)
@@ -140,7 +140,7 @@ def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
 
 
 def whiteness(means: np.ndarray, lags: int = WHITENESS_LAGS) -> float:
-    """Ljung and Box's statistic of the block means in standard deviations of its null."""
+    """The Ljung-Box statistic of the block means, in standard deviations under the null hypothesis."""
     centred = means - means.mean()
     power = float(centred @ centred)
     n = centred.size

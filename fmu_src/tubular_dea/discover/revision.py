@@ -1,4 +1,4 @@
-"""What was found so far, looked over again: effects exchanged, dropped, and given their finer form."""
+"""Revision of the effects found so far: some are replaced, dropped, or given their finer form."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
 
 @dataclass
 class Search:
-    """The rounds, the base, the final option, its rivals (best first), and what it gains by each of its effects.
+    """The rounds, the base, the final option, its rivals (best first), and the gain of each of its effects.
 
-    `study` has the records' own numbers as they are with the choice, `base_study` as they are with the base.
+    `study` has the nuisance parameters as estimated with the choice, `base_study` as estimated with the base.
     """
 
     base: Option
@@ -36,7 +36,7 @@ class Search:
 
 
 def revise(study: Study, found: Search, tell: Progress) -> None:
-    """After a round: earlier effects against their rivals, without each, and in finer forms."""
+    """After a round: replace earlier effects by rivals, drop effects, refine forms, where that is better."""
     if len(found.chosen.ids) > 1:
         _exchange(study, found, tell)
         _drop(study, found)
@@ -44,7 +44,7 @@ def revise(study: Study, found: Search, tell: Progress) -> None:
 
 
 def _exchange(study: Study, found: Search, tell: Progress) -> None:
-    """Every earlier effect against the rivals it had: in company another may do better, if it was not far behind."""
+    """Replace an earlier effect by a close rival of its round where that fits better with the later effects."""
     for place, name in enumerate(found.chosen.ids[:-1]):
         rest = tuple(i for i in found.chosen.ids if i != name)
         for rival in _earlier_rivals(found, place)[:EXCHANGED]:
@@ -63,7 +63,7 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
 
 
 def _earlier_rivals(found: Search, place: int) -> list[str]:
-    """The rivals of the effect at `place` that lacked no more than a few times what the effects after it brought."""
+    """The rivals of the effect at `place` that were behind by no more than a few times the gain of later effects."""
     if place >= len(found.rounds):
         return []
     best, *others = found.rounds[place].options
@@ -72,7 +72,7 @@ def _earlier_rivals(found: Search, place: int) -> list[str]:
 
 
 def _fitted_alone(study: Study, found: Search, name: str) -> dict[str, float]:
-    """The parameters that an effect had in an earlier round."""
+    """The parameters of an effect in an earlier round."""
     for step in found.rounds:
         for o in step.options:
             if o.ids[-1] == name:
@@ -82,7 +82,7 @@ def _fitted_alone(study: Study, found: Search, name: str) -> dict[str, float]:
 
 
 def _drop(study: Study, found: Search) -> None:
-    """Without each effect in turn: it goes where next to nothing is lost; what is lost otherwise is its gain."""
+    """Drop each effect whose removal costs almost nothing; for the others that cost is their gain."""
     for name in found.chosen.ids:
         rest = tuple(i for i in found.chosen.ids if i != name)
         without = fitted_option(study, rest, found.chosen.fitted.values, found.chosen.refined)
@@ -95,7 +95,7 @@ def _drop(study: Study, found: Search) -> None:
 
 
 def _refine(study: Study, found: Search, tell: Progress) -> None:
-    """Finer forms of the effects that are in, where the record asks for them; then of the near rivals' too."""
+    """Use finer forms of the chosen effects where the recordings support them; then of close rivals too."""
     if clean(found.chosen.lack_of_fit):
         return
     coarse = found.chosen
@@ -110,7 +110,7 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
 
 
 def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
-    """The rivals that came near the coarse form of the choice, with as fine forms as it has now; the best is chosen."""
+    """Refine the rivals close to the coarse form of the choice as it was refined; choose the best."""
     near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
 
     def refined(rival: Option) -> Option:
@@ -128,6 +128,6 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
 
 
 def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
-    """The option with the finer form of some of its effects; None without answer."""
+    """The option with the finer form of some of its effects; None where that fails."""
     tell(f"finer form of {', '.join(names)}")
     return fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))

@@ -1,4 +1,4 @@
-"""Does an addition hold on data that had no part in it: block cross-validation and the held-out pieces."""
+"""Validation on data that took no part in a fit: block cross-validation and the held-out pieces."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FOLDS = 6  # [1] folds that blocks are dealt to
 
 
 def left_out(fitted: Fit, fold: np.ndarray) -> float:
-    """The sum of squares of folds under parameters found without them (linearised at the optimum).
+    """The sum of squares of folds under parameters fitted without them (linearised at the optimum).
 
-    `fold` (N,) deals the rows to folds; rows of -1 are in all fits.
+    `fold` (N,) is the fold of each row; rows with -1 are in all fits.
     """
     J, r = fitted.jacobian, fitted.residual
     information, slope = J.T @ J, J.T @ r
@@ -35,9 +35,9 @@ def left_out(fitted: Fit, fold: np.ndarray) -> float:
 
 
 def folds(pieces: Sequence[Piece], rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """The fold of every row (N,), dealt by blocks in turn and by experiments; -1 for the rows of the prior.
+    """The fold of every row (N,), by blocks in turn and by experiments; -1 for the rows of the prior.
 
-    By blocks, no fold takes away all that the record says about a parameter; by experiments, a model must extrapolate.
+    With blocks, no fold contains all information on a parameter; with experiments, a model must extrapolate.
     """
     blocks, experiments = np.full(rows, -1), np.full(rows, -1)
     begin, dealt = 0, 0

@@ -1,1 +1,1 @@
-"""Recordings of a bench, and the parameters of a model that explain them best."""
+"""Identification: recordings, their noise, and the parameters of a model that fit them best."""

@@ -1,17 +1,17 @@
-"""What belongs to each record alone, taken from it: switching instants, zeros, hum and states at the start.
+"""The nuisance parameters of each record, estimated from it: switching instants, zeros, gains, hum, initial states.
 
-Zeros of sensors and monitors differ from file to file by nobody knows how much: their spread is estimated with the fit
-(restricted maximum likelihood by expectation and maximisation, Laird and Ware, Biometrics 38 (1982) 963), about a mean
-of its own, so that an offset common to all files is left for the effects that explain it. With fewer than LEAST_FILES
-files it is the usual one that the plant declares.
+Zeros of sensors and monitors differ between files by an unknown amount. Their spread is estimated together with the fit
+(restricted maximum likelihood by expectation and maximisation, Laird and Ware, Biometrics 38 (1982) 963) about a mean
+of its own, so that an offset common to all files is left to the effects that explain it. With fewer than LEAST_FILES
+files the spread is the usual one that the plant declares.
 
-So are monitors' gains, about 1. Monitors have filters, which make them late by a part of a sample in all files alike:
-by how much is estimated with the fit, as far as a filter may be late, and taken off. Channels are read in turn besides:
-each is a little late or early, nobody knows how much.
+Gains of monitors are treated in the same way, about 1. The filters of monitors delay them by a part of a sample,
+equally in all files. This delay is estimated with the fit, up to the longest plausible one, and corrected. As channels
+are sampled in turn, each also has a small unknown delay or lead.
 
-Where an input switched between two samples, the record itself says when: of all instants inside its bounds the one that
-explains the samples behind it best is taken, and what is not known of it is integrated out. The first of these samples
-decides: it has answered for a part of the time between samples, whatever the model lacks.
+Where an input switched between two samples, the instant within its bounds that best explains the following samples is
+used, and its uncertainty is integrated out. The first of these samples decides: the plant has responded for a part of
+the sampling interval, whatever the model lacks.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ GAIN_OF, LATE_OF = "gain of ", "late "  # names of what a monitor has of its own
 
 @dataclass(frozen=True)
 class _Linearised:
-    """A piece at the present model: its white residual and whitened columns, before anything is integrated out.
+    """A piece linearised at the present model: its white residual and whitened columns, before any marginalisation.
 
-    `windows` are the samples that feel the instant of each edge, and what they do where it moves through its bounds.
+    `windows` are the samples that depend on the instant of each edge, and their response to shifts within its bounds.
     """
 
     residual: np.ndarray
@@ -80,8 +80,8 @@ class _Linearised:
 
 @dataclass(frozen=True)
 class _EdgeResponse:
-    """The samples `where` that feel an edge's instant, their whitened answers (g, m) at the shifts `grid` (g,) [s], and
-    the shift `now`."""
+    """The samples `where` that depend on an edge's instant, their whitened responses (g, m) at the shifts `grid` (g,)
+    [s], and the present shift `now`."""
 
     where: slice
     grid: np.ndarray
@@ -89,7 +89,7 @@ class _EdgeResponse:
     now: float
 
     def best(self, left: np.ndarray) -> float:
-        """The shift at which what is `left` (m,) at the present one becomes least."""
+        """The shift that minimises the residual, which is `left` (m,) at the present shift."""
         if not self.answers.size:
             return self.now
         fine = np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
@@ -100,16 +100,16 @@ class _EdgeResponse:
         return float(fine[int(np.argmin(squares))])
 
     def column(self, shift: float) -> np.ndarray:
-        """What the samples change by with the shift, per second."""
+        """The derivative of the samples with respect to the shift, per second."""
         if not self.answers.size:
             return np.empty(0)
         return np.asarray(CubicSpline(self.grid, self.answers)(shift, 1))
 
 
 def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = ()) -> Study:
-    """The study with the records' own numbers taken at a model with effects `ids` and parameters `values` (SI).
+    """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
 
-    `free` are the parameters that follow along while spreads are estimated.
+    `free` are the parameters that are fitted while spreads are estimated.
     """
     fixed = study.geometry | dict(values)
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
@@ -121,7 +121,7 @@ def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence
 
 
 def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
-    """The piece with columns (SI) of its zeros, hum and unknown start at the present model."""
+    """The piece with the columns (SI) of its nuisance parameters at the present model."""
     columns: list[np.ndarray] = []
     names: list[str] = []
     rows = piece.case.parts()
@@ -157,13 +157,13 @@ def _step_of(piece: Piece) -> float:
 
 
 def _amplified(case: Case, name: str) -> Case:
-    """The case with one of its inputs larger by the usual error of a gain."""
+    """The case with one of its inputs scaled by the usual error of a gain."""
     inputs = case.protocol.inputs
     return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] * (1 + GAIN)}))
 
 
 def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
-    """The case with one of its inputs earlier by as much as it may be recorded late, and that [s]."""
+    """The case with one of its inputs earlier by the longest plausible delay, and that delay [s]."""
     by = LATE * _step_of(piece)
     return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
 
@@ -175,7 +175,7 @@ def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
 
 
 def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> _Linearised:
-    """White residual, edges' columns in their windows, and the columns of what the record has of its own."""
+    """The piece linearised: white residual, responses to its edges, columns of its nuisance parameters."""
     response = study.asked(ids, [piece.case])
     here = response.outputs_alone(values)[0]
     residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
@@ -184,9 +184,10 @@ def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piec
 
 
 def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_EdgeResponse]:
-    """For every edge what its window answers while the edge moves through its bounds.
+    """The response of every edge's window to shifts within the bounds of the edge.
 
-    Every other edge is moved at once: what one does is over when the next but one comes, or it is cut there.
+    Every second edge is moved in the same simulation: its response has ended when the next but one comes, or is cut
+    there.
     """
     edges = piece.driven.edges
     if not edges:
@@ -220,7 +221,7 @@ def _edges(study: Study, response: Response, values: Mapping[str, float], piece:
 
 
 def _place(piece: Piece, number: int, following: Iterable[int]) -> slice:
-    """The samples that may feel the instant of an edge: from its earliest to the `following` one's."""
+    """The samples that may depend on an edge's instant: from its earliest one to that of the `following` edge."""
     edges, times = piece.driven.edges, piece.case.readings[0].times
     starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.late.get(edges[i].input, 0.0) for i in following]
     mine = edges[number]
@@ -236,14 +237,14 @@ def _informative_samples(answers: np.ndarray) -> int:
 
 
 def _reach(edge: Edge) -> float:
-    """Half of the time in which an edge may have happened."""
+    """Half of the interval in which an edge may have happened."""
     return 0.5 * (edge.latest - edge.earliest)
 
 
 def _spreads(
     study: Study, ids: Ids, values: Mapping[str, float], linear: Sequence[_Linearised], free: Sequence[Free]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """The standard deviation between files of every zero and gain, by name (SI), and how late monitors are (samples).
+    """The standard deviation between files of every zero and gain by name (SI), and the delays of monitors (samples).
 
     With few files the spreads are the usual ones.
     """
@@ -272,7 +273,7 @@ def _spreads(
 
 
 def _usual(study: Study, piece: Piece, name: str) -> float:
-    """The usual size of a zero, a gain or a lateness (SI); 0 for what else a record has of its own."""
+    """The usual size of a zero, a gain or a delay (SI); 0 for the other nuisance parameters."""
     if name.startswith(GAIN_OF):
         return GAIN
     return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name)
@@ -287,7 +288,7 @@ def _estimated(
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Expectation and maximisation over the normal equations of parameters, means and every file's deviations.
 
-    Variances (k,) in units of the usual ones, which they are where files are `few`; and mean latenesses in samples.
+    Returns variances (k,) in units of the usual ones (1 where files are `few`), and mean delays in samples.
     """
     k, p, m = len(kinds), fixed[0].shape[1], len(training)
     size = p + k + m * k
@@ -332,9 +333,9 @@ def _estimated(
 def _settled(
     study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
 ) -> Piece:
-    """The piece with its edges moved to where the record has them, and everything of its own integrated out.
+    """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
-    `later` says by how many samples inputs are recorded late.
+    `later` is the delay, in samples, by which inputs are recorded late.
     """
     sd = np.array([_prior(study, piece, name, spread) for name in piece.nuisances.names])
     shifts = piece.shifts
@@ -356,7 +357,7 @@ def _settled(
 
 
 def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
-    """Values of parameters, moved into their bounds."""
+    """Values of parameters, clipped to their bounds."""
     inside = {}
     for name, value in values.items():
         q = study.plant.quantity(name)
@@ -366,7 +367,7 @@ def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _windows(piece: Piece, linear: _Linearised, shifts: np.ndarray) -> list[tuple[slice, np.ndarray, float]]:
-    """Of every edge its samples, their column at a shift, and its prior [s]."""
+    """The samples of every edge, their column at a shift, and its prior [s]."""
     return [
         (m.where, m.column(float(s)), _reach(e))
         for m, s, e in zip(linear.windows, shifts, piece.driven.edges, strict=False)
@@ -374,7 +375,7 @@ def _windows(piece: Piece, linear: _Linearised, shifts: np.ndarray) -> list[tupl
 
 
 def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -> float:
-    """The standard deviation of one of a record's own numbers (SI); the usual one where no `spread` is known."""
+    """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
     if name in spread:
         return spread[name]
     if name.startswith(LATE_OF):
@@ -388,7 +389,7 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
 
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
-    """A model's answer (N,) for a piece, with the most likely values of what the record has of its own."""
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters."""
     residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     local = Marginal(piece.marginal.windows)

@@ -1,13 +1,13 @@
-"""An input that an analogue filter kept below half the sampling rate: known between its samples as well.
+"""A band-limited input: a signal that an analogue filter kept below half the sampling rate.
 
-Samples that lie close enough tell such a signal everywhere (Shannon). It is drawn as straight lines on a finer grid, by
-padding its spectrum with zeros. Beyond its ends the record is continued by its mirror image, turned over, so that there
-is no jump in value or slope for the spectrum to ring at.
+Such a signal is determined between its samples too (Shannon). It is represented by straight lines on a finer grid,
+by zero-padding its spectrum. Beyond its ends the record is continued by its point reflection, so that no jump in value
+or slope makes the spectrum ring.
 
-Lines through the signal itself cut its corners: of a frequency f they have sinc^2(f step), and the rest above the
-sampling rate. Where no output follows the input at once, the points are therefore those whose lines have all of the
-signal below half the sampling rate (Unser, "Sampling - 50 years after Shannon", Proc. IEEE 88 (2000) 569): what lies so
-far above, states do not feel, and two points a sample do what eight do otherwise.
+Straight lines through the signal attenuate a frequency f by sinc^2(f step); the rest is aliased above the sampling
+rate. Where no output depends on the input directly, the points are therefore chosen such that the lines have the
+signal's spectrum below half the sampling rate (Unser, "Sampling - 50 years after Shannon", Proc. IEEE 88 (2000) 569).
+States do not respond to the aliased part, so two points per sample do as well as eight otherwise.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a laboratory says of its recordings beside them: `bench.toml`, optional, unknown keys refused.
+"""The optional file `bench.toml` beside recordings, in which a laboratory describes them; unknown keys are refused.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What a recording cannot be: each check yields what is wrong as "line N, column 'name': ..."."""
+"""Checks of recordings: each yields what is wrong as "line N, column 'name': ..."."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SMOOTHED = 9  # [samples] over which noise is averaged for that
 
 
 def inputs(values: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray) -> Iterator[str]:
-    """All that is wrong with the inputs of a recording (SI units), the plainest first; `lines` (n,) are the file's."""
+    """The faults of a recording's inputs (SI units), the most obvious first; `lines` (n,) are those of the file."""
     for signal in plant.inputs:
         yield from _wrong_unit(values[signal.name], signal.name, signal, plant.quantity(signal.name).unit, lines)
         yield from _standstill(values[signal.name], signal.name, lines, stops=(np.max,))
@@ -31,7 +31,7 @@ def inputs(values: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray) ->
 def output(
     recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float
 ) -> Iterator[str]:
-    """All that is wrong with an output (n,) as it stands in the file's column `name`, NaN where missing.
+    """The faults of an output (n,), as in the file's column `name`, NaN where missing.
 
     `rest` is what it reads at rest.
     """
@@ -50,7 +50,7 @@ def output(
 
 
 def _may_stand_still(plant: Plant, signal: Output) -> bool:
-    """Whether a sensor's stop is something that the plant's places may explain."""
+    """Whether an effect at the plant's places may explain that the output stands still."""
     return any(place.name == signal.name and place.asks("saturation") for place in plant.places)
 
 
@@ -61,7 +61,7 @@ def _wrong_unit(values: np.ndarray, name: str, signal: Input | Output, unit: str
 
 
 def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
-    """What the largest value says against the unit of a signal that is more than noise about zero; "" for nothing."""
+    """Why the largest value of a signal that is more than noise contradicts its unit; "" if it does not."""
     largest = float(values[int(np.argmax(np.abs(values)))])
     top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
     if np.count_nonzero(np.diff(values)) >= STANDSTILL:  # a monitor, not some steps of a set point
@@ -75,7 +75,7 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
 
 
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
-    """A finding where `values` (n,) hold nothing but noise; `wanted` says in words what was expected of them."""
+    """A finding where `values` (n,) are only noise; `wanted` describes what was expected."""
     if np.ptp(values) <= CONSTANT * noise_level(values) or np.ptp(values) == 0:
         yield (
             f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
@@ -88,7 +88,7 @@ def _standstill(
 ) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
 
-    What a computer wrote may stand still.
+    A signal written by a computer may stand still.
     """
     if not _noisy(values):
         return

@@ -1,4 +1,4 @@
-"""Which column of a file is which signal: by its heading, or as `--columns radius=laser_2[um] voltage=AI3` says."""
+"""Which column of a file is which signal: by its heading, or by `--columns radius=laser_2[um] voltage=AI3`."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def assigned(
 
 
 def unused(table: Table, used: Mapping[str, Assigned]) -> list[str]:
-    """The headings of the columns that nothing was made of."""
+    """The headings of the columns that were not used."""
     numbers = {a.column.number for a in used.values()}
     return [
         c.heading or f"number {c.number}"

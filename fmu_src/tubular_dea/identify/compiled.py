@@ -1,9 +1,8 @@
 """Models with effects, compiled: each combination once, several at a time.
 
-To compile one model takes as long as some hundred thousand steps of the integrator. So short records share kernels:
-every effect without dynamics of its own is in all of them, off but for those that are asked for. Long ones have a
-kernel for every combination, and effects whose own states switch, and make the integrator's steps short, are kept from
-the scores of the others.
+Compiling one model takes as long as several hundred thousand steps of the integrator. So short records share kernels
+that contain every effect without its own dynamics, all off except the requested ones. Long records have a kernel for
+every combination. Effects with switching states, which shorten the integrator's steps, are scored separately.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ class Compiled:
         return model
 
     def kernel(self, ids: Iterable[str] = (), *more: Effect) -> Kernel:
-        """A compiled model that has the effects `ids` of the catalogue and `more`."""
+        """A compiled model with the effects `ids` of the catalogue and `more`."""
         names = set(ids)
         if self._few and names and not more:
             names |= {name for name, kind in self.kinds.items() if kind == STILL}
@@ -72,7 +71,7 @@ class Compiled:
         return self._kernels[key]
 
     def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
-        """By the id of each candidate, a compiled model that has it beside `present`, several at a time.
+        """A compiled model with each candidate in addition to `present`, by the candidate's id.
 
         The catalogue's effects (`effects` None) share libraries: SHARED a library, or all of a kind beside those
         present, which so are the same whatever was found, and compiled once. Other effects have one each.
@@ -85,7 +84,7 @@ class Compiled:
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
 
     def _groups(self, present: Ids) -> list[Ids]:
-        """The catalogue's effects, as they share libraries for scores."""
+        """The catalogue's effects in groups that share a library for scores."""
         names = list(self.catalogue)
         if self._few:
             still = tuple(n for n in names if self.kinds[n] == STILL)
@@ -97,7 +96,7 @@ class Compiled:
 
     @cached_property
     def kinds(self) -> dict[str, str]:
-        """Of every effect of the catalogue, what dynamics of its own it has."""
+        """The kind of own dynamics of every effect of the catalogue."""
         return {name: self._kind(effect) for name, effect in self.catalogue.items()}
 
     def _kind(self, effect: Effect) -> str:

@@ -1,7 +1,7 @@
 """Recordings: a folder of files, one experiment each, in any format that `recordings` reads, checked and in SI units.
 
-A recording that cannot mean what its header says is refused with file, line and column: time that goes back,
-mmHg labelled Pa, kV labelled V, a sensor that stands still or has run into its stop, a radius below the tube's own.
+An implausible recording is refused with file, line and column: time that decreases, mmHg labelled Pa, kV labelled V,
+a frozen or saturated sensor, a radius below that of the tube at rest.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Experiment:
     source: Source | None = None
 
     def seen(self, output: str) -> np.ndarray:
-        """Where an output was recorded, shape (n,); nowhere if it is not in the file."""
+        """Where an output was recorded, shape (n,); all False if it is not in the file."""
         return np.isfinite(self.outputs[output]) if output in self.outputs else np.zeros(self.time.size, bool)
 
 
@@ -116,7 +116,7 @@ def of_tables(
 
 
 def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:
-    """The experiment with its start, as bench.toml states it or as its first samples show, and when it began."""
+    """The experiment with its kind of start, from bench.toml or from its first samples, and its start time."""
     start = said.start.get(experiment.name, said.start.get("default", "")) or detected(experiment, plant)
     return replace(experiment, start=start, begins=said.order.get(experiment.name))
 
@@ -207,7 +207,7 @@ def _source(table: Table, columns: Mapping[str, Assigned], remarks: Sequence[str
 
 
 def _shown(a: Assigned) -> str:
-    """A column's heading, with its unit where the heading does not say it."""
+    """A column's heading, with its unit if the heading does not contain it."""
     text = a.column.heading or f"number {a.column.number}"
     if a.column.clock:
         return f"{text} (clock)"
@@ -216,7 +216,7 @@ def _shown(a: Assigned) -> str:
 
 
 def _switched(trigger: np.ndarray | None) -> np.ndarray | None:
-    """A trigger as 0 and 1, whatever its levels are; None where it never moves."""
+    """A trigger as 0 and 1, whatever its levels; None where it never changes."""
     if trigger is None or not np.any(np.isfinite(trigger)):
         return None
     low, high = np.nanmin(trigger), np.nanmax(trigger)
@@ -224,7 +224,7 @@ def _switched(trigger: np.ndarray | None) -> np.ndarray | None:
 
 
 def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Input) -> np.ndarray:
-    """An input with its gaps closed: the last value where the signal is held, a straight line where it is not."""
+    """An input with its gaps filled: by the last value where the signal is held, else by a straight line."""
     there = np.flatnonzero(np.isfinite(values))
     if there.size < max(2, values.size // 2):
         raise DataError(f"{path}, column {signal.name!r}: expected numbers but more than half of the lines have none")

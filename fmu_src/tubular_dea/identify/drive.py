@@ -1,4 +1,4 @@
-"""From recorded inputs to the protocol that drives the model: monitors without their noise, switching where it was."""
+"""From recorded inputs to the protocol that drives the model: without the monitors' noise, with exact switching."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ ON_SAMPLES = 1.0  # [samples] after the last of the old level at which such an i
 
 @dataclass(frozen=True)
 class Drive:
-    """`protocol` of one experiment, and what was taken away: `noise` (standard deviation, SI) by input.
+    """The `protocol` of one experiment, and the noise that was removed: `noise` (standard deviation, SI) by input.
 
-    A coloured monitor's `noise` is that of white noise whose averages vary alike. `corners` are the times (k,) [s] at
+    A coloured monitor's `noise` is that of white noise whose averages vary equally. `corners` are the times (k,) [s] at
     which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are.
@@ -84,7 +84,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What became of one input: its line, all its edges, its noise, and how far the line misses it."""
+    """The result for one input: its line, all its edges, its noise, and the error of the line."""
 
     line: HeldLine
     noise: float
@@ -158,7 +158,7 @@ def drives(
 
 
 def _memory(experiment: Experiment, signal: Input) -> tuple[float, float]:
-    """The memory of a monitor's noise; a held one is looked at without its switchings."""
+    """The memory of a monitor's noise; that of a held input without its switchings."""
     values = experiment.inputs[signal.name]
     if not signal.held:
         return memory(values)
@@ -169,7 +169,7 @@ def _memory(experiment: Experiment, signal: Input) -> tuple[float, float]:
 
 
 def _middle(memories: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """The one in the middle: records that hold still tell it alike, those that move may not tell it."""
+    """The median: quiet records agree on it, moving ones may not show it."""
     return sorted(memories)[len(memories) // 2]
 
 
@@ -179,7 +179,7 @@ def _levels(
     stated: Mapping[str, float] | None,
     memories: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, float]:
-    """The noise of every monitor: as stated, or as its record tells."""
+    """The noise of every monitor: as stated, or estimated from its record."""
     found = {}
     for signal in inputs:
         values = experiment.inputs[signal.name]
@@ -261,7 +261,7 @@ def _held(
 
 
 def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> np.ndarray:
-    """What is left of a held signal (n,) without its levels and slow slopes; 0 at its switchings."""
+    """A held signal (n,) without its levels and slow slopes; 0 at its switchings."""
     left = np.zeros(values.size)
     begins = np.append(0, found.after)
     for begin, end in zip(begins, np.append(found.before + 1, values.size), strict=True):
@@ -277,7 +277,8 @@ def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> 
 
 
 def _written(values: np.ndarray, found: Transitions) -> bool:
-    """Whether a computer wrote set points down: between its switchings nothing moves, and none has a sample on it."""
+    """Whether the signal is a set point written by a computer: constant between switchings, and no sample within
+    one."""
     still = np.count_nonzero(np.diff(values)) <= len(found)
     return bool(len(found) and still and np.all(found.after == found.before + 1))
 
@@ -323,9 +324,9 @@ def _check_even(experiment: Experiment, name: str) -> None:
 
 
 def _check_sampling(experiment: Experiment, name: str, noise: float) -> None:
-    """`DataError` where an input moves so much from sample to sample that nobody knows where it was in between.
+    """`DataError` where an input moves so much between samples that its values there are unknown.
 
-    A straight line over a sample left out misses it; over half the distance it misses by a quarter.
+    The error of a straight line over one omitted sample is measured; over half the distance it is a quarter of that.
     """
     time, values = experiment.time, experiment.inputs[name]
     if time.size < 3:

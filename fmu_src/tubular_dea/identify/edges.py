@@ -1,4 +1,4 @@
-"""Where an input switched, as far as its samples tell.
+"""The switching instants of an input, as far as its samples determine them.
 
 A value that is recorded at t_k after the switching and not at t_(k-1) says that the input switched in between, no more:
 our bench switches at t_k itself, a laboratory's anywhere. So the best estimate is the middle, and the bounds are the
@@ -119,7 +119,7 @@ class Rise:
 def transitions(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
     """All switchings of a held signal, without its ramps and its noise.
 
-    They are sought among neighbouring samples, and once more among samples as far apart as slow amplifiers take.
+    They are sought between neighbouring samples, and between samples as far apart as slow amplifiers need.
     """
     found = _runs(time, values, noise)
     apart = int(SLOW_EDGE / np.median(np.diff(time))) if time.size > 2 else 1
@@ -285,14 +285,14 @@ def _samples_of(time: np.ndarray, values: np.ndarray, noise: float, before: int,
 
 
 def _shape(late: np.ndarray, tau: np.ndarray, exponential: bool) -> np.ndarray:
-    """How far an edge has come `late` seconds after its centroid."""
+    """The height of an edge, relative to its step, `late` seconds after its centroid."""
     if exponential:
         return 1 - np.exp(-np.clip((late + tau) / tau, 0, 50))
     return np.clip(late / tau + 0.5, 0, 1)
 
 
 def _lateness(part: float, tau: np.ndarray, exponential: bool) -> np.ndarray:
-    """How long after its centroid an edge has come as far as `part`."""
+    """The time after its centroid at which an edge reaches the relative height `part`."""
     part = float(np.clip(part, 0.005, 0.995))
     return -tau * np.log(1 - part) - tau if exponential else tau * (part - 0.5)
 

@@ -1,4 +1,4 @@
-"""Bounded least squares from several starts, and what the record says about each parameter.
+"""Bounded least squares from several starts, and the uncertainty of each parameter.
 
 Intervals are from the covariance at the optimum and, where asked for, from the profile of the likelihood: the
 parameter is held, the others refitted, until twice the log likelihood has fallen by 3.84.
@@ -65,7 +65,7 @@ class Fit:
         return replace(self, covariance=covariance, stderr=stderr)
 
     def undetermined(self) -> list[str]:
-        """The parameters that this record does not determine."""
+        """The parameters that the recordings do not determine."""
         return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
 
 

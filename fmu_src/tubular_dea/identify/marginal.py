@@ -1,12 +1,12 @@
-"""Numbers of one record's own, integrated out: zeros, hum, switching instants, states at the start.
+"""The marginal likelihood: nuisance parameters of a record integrated out (zeros, hum, switching instants, starts).
 
-A nuisance b with Gaussian prior of standard deviation s adds a column c b to a whitened residual r. What is left of r
-once b is integrated out has covariance I + s^2 c c', so multiplying by the inverse square root of that makes it white
-again: the part of r along c shrinks by 1 / sqrt(1 + s^2 |c|^2). The same matrix whitens Jacobians and candidates'
-columns, so that nothing behind it needs to know (Kennedy and O'Hagan 2001; Bishop, "Pattern recognition", ch. 3).
+A nuisance parameter b with a Gaussian prior of standard deviation s adds a column c b to a whitened residual r. With b
+integrated out, r has covariance I + s^2 c c'. Multiplying by the inverse square root of that makes it white again: the
+part of r along c shrinks by 1 / sqrt(1 + s^2 |c|^2). The same matrix whitens Jacobians and candidates' columns, so the
+rest of the code does not depend on it (Kennedy and O'Hagan 2001; Bishop, "Pattern recognition", ch. 3).
 
-Nuisances that act for a short while (a switching instant) have their own windows and do not overlap; they come first
-and cost nothing. Those that act throughout (zeros) come after them.
+Nuisance parameters that act for a short time (a switching instant) have their own windows, which do not overlap; they
+come first and cost nothing. Those that act throughout (zeros) come after them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from scipy.stats import norm
 
 @dataclass(frozen=True)
 class Window:
-    """A nuisance that acts on the samples `where` alone: its direction `unit` (m,) of length 1, and `size` = s |c|."""
+    """A nuisance parameter that acts only on the samples `where`: its direction `unit` (m,) of length 1, `size` = s
+    |c|."""
 
     where: slice
     unit: np.ndarray
@@ -29,10 +30,10 @@ class Window:
 
 @dataclass(frozen=True)
 class Marginal:
-    """The nuisances of one record: `windows`, and `basis` (n, k) of length 1 each with `sizes` (k,).
+    """The nuisance parameters of one record: `windows`, and `basis` (n, k) of length 1 each with `sizes` (k,).
 
-    In the windows the record itself was followed, as far as the bounds of the nuisance (its mean and `size` to both
-    sides) allow: little is left there, of noise either.
+    In the windows the parameter was fitted to the record within its bounds (its mean and `size` to both sides), which
+    removes a part of the noise too.
     """
 
     windows: tuple[Window, ...] = ()
@@ -40,7 +41,7 @@ class Marginal:
     sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def apply(self, white: np.ndarray) -> np.ndarray:
-        """Whitened values (n,) or columns (n, m), whitened of the nuisances too; a new array."""
+        """Whitened values (n,) or columns (n, m) with the nuisance parameters integrated out; a new array."""
         out = white.copy()
         for window in self.windows:
             part = out[window.where]
@@ -51,7 +52,7 @@ class Marginal:
         return out
 
     def variance_removed(self, n: int) -> np.ndarray:
-        """How much of each sample's variance following the record in its windows takes away, shape (n,)."""
+        """The share of each sample's variance that fitting the windows removes, shape (n,)."""
         out = np.zeros(n)
         for window in self.windows:
             out[window.where] += window.unit**2 * (1 - _left_over(window.size))

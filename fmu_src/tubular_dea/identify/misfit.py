@@ -1,4 +1,5 @@
-"""Whether a fit leaves more than noise: if it does, the model lacks something, and its intervals are too narrow."""
+"""The lack of fit of an identification: if it is significant, the model lacks something and intervals are too
+narrow."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ SLOW_CHANCE = 5.0  # [standard deviations] of the slow parts up to which they ar
 
 @dataclass(frozen=True)
 class Misfit:
-    """A whitened residual against the noise: `ratio` of their rms, and how far slow parts stand out of it, `slow`.
+    """A whitened residual compared with the noise: the `ratio` of their rms, and the excess of its slow part, `slow`.
 
     `slow` is the excess of the mean square over blocks of BLOCK samples, in its standard deviations under noise alone,
     whose level is not known exactly either.
@@ -31,7 +32,7 @@ class Misfit:
 
     @property
     def significant(self) -> bool:
-        """More than noise: the model lacks something."""
+        """Whether the residual is more than noise, so that the model lacks something."""
         return self.slow > SLOW_CHANCE
 
 

@@ -1,10 +1,10 @@
-"""What the noise of the monitors adds to the uncertainty of parameters.
+"""The uncertainty of parameters due to the noise of the monitors.
 
-The lines that `drive` draws through a continuous monitor (`monitors.polyline`) are off by what its noise moved their
-corners. That drives the model as well, slowly, and so it passes for a change of parameters. The corners are a linear
-fit to the monitor's samples, so their covariance is known; through the model's static gain and the normal equations
-of the fit it becomes one of the parameters: 3 to 20 % more uncertain ones on a bench. Not counted are the levels of
-held inputs and the choice of the corners' places.
+The lines that `drive` fits to a continuous monitor (`monitors.polyline`) have errors, because noise moves their
+corners. These errors drive the model slowly, and so act like a change of parameters. The corners are a linear fit to
+the monitor's samples, so their covariance is known. The model's static gain and the normal equations of the fit
+convert it into a covariance of the parameters, whose uncertainty increases by 3 to 20 % on a bench. The levels of held
+inputs and the choice of the corners' positions are not included.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
 def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
-    """The fit with the covariance and standard errors that it has beside noisy monitors; `drives` are its cases'."""
+    """The fit with a covariance and standard errors that include the monitors' noise; `drives` are those of its
+    cases."""
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
     solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals
     parts = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)[:-1]
@@ -46,7 +47,7 @@ def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> 
 
 
 def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
-    """How the answer of every case moves with a constant added to an input, each (N,), in SI units."""
+    """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI."""
     moved = [shifted(case, name) for case in response.cases]
     answers = Response(response.kernel, [case for case, _ in moved], response.fixed).outputs(values)
     here = response.outputs(values)

@@ -1,4 +1,4 @@
-"""What a monitor would have shown without its noise: straight lines between as few corners as it supports.
+"""The signal of a monitor without its noise: straight lines between as few corners as the noise allows.
 
 The recorded inputs drive the model, and so does their noise: 25 Pa of it leave 3 to 5 um in the radius. A bench's
 inputs are ramps, steps and slow waves, so most of that noise can be told from the signal. `polyline` fits continuous

@@ -1,4 +1,4 @@
-"""The sensor's noise, from the record alone: what smooth curves leave over in stretches without any event.
+"""The sensor's noise, from the record alone: the residual of smooth curves in stretches without events.
 
 The misfit of a model has no part in it, so an effect that the model lacks cannot hide in the noise. Between events a
 plant creeps, so exponentials of all time constants and polynomials are taken out; what slow drift a sensor has goes

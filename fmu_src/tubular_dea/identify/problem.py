@@ -59,8 +59,8 @@ class Problem:
 
     `noise` is that of each output. `weights`, one array (n,) a case, lower the say of samples whose inputs are
     uncertain; `marginals`, one a case, are each record's own numbers, integrated out. `prior` holds the solver's
-    numbers (k,) near their usual ones within about `prior`: so weakly that only directions which the records leave
-    open feel it.
+    numbers (k,) near their usual ones within about `prior`: so weakly that it affects only directions which the
+    records do not determine.
     """
 
     response: Response
@@ -106,9 +106,9 @@ class Problem:
         return np.concatenate(parts)
 
     def residuals(self, scaled: np.ndarray) -> np.ndarray:
-        """Model minus record, whitened, shape (N,), the prior last; infinite where the model has no answer.
+        """Model minus record, whitened, shape (N,), the prior last; infinite where the model cannot be solved.
 
-        Far from any usual size it is not asked: it may ring there for millions of steps.
+        Far from any usual size it is not simulated: it may ring there for millions of steps.
         """
         try:
             if any(f.logarithmic and abs(s) > FARTHEST for f, s in zip(self.free, scaled, strict=True)):

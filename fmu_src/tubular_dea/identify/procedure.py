@@ -1,4 +1,4 @@
-"""How parameters are found: in the plant's own stages, and all of them jointly.
+"""The fitting procedure: in the plant's own stages, then all parameters jointly.
 
 Stages fix what an experiment says little about from others, as laboratories do. The joint fit takes every experiment
 and every parameter at once, from where the stages end.

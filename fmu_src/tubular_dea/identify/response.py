@@ -1,4 +1,4 @@
-"""What a model answers to every experiment, and how that moves with its parameters; one thread an experiment."""
+"""The outputs of a model in every experiment, and their sensitivities to parameters; one thread per experiment."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Case:
-    """What one experiment asks of the model: inputs, what was read when, and `own` values of parameters (SI)."""
+    """The simulation of one experiment: inputs, readings with their times, and `own` values of parameters (SI)."""
 
     protocol: Protocol
     readings: tuple[Reading, ...]
@@ -95,7 +95,7 @@ class Response:
         return self._all(lambda case: self.kernel.simulate(case.protocol, case.instants, self._of(case, parameters)))
 
     def _output(self, case: Case, parameters: Mapping[str, float], tolerance: float) -> np.ndarray:
-        """What is read in a case. A search may come to models that diverge or ring: they are given up early."""
+        """The readings of a case. Models that diverge or ring during a fit are given up early."""
         allowed = LEAST_STEPS + STEPS_A_SAMPLE * (case.instants.size + case.protocol.time.size)
         run = self.kernel.simulate(
             case.protocol, case.instants, self._of(case, parameters), tolerance, max_steps=allowed, wanted=case.outputs

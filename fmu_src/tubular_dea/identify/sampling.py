@@ -1,4 +1,4 @@
-"""When samples were taken: clocks that are read to the nearest millisecond, times that stand there twice."""
+"""The sampling times of a file: clocks rounded to the nearest millisecond, repeated times."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A scale that is wrong by a factor, found in words: what would make a record what the declared plant answers.
+"""Detection of mislabelled units: a factor on one signal that makes the records agree with the declared plant.
 
-Ranges of single signals (`checks`) see kV labelled V; kPa labelled mbar is as plausible a pressure as any. But a plant
-that answers ten times as much as declared is less likely than a wrong label. Every signal is tried with the factors
-that labels are wrong by; where one of them alone turns a record that the declared plant misses into one that it
-answers, this is said. Nothing is changed.
+The ranges of single signals (`checks`) reveal kV labelled V, but kPa labelled mbar is a plausible pressure too. A plant
+that responds ten times as strongly as declared is less likely than a wrong label. So the factors of usual mistakes are
+tried on every signal. Where one of them alone makes records agree that otherwise do not, it is reported. Nothing is
+changed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ INVERSE = {  # the same, so many times too small
 
 @dataclass(frozen=True)
 class Mislabelling:
-    """A signal whose numbers are `factor` times what they should be: `words` say what mistake that would be."""
+    """A signal whose numbers are `factor` times what they should be; `words` describe the mistake."""
 
     signal: str
     factor: float
@@ -79,7 +79,7 @@ def candidates(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
 
 
 def findings(recordings: Recordings) -> list[str]:
-    """What the declared plant says against the scale of a signal, in words."""
+    """Signals whose scale contradicts the declared plant, in words."""
     plant, chosen = recordings.plant, _informative(recordings.experiments)
     output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
     parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
@@ -89,7 +89,7 @@ def findings(recordings: Recordings) -> list[str]:
     zero = _zero(plant, experiments[0], parameters)
 
     def missed(wrong: Mislabelling | None) -> float:
-        """Which share of the records is missed if this was wrong (rms); infinite where the plant has no answer."""
+        """The relative error (rms) of the records under this mistake; infinite where the plant cannot be solved."""
         try:
             answers = [
                 kernel.simulate(_rescaled(driven, wrong), times, parameters, ROUGHLY, max_steps=SCALE_STEPS).values[

@@ -1,4 +1,4 @@
-"""What a recording starts from: rest, equilibrium under its first inputs, or states that nobody knows.
+"""The initial state of a recording: rest, equilibrium under its first inputs, or unknown.
 
 A file that begins with loaded inputs and a moved output was cut from a longer run, or the plant stood under load. Its
 states at the start are then unknown: where the plant has an equilibrium, it starts there, and by how much each state is
@@ -29,7 +29,7 @@ FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its 
 
 
 def detected(experiment: Experiment, plant: Plant) -> str:
-    """How a recording starts, by its first samples: with a load that has moved the output, nobody knows."""
+    """The kind of start of a recording, from its first samples; unknown under a load that has moved the output."""
     if plant.model.curve is None or not experiment.outputs:
         return RESTED
     time = experiment.time

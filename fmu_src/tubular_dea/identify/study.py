@@ -1,4 +1,4 @@
-"""The recordings as a study: pieces that take part in fits, pieces that do not, and the noise they carry."""
+"""The study: recordings prepared for fits, as pieces in training and held out, with their noise."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be le
 
 @dataclass(frozen=True)
 class Nuisances:
-    """Numbers that a record has of its own: `columns` (N, k) that they are multiplied by (SI), priors `sd` (k,)."""
+    """Nuisance parameters of a record: `columns` (N, k) that they are multiplied by (SI), priors `sd` (k,)."""
 
     names: tuple[str, ...]
     columns: np.ndarray
@@ -111,7 +111,7 @@ class Study:
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
-        """Everything that may be missing, by id."""
+        """All effects of the plant, by id."""
         return self.plant.catalogue
 
     @property
@@ -126,11 +126,11 @@ class Study:
 
     @property
     def filtered(self) -> bool:
-        """Whether the monitors may be behind a filter: not where inputs are seen to switch from sample to sample."""
+        """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
         return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
 
     def zero(self, name: str) -> float:
-        """The usual size of a signal's own zero (SI); 0 for what is no signal."""
+        """The usual zero error of a signal (SI); 0 for a name that is no signal."""
         zeros = {s.name: s.zero for s in self.plant.inputs} | {s.name: s.zero for s in self.plant.outputs}
         return zeros.get(name, 0.0)
 
@@ -139,7 +139,7 @@ class Study:
         return self.asked(ids, [p.case for p in pieces], *more)
 
     def asked(self, ids: Ids, cases: Sequence[Case], *more: Effect) -> Response:
-        """The same on any cases."""
+        """The same for any cases."""
         return Response(self.compiled.kernel(ids, *more), cases, self.geometry)
 
     def problem(
@@ -187,7 +187,7 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
 def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool, noise: Mapping[str, Noise]) -> Piece:
     """A whole experiment, with every output that was recorded in it.
 
-    What feels an input's rate tells nothing where the input switches, and little while it still moves fast.
+    An output that depends on an input's rate has no weight where the input switches, and little while it moves fast.
     """
     there = [o.name for o in plant.outputs if experiment.seen(o.name).any()]
     readings = tuple(Reading(name, experiment.time[experiment.seen(name)]) for name in there)
@@ -216,8 +216,8 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool, 
 def _mask(driven: Drive, reading: Reading, record: np.ndarray, rms: float) -> np.ndarray:
     """The weight (n,) of samples of an output that jumps where an input does: 0 near switchings.
 
-    Elsewhere its monitor's filter and its turn among the channels make it late by a part of a sample, nobody knows how
-    much: a thousand times its noise where a current of some mA dies away. It has the weight that this leaves.
+    Elsewhere its monitor's filter and the sampling of channels in turn delay it by an unknown part of a sample. Where a
+    current of some mA decays, that causes an error of a thousand times its noise; the weight accounts for it.
     """
     step = float(np.median(np.diff(reading.times)))
     unknown = UNKNOWN_LAG * np.abs(np.gradient(record, reading.times / step))
@@ -229,7 +229,7 @@ def _mask(driven: Drive, reading: Reading, record: np.ndarray, rms: float) -> np
 
 
 def _after(piece: Piece, number: int, experiments: Sequence[Experiment], drives: Sequence[Drive]) -> Piece:
-    """The piece behind all experiments that came before it without rest, on its own clock."""
+    """The piece preceded by all experiments that came before it without rest, on its own clock."""
     here = experiments[number].begins
     if here is None:
         return piece
@@ -249,7 +249,7 @@ def _later(protocol: Protocol, by: float) -> Protocol:
 
 
 def followed(first: Protocol, then: Protocol) -> Protocol:
-    """One protocol after another; in between, inputs run straight from the last value to the next."""
+    """One protocol after another; in between, inputs change linearly from the last value to the next."""
     if first.time[-1] >= then.time[0]:
         raise UserError(
             f"order: an experiment ends {first.time[-1] - then.time[0]:.3g} s after the next one begins; "

@@ -1,4 +1,4 @@
-"""What a recorded trigger says about switching: often no more than the monitor beside it does.
+"""Switching instants from a recorded trigger: often no better known than from the monitor.
 
 A logical signal sampled together with the monitor changes between the same two samples. It tells more where the
 amplifier follows it after a delay: an edge that comes `delay` after a trigger, which came between two samples, lies
