@@ -161,7 +161,7 @@ def test_the_commands_say_it_in_one_line_and_write_nothing(
     ("command", "step", "words"),
     [
         ("identify", 6, "67 samples are too few for 9 parameters"),
-        ("close-loop", 2, "150 samples beside those held out are too few"),
+        ("close-loop", 2, "150 samples in training are too few"),
     ],
 )
 def test_too_few_samples_are_refused(

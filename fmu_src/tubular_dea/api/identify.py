@@ -180,7 +180,7 @@ def identify(
     Raises
     ------
     UserError
-        For recordings or arguments that cannot be used, and where the model has no answer.
+        For recordings or arguments that cannot be used, and where the model cannot be solved.
 
     Examples
     --------

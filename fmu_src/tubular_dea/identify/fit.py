@@ -100,7 +100,7 @@ def fit(
             found.append(solution)
     if not found:
         raise FitError(
-            "the model has no answer at the starting values: expected parameters under which it can follow the "
+            "the model cannot be solved at the starting values: expected parameters under which it can follow the "
             "recorded inputs; choose others"
         )
     best = min(found, key=lambda s: s.cost)
@@ -108,7 +108,7 @@ def fit(
 
 
 def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    """scipy's bounded least squares; None where the model has no answer at the start."""
+    """scipy's bounded least squares; None where the model cannot be solved at the start."""
     if not np.all(np.isfinite(problem.residuals(start))):
         return None
     try:

@@ -98,7 +98,7 @@ def joint(
 
 
 def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -> dict[str, float]:
-    """From the start, or from safer values where the model has no answer there."""
+    """From the start, or from safer values where the model cannot be solved there."""
     best: Fit | None = None
     for move in (dict, *plant.safer):
         moved = {n: v if n in problem.names else start[n] for n, v in move(start).items()}
@@ -112,7 +112,7 @@ def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -
             break
     if best is None:
         raise FitError(
-            f"{plant.name} has no answer at the starting values; expected parameters under which it can "
+            f"{plant.name} cannot be solved at the starting values; expected parameters under which it can "
             "follow the recorded inputs: try others"
         )
     return dict(start) | best.values
