@@ -16,7 +16,8 @@ from ..kernel import KernelError
 from . import bank
 from .parameters import base_parameters
 
-# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
+# Set by judgement. Check: `pytest tests/test_acceptance.py tests/test_rounds.py`,
+# `python -m blind.score --singles 2 --seed 1000`
 HELD = 0.2  # [1] share of what a candidate changes: enough to confirm it, and more is missed where it is to be found
 HELD_MOST = 0.3  # [1] share of all samples that may be held out together
 HELD_LONG = 0.2  # [1] share of all samples that may be held out in one experiment: long ones are kept for fits

@@ -23,7 +23,7 @@ VISIBLE_ALARMS = 0.05  # [1] share of records with nothing missing whose largest
 POWER = 0.8  # [1] share of records with an effect of that size in which it is seen
 
 # Set by theory: a short lag acts by its first moment, so its gain grows with the square of its length; by judgement no
-# faster than with the fourth power. Check: `pytest tests/test_acceptance.py`
+# faster than with the fourth power. Check: `pytest tests/test_rounds.py`
 SLOWEST_GAIN = 2.0  # [1] power of the gain over a lag's length, beyond its grid, at least
 FASTEST_GAIN = 4.0  # [1] the same at most
 

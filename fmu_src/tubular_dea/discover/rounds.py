@@ -20,7 +20,7 @@ from .power import Sizes, detection_limits
 from .refit import FULL_STEPS, first_refit, further
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
-# Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
+# Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
 REFITS = 5  # [1] best candidates that are refitted in any case
 NEAR_SCORE = 0.6  # [1] share of the best score from which on candidates are refitted too
 WEAK_NEAR = 100.0  # [squared standard deviations] below the best score: where evidence is weak, all these are near
@@ -37,7 +37,7 @@ RESTARTED = 3  # [1] best refits that start again from the declared values, wher
 NULL_MARGIN = 1.2  # [1] times the bootstrap's threshold that a score has to reach
 
 # Set by measurement: of plants that others measured, winners scored 0.7 of the best and more.
-# Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+# Check: `pytest tests/test_rounds.py`, `python -m measured.table`
 FAINT_SCORE = 0.03  # [1] share of the best score: no candidate with less is refitted, not even where models are far
 ALL_REFITS = 24  # [1] candidates refitted at most where models are so far that scores at "off" say little
 

@@ -1,0 +1,157 @@
+"""Which candidates are refitted, which of equals is taken, and what is held out: on made-up scores and options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from made_up import option
+from tubular_dea.discover import held_out, power, rounds
+from tubular_dea.discover.bank import Score
+
+
+def scored(*statistics: float) -> list[Score]:
+    """Candidates c0, c1 ... with these scores."""
+    return [
+        Score(SimpleNamespace(effect=SimpleNamespace(id=f"c{i}")), value, {})  # type: ignore[arg-type]
+        for i, value in enumerate(statistics)
+    ]
+
+
+def refitted(*statistics: float, threshold: float = 30.0, most: int = rounds.MOST_REFITS) -> int:
+    """How many of the candidates are."""
+    chosen = rounds._shortlist(scored(*statistics), threshold, most)
+    assert chosen == [f"c{i}" for i in range(len(chosen))]  # the best ones
+    return len(chosen)
+
+
+def test_the_best_candidates_are_refitted_and_all_near_them() -> None:
+    assert refitted(1000.0, *[100.0] * 20) == 5
+    assert refitted(1000.0, *[601.0] * 6, *[599.0] * 20) == 7
+    assert refitted(1000.0, *[601.0] * 20) == 10
+    assert refitted(150.0, *[51.0] * 6, *[49.0] * 20) == 7  # 100 below are near where evidence is weak
+    assert refitted(40.0, 16.0, 14.0, 14.0, threshold=30.0) == 2  # half of the threshold
+
+
+def test_where_models_are_far_nearly_all_are_refitted() -> None:
+    assert refitted(10_000.0, *[301.0] * 12, *[299.0] * 20, most=rounds.ALL_REFITS) == 13
+    assert refitted(10_000.0, *[301.0] * 40, most=rounds.ALL_REFITS) == 24
+
+
+def test_a_refit_starts_from_the_best_shapes() -> None:
+    assert len(rounds._distinct(scored(100.0, 51.0, 50.5))) == 2
+    assert len(rounds._distinct(scored(100.0, 49.0))) == 1
+
+
+def test_what_may_yet_win_is_near() -> None:
+    best = option("lag", excess=0.0)
+    assert rounds._near(option("slew", excess=499.0), best)
+    assert not rounds._near(option("slew", excess=501.0), best)
+
+
+def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chosen model leaves 6000, the best refit 1000: within 1500 of it, refits are made to the end."""
+    left = {"c0": 1000.0, "c1": 2499.0, "c2": 2501.0, "c3": 2400.0, "c4": 2300.0}
+    ended: list[str] = []
+    again: list[tuple] = []
+
+    def further(study: object, ids: tuple, fitted: object, evaluations: int, refined: tuple) -> object:
+        ended.append(ids[-1])
+        return fitted
+
+    monkeypatch.setattr(
+        rounds, "first_refit", lambda study, ids, fit, shapes, fine: option(excess=left[shapes[0].id]).fitted
+    )
+    monkeypatch.setattr(rounds, "further", further)
+    monkeypatch.setattr(rounds, "option", lambda study, ids, fit, fine: option(*ids, excess=left[ids[-1]]))
+    monkeypatch.setattr(rounds, "fitted_option", lambda study, ids, start, fine: again.append(ids))
+    model = SimpleNamespace(parameter_values=lambda: {})
+    study = SimpleNamespace(plant=SimpleNamespace(model=model))
+    found = rounds._refits(study, option(excess=6000.0), scored(*[100.0] * 5), list(left), lambda what: None)  # type: ignore[arg-type]
+    assert [o.ids[-1] for o in found] == ["c0", "c4", "c3", "c1", "c2"]  # best first
+    assert sorted(ended) == ["c0", "c1", "c3", "c4"]
+    assert sorted(again) == [("c0",), ("c3",), ("c4",)]
+
+
+@pytest.mark.parametrize(
+    ("behind", "recording", "taken"),
+    [
+        (11.0, True, 1),  # of equals, a fault of a monitor is the plainer answer
+        (11.0, False, 0),
+        (13.0, True, 0),  # it is no equal
+    ],
+)
+def test_of_equals_a_fault_of_a_monitor_is_taken(behind: float, recording: bool, taken: int) -> None:
+    study = SimpleNamespace(
+        catalogue={"lag": SimpleNamespace(recording=False), "zero": SimpleNamespace(recording=recording)}
+    )
+    options = [option("lag", excess=0.0), option("zero", excess=behind)]
+    assert rounds._preferred(study, options, [0, 1]) == taken  # type: ignore[arg-type]
+
+
+def test_of_equals_far_from_the_plant_the_usual_size_is_taken() -> None:
+    """A fifth of what is left says nothing there; `wild` has twelve times its usual size."""
+    effects = {
+        name: SimpleNamespace(
+            off={name: 0.0},
+            typical={name: typical},
+            fit=(name,),
+            recording=False,
+            parameters=[SimpleNamespace(name=name, nominal=1.0)],
+        )
+        for name, typical in (("wild", 1 / 12), ("usual", 1.0))
+    }
+    best, rival = option("wild", excess=800_000.0), option("usual", excess=900_000.0)
+    study = SimpleNamespace(catalogue=effects)
+    assert rounds._preferred(study, [best, rival], [0, 1]) == 1  # type: ignore[arg-type]
+    worse = option("usual", excess=1_000_000.0)
+    assert rounds._preferred(study, [best, worse], [0, 1]) == 0  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of so many samples."""
+
+    record: np.ndarray
+    held_out: bool = False
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """A study that has nothing but pieces."""
+
+    pieces: list[Piece]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "wanted", "held"),
+    [
+        ([100] * 8, [0.1, 0.5, 0.4, 0.3, 0.0, 0.0, 0.0, 0.0], [1, 2]),  # one in four, the worthiest
+        ([190, 90, 90, 90, 90, 90, 180, 180], [0.5, 0.1, 0, 0, 0, 0, 0.4, 0], [0, 1]),  # 0 and 6 are more than 30 %
+        ([210, 90, 90, 90, 90, 90, 170, 170], [0.5, 0.3, 0.2, 0, 0, 0, 0, 0], [1, 2]),  # 0 is more than 20 %
+        ([500, 500, 500], [0.5, 0.3, 0.2], []),  # each is
+    ],
+)
+def test_long_experiments_are_kept_for_fits(
+    monkeypatch: pytest.MonkeyPatch, sizes: list[int], wanted: list[float], held: list[int]
+) -> None:
+    information = SimpleNamespace(worth=lambda chosen: sum(wanted[i] for i in chosen))
+    monkeypatch.setattr(held_out, "_information", lambda study: information)
+    study = Pieces([Piece(np.zeros(n)) for n in sizes])
+    chosen = held_out.with_held_out(study)  # type: ignore[arg-type, type-var]
+    assert [i for i, p in enumerate(chosen.pieces) if p.held_out] == held
+
+
+def test_beyond_its_grid_the_gain_of_a_lag_grows_with_a_power_of_its_length() -> None:
+    def crossing(slope: float, level: float) -> float:
+        x = np.log([1.0, 2.0, 4.0])
+        return float(np.exp(power._crossing(x, slope * x, level)))
+
+    assert crossing(3.0, 3 * np.log(3.0)) == pytest.approx(3.0)  # inside
+    assert crossing(3.0, 3 * np.log(0.5)) == pytest.approx(0.5)  # below, as between its points
+    assert crossing(1.0, 2 * np.log(0.5)) == pytest.approx(0.5)  # but with the square at least
+    assert crossing(9.0, 4 * np.log(0.5)) == pytest.approx(0.5)  # and the fourth power at most
+    assert crossing(1.0, np.log(4.0) + 2 * np.log(2.0)) == pytest.approx(8.0)  # above, with the square
