@@ -16,7 +16,18 @@ from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
 from ..identify.study import Study, study
 from ..identify.threads import one_blas_thread, side_by_side
-from . import acceptance, base, channels, equivalence, input_noise, next_experiment, numerics, residuals, selection
+from . import (
+    acceptance,
+    base,
+    channels,
+    equivalence,
+    input_noise,
+    next_experiment,
+    numerics,
+    residuals,
+    second_output,
+    selection,
+)
 from .channels import Isolation
 from .held_out import with_held_out
 from .law_uncertainty import with_law, with_rivals
@@ -107,13 +118,11 @@ def discover(
         known = found.rounds[0].listed if found.rounds else []
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
-    equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
-    described = _described(work, found.chosen, _equals(found, equivalent))
+    equivalent, described = _judged(work, found)
     while not supported(work, found, described):
         found.chosen = _withdrawn(work, found, described)
         work = found.study
-        equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
-        described = _described(work, found.chosen, _equals(found, equivalent))
+        equivalent, described = _judged(work, found)
     held = _held_ratio(work, found.chosen)
     verdict = decide(found, held, equivalent)
     before = residuals.tests(found.base_study, (), fitted)
@@ -134,6 +143,13 @@ def discover(
         held,
         next_experiment.propose(work, _competitors(found, equivalent)),
     )
+
+
+def _judged(work: Study, found: Search) -> tuple[dict[str, list[str]], Option]:
+    """What would do in place of each effect of the choice, and the choice as it is reported."""
+    equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
+    equivalent = second_output.told_apart(work, found, equivalent)
+    return equivalent, _described(work, found.chosen, _equals(found, equivalent))
 
 
 def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -> str:

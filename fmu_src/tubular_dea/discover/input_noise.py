@@ -2,33 +2,21 @@
 
 The part of a monitor's noise that cannot be separated from its signal moves the model's output slowly (a few um on a
 bench). So samples at which the output is sensitive to the inputs weigh less: their variance is that of the sensor plus
-that of the monitors times the squared static gain, both at low frequencies, where effects are sought. An output that
-depends on rates (a current) has almost no static gain; for it, the variance is found by simulation.
+that of the monitors times the squared static gain, both at low frequencies, where effects are sought.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from ..identify.drive import joined
 from ..identify.monitor_uncertainty import constant_gains
-from ..identify.monitors import halved, polyline
-from ..identify.problem import whitened
-from ..identify.response import Case
-from ..identify.study import Piece, Study
-
-# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
-TRIED = 2  # [1] times that noise is tried out
-WIDE = 25  # [samples] over which what it does is averaged
+from ..identify.study import Study
 
 
 def weighted(study: Study, values: Mapping[str, float]) -> Study:
     """The study with every sample weighted by the sensor's share of its standard deviation."""
-    added = _input_variance(study, values)
-    study = replace(study, pieces=[replace(p, input_variance=s) for p, s in zip(study.pieces, added, strict=True)])
     return study.weighted(weights(study, input_gains(study, values)))
 
 
@@ -38,42 +26,8 @@ def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndar
     for i, piece in enumerate(study.pieces):
         slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
         added = sum((study.monitor_noise[name] * gain[i]) ** 2 for name, gain in gains.items())
-        result.append(1 / np.sqrt(1 + np.maximum(added / slow**2, piece.input_variance)))
+        result.append(1 / np.sqrt(1 + added / slow**2))
     return result
-
-
-def _input_variance(study: Study, values: Mapping[str, float]) -> list[np.ndarray]:
-    """The variance that the monitors' noise adds to every whitened sample (N,) of outputs that depend on rates."""
-    feeling = {o.name for o in study.plant.outputs if o.jumps}
-    found = [np.zeros(p.record.size) for p in study.pieces]
-    chosen = [i for i, p in enumerate(study.pieces) if feeling & {r.output for r in p.case.readings}]
-    pieces = [study.pieces[i] for i in chosen]
-    still = study.response((), pieces).outputs(values)
-    for number in range(TRIED):
-        cases = [_noisy(p, np.random.default_rng([i, number])) for i, p in zip(chosen, pieces, strict=True)]
-        for i, piece, a, b in zip(chosen, pieces, study.asked((), cases).outputs(values), still, strict=True):
-            squares = whitened(piece.case, a - b, study.noise) ** 2 / TRIED
-            for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
-                if reading.output in feeling:
-                    found[i][part] += np.convolve(squares[part], np.ones(WIDE) / WIDE, mode="same")
-    return found
-
-
-def _noisy(piece: Piece, random: np.random.Generator) -> Case:
-    """The case with continuous inputs as estimated from another realisation of their monitors' noise."""
-    times, protocol = piece.case.readings[0].times, piece.case.protocol
-    lines = {name: (protocol.time, values) for name, values in protocol.inputs.items()}
-    for name in piece.driven.corners:
-        level = piece.driven.noise[name]
-        values = protocol.at(times)[name] + level * random.standard_normal(times.size)
-        line = halved(times, values, polyline(times, values, level))
-        early, late = protocol.time < times[0], protocol.time > times[-1]
-        known = protocol.inputs[name]
-        lines[name] = (
-            np.concatenate([protocol.time[early], times[line.corners], protocol.time[late]]),
-            np.concatenate([known[early], line.values, known[late]]),
-        )
-    return replace(piece.case, protocol=joined(list(lines.values()), list(lines)))
 
 
 def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:

@@ -14,7 +14,7 @@ from ..identify.fit import Fit, goodness, interval, rmse
 from ..identify.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Model
-from . import remarks, residuals
+from . import remarks, residuals, second_output
 from .acceptance import size_interval
 from .engine import Discovery
 from .oscillations import Oscillation, oscillations
@@ -134,25 +134,37 @@ def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any
 
     A record's own zeros and switching instants are taken at their most likely values.
     """
+    names = list(dict.fromkeys([*study.noise, *(r.output for p in study.pieces for r, _ in p.beside)]))
     try:
         answers = study.response(ids, study.pieces).outputs(values)
+        rows = [
+            row for p, y in zip(study.pieces, answers, strict=True) for row in _rows(p, with_nuisances(study, p, y))
+        ]
+        rows += [(r.piece, r.output, r.record, r.answer) for r in second_output.predicted(study, ids, values)]
     except KernelError:
-        answers = None
-    outputs = {name: _output_errors(study, name, answers) for name in study.noise}
-    first = study.plant.outputs[0].name
-    return outputs[first] | ({"outputs": outputs} if len(outputs) > 1 else {})
+        return _by_output(study, {name: None for name in names})
+    return _by_output(study, {name: [(p, r, y) for p, n, r, y in rows if n == name] for name in names})
 
 
-def _output_errors(study: Study, name: str, answers: Sequence[np.ndarray] | None) -> dict[str, Any]:
-    unit = study.plant.quantity(name).unit
+def _rows(piece: Piece, answer: np.ndarray) -> list[tuple[Piece, str, np.ndarray, np.ndarray]]:
+    """Each output of a piece that takes part in fits: its name, the record and the answer."""
+    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    return [(piece, reading.output, piece.record[part], answer[part]) for reading, part in parts]
+
+
+def _by_output(
+    study: Study, rows: Mapping[str, Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None]
+) -> dict[str, Any]:
+    """The errors of the first output, and of all where there are several."""
+    outputs = {name: _output_errors(study.plant.quantity(name).unit, pairs) for name, pairs in rows.items()}
+    return outputs[study.plant.outputs[0].name] | ({"outputs": outputs} if len(outputs) > 1 else {})
+
+
+def _output_errors(unit: str, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None) -> dict[str, Any]:
+    """The errors of one output, given the record and the answer of every piece; None without an answer."""
     summary: dict[str, Any] = {"rmse": None, "fit_percent": None, "held_out_rmse": None, "held_out_fit_percent": None}
-    if answers is None:
+    if pairs is None:
         return summary | {"unit": unit, "per_experiment": {}}
-    pairs = [
-        (p, *pair)
-        for p, y in zip(study.pieces, answers, strict=True)
-        for pair in _of_output(p, name, with_nuisances(study, p, y))
-    ]
     each = {
         p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}
         for p, r, y in pairs
@@ -163,15 +175,6 @@ def _output_errors(study: Study, name: str, answers: Sequence[np.ndarray] | None
             summary[f"{prefix}rmse"] = rmse(*zip(*part, strict=True))
             summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True)))
     return summary | {"unit": unit, "per_experiment": each}
-
-
-def _of_output(piece: Piece, name: str, answer: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The record and the model's answer of one output of a piece, if it was recorded there."""
-    return [
-        (piece.record[part], answer[part])
-        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
-        if reading.output == name
-    ]
 
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:

@@ -81,8 +81,6 @@ def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
     """The variance of every whitened sample (N,), as it counts in averages over `block` samples."""
     sensor = piece.weight**2
     transmitted = _transmitted(study, piece, block) * (1 - sensor)
-    if block == 1:
-        transmitted = np.maximum(transmitted, sensor * piece.input_variance)
     return (sensor + transmitted) * (1 - piece.marginal.variance_removed(sensor.size))
 
 

@@ -18,6 +18,7 @@ from .options import Option, fitted_option, option
 from .parameters import unusual
 from .power import Sizes, detection_limits
 from .refit import FULL_STEPS, first_refit, further
+from .wander import feigned
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
 # Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
@@ -83,11 +84,19 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     options = _refits(study, chosen, scored, shortlist, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
-    said = [accept(base, chosen, o, threshold) for o in options]
+    said = [_said(study, base, chosen, o, threshold) for o in options]
     good = [i for i, (accepted, _) in enumerate(said) if accepted]
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
     return replace(blank, options=options, accepted=said[best][0], reason=said[best][1])
+
+
+def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> tuple[bool, str]:
+    """Whether an option is accepted over the choice, and why (not), in words."""
+    accepted, reason = accept(base, chosen, one, threshold)
+    if accepted and feigned(study, chosen, one, threshold):
+        return False, f"a sensor's zero that wanders explains what {one.ids[-1]} does"
+    return accepted, reason
 
 
 def _preferred(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:

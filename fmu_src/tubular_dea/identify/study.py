@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import ArgumentError, UserError
 from ..model.declare import nearest
 from ..model.effect import Effect
-from ..plants.plant import Plant
+from ..plants.plant import Output, Plant
 from ..protocol import Protocol
 from . import noise as noises
 from .compiled import Compiled, Ids
@@ -26,13 +26,6 @@ from .start import RESTED, UNKNOWN, loosened, unknowns
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
 HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
-
-# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
-SWITCHING = 2.0  # [samples] to both sides of a switching in which a rate is not known
-
-# Set by theory: a channel is read anywhere within a sample.
-# Check: `python -m blind.score --nulls 12 --conventions current --seed 1000`
-UNKNOWN_LAG = 0.5  # [samples] by which an output that jumps may be read late
 
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
 FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
@@ -62,8 +55,8 @@ class Piece:
 
     `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
     are the record's own numbers; `unknown` are parameters of its start that are among them, with their usual sizes.
-    `mask` (N,) is 0 for samples that say nothing. `before` is what was done to the plant before this file, where it did
-    not rest in between.
+    `beside` is what was read of outputs that depend on rates, which take no part in fits. `before` is what was done to
+    the plant before this file, where it did not rest in between.
     """
 
     name: str
@@ -78,9 +71,8 @@ class Piece:
     unknown: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
     before: Protocol | None = None
-    mask: np.ndarray = field(default_factory=lambda: np.ones(1))
+    beside: tuple[tuple[Reading, np.ndarray], ...] = ()
     late: Mapping[str, float] = field(default_factory=dict)
-    input_variance: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     def driven_by(self, shifts: np.ndarray) -> Protocol:
         """The protocol with edges moved by their shifts [s] and `late` taken off, behind what was done `before`."""
@@ -160,7 +152,7 @@ class Study:
 
     def weighted(self, weights: Sequence[np.ndarray]) -> Study:
         """The study with other weights of the samples, one array a piece."""
-        return replace(self, pieces=[replace(p, weight=w * p.mask) for p, w in zip(self.pieces, weights, strict=True)])
+        return replace(self, pieces=[replace(p, weight=w) for p, w in zip(self.pieces, weights, strict=True)])
 
 
 def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None) -> Study:
@@ -176,7 +168,7 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
         plant = plant.with_model(loosened(plant.model))
     pieces, noise = [], sensor_noise(recordings, drives)
     for number, (experiment, driven) in enumerate(zip(recordings.experiments, drives, strict=True)):
-        whole = _piece(experiment, driven, recordings.plant, experiment.name in names, noise)
+        whole = _piece(experiment, driven, recordings.plant, experiment.name in names)
         whole = _after(whole, number, recordings.experiments, drives)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
     levels = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in plant.inputs}
@@ -184,48 +176,31 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
     return Study(plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
 
 
-def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool, noise: Mapping[str, Noise]) -> Piece:
-    """A whole experiment, with every output that was recorded in it.
-
-    An output that depends on an input's rate has no weight where the input switches, and little while it moves fast.
-    """
-    there = [o.name for o in plant.outputs if experiment.seen(o.name).any()]
-    readings = tuple(Reading(name, experiment.time[experiment.seen(name)]) for name in there)
-    record = np.concatenate([experiment.outputs[name][experiment.seen(name)] for name in there])
-    mask = np.ones(record.size)
-    for reading, part in zip(readings, Case(driven.protocol, readings).parts(), strict=True):
-        if next(o.jumps for o in plant.outputs if o.name == reading.output):
-            mask[part] = _mask(driven, reading, record[part], noise[reading.output].rms)
+def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) -> Piece:
+    """A whole experiment, with every output that was recorded in it."""
     own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
     if experiment.start != RESTED and plant.model.curve is not None:
         own = {plant.model.curve.start_switch: 1.0}
+    read = [(o, *_read(experiment, o)) for o in plant.outputs if experiment.seen(o.name).any()]
+    record = np.concatenate([values for o, _, values in read if not o.feels_rates])
     return Piece(
         experiment.name,
-        Case(driven.protocol, readings, own),
+        Case(driven.protocol, tuple(reading for o, reading, _ in read if not o.feels_rates), own),
         record,
         held_out,
-        mask,
+        np.ones(record.size),
         driven,
-        mask=mask,
+        beside=tuple((reading, values) for o, reading, values in read if o.feels_rates),
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
         unknown=plant.each_start | (unknowns(plant.model) if experiment.start == UNKNOWN else {}),
     )
 
 
-def _mask(driven: Drive, reading: Reading, record: np.ndarray, rms: float) -> np.ndarray:
-    """The weight (n,) of samples of an output that jumps where an input does: 0 near switchings.
-
-    Elsewhere its monitor's filter and the sampling of channels in turn delay it by an unknown part of a sample. Where a
-    current of some mA decays, that causes an error of a thousand times its noise; the weight accounts for it.
-    """
-    step = float(np.median(np.diff(reading.times)))
-    unknown = UNKNOWN_LAG * np.abs(np.gradient(record, reading.times / step))
-    mask = rms / np.hypot(rms, unknown)
-    for edge in driven.edges:
-        begin = edge.earliest - edge.rise - SWITCHING * step
-        mask[slice(*np.searchsorted(reading.times, [begin, edge.latest + edge.rise + SWITCHING * step]))] = 0.0
-    return mask
+def _read(experiment: Experiment, output: Output) -> tuple[Reading, np.ndarray]:
+    """An output of an experiment: when it was read, and its values."""
+    seen = experiment.seen(output.name)
+    return Reading(output.name, experiment.time[seen]), experiment.outputs[output.name][seen]
 
 
 def _after(piece: Piece, number: int, experiments: Sequence[Experiment], drives: Sequence[Drive]) -> Piece:
@@ -263,6 +238,8 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
     """The noise of every sensor: as bench.toml states it, else from quiet stretches of all records."""
     found = {}
     for output in recordings.plant.outputs:
+        if output.feels_rates:
+            continue
         records = []
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
@@ -341,8 +318,13 @@ def _split(piece: Piece) -> list[Piece]:
                 record=piece.record[keep],
                 held_out=held,
                 weight=piece.weight[keep],
-                mask=piece.mask[keep],
-                input_variance=piece.input_variance[keep] if piece.input_variance.size > 1 else piece.input_variance,
+                beside=_until(piece, cut, held),
             )
         )
     return parts
+
+
+def _until(piece: Piece, cut: float, held: bool) -> tuple[tuple[Reading, np.ndarray], ...]:
+    """What was read beside, before the cut [s] or, where it is held out, from there."""
+    parts = [(r, values, (r.times >= cut) == held) for r, values in piece.beside]
+    return tuple((Reading(r.output, r.times[keep]), values[keep]) for r, values, keep in parts if keep.any())

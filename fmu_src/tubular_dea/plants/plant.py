@@ -61,8 +61,9 @@ class Output:
 
     `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
     from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
-    `required` is False for a second output that files may have; `jumps` is True for one that feels an input's rate (a
-    current), and says nothing in the moment of a switching.
+    `required` is False for a second output that files may have. `feels_rates` is True for one that an input's rate
+    drives (a current): where inputs move fast nobody knows it to better than a part of a sample, so that it takes no
+    part in fits, and tells effects apart that explain the other outputs alike.
     """
 
     name: str
@@ -74,7 +75,7 @@ class Output:
     channel: str = "sensor"
     rest: float | None = None
     required: bool = True
-    jumps: bool = False
+    feels_rates: bool = False
 
     @property
     def headings(self) -> tuple[str, ...]:

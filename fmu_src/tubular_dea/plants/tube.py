@@ -177,7 +177,7 @@ PLANT = Plant(
             zero=2e-7,
             channel="electrical",
             required=False,
-            jumps=True,
+            feels_rates=True,
             mislabelled=("", "uA or mA labelled A"),
         ),
     ),
