@@ -193,13 +193,6 @@ def test_a_second_effect_is_found_where_what_the_first_leaves_does_not_stand_out
     assert found.held_ratio <= 1.1
 
 
-def test_a_start_from_which_the_tube_bursts_confirms_nothing_and_spoils_nothing(tmp_path: Path) -> None:
-    bench.make(209, tmp_path / "data", "foreign")
-    work = study(read_folder(tmp_path / "data", PLANT), prior=engine.PRIOR)
-    best = base.recalibrate(work, 1)
-    assert base.recalibrate(work, 3).cost <= best.cost
-
-
 def test_held_out_experiments_stay_inside_what_the_others_reach() -> None:
     recordings = read_folder(EXAMPLE, PLANT)
     held = choose_held_out(recordings)

@@ -109,9 +109,14 @@ def test_what_is_not_determined_is_named(work: Study) -> None:
 def test_linearised_intervals_hold() -> None:
     """Three tubes, one experiment of all; `python -m blind.coverage` counts enough of them for a figure."""
     ends = np.array([coverage.linearised(seed, ["02_step_4kV"]) for seed in range(3)])
-    truth, _, low, high = np.moveaxis(ends, 2, 0)
+    truth, found, low, high = np.moveaxis(ends, 2, 0)
     held = (np.minimum(low, high) <= truth) & (truth <= np.maximum(low, high))
-    assert held.mean() > 0.75
+    assert held.mean() > 0.85
+    half = np.abs(high - low) / 2
+    determined = half < np.abs(truth)
+    off = 1.96 * (found - truth)[determined] / half[determined]  # standard errors: neither too small nor too large
+    assert determined.sum() >= 21
+    assert 0.5 < np.sqrt(np.mean(off**2)) < 1.3
 
 
 def test_a_misfit_is_said(capsys: pytest.CaptureFixture, tmp_path: Path) -> None:

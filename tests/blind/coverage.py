@@ -1,9 +1,9 @@
 """How often the 95 % intervals of an identification hold: `python -m blind.coverage` from `tests/` prints a table.
 
 Every trial draws a tube and writes recordings by the independent bench, with the noise of sensor and monitors; nothing
-is missing in the model. Noise and drives are found from the files as `identify` does. One step of Gauss and
-Newton from the truth gives the estimate and its covariance, which costs one linearisation; `--full N` runs N whole
-joint fits from Table III besides (or from Table II by the paper's stages: `--table-2 N`).
+is missing in the model. Noise, drives, switching instants and zeros are found from the files as `identify` does. One
+step of Gauss and Newton from the truth gives the estimate and its covariance, which costs one linearisation; `--full N`
+runs N whole joint fits from Table III besides (or from Table II by the paper's stages: `--table-2 N`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from blind import bench
 from tubular_dea.identify import procedure
+from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
 from tubular_dea.identify.fit import described, interval
 from tubular_dea.identify.monitor_uncertainty import with_monitor_noise
@@ -40,7 +41,9 @@ def recorded(seed: int, only: list[str] | None = None) -> tuple[Study, dict[str,
 def linearised(seed: int, only: list[str] | None = None) -> Ends:
     """Intervals from one linearisation at the truth."""
     work, truth = recorded(seed, only)
-    problem = work.problem((), procedure.free_parameters(PLANT.model, truth), truth)
+    free = procedure.free_parameters(PLANT.model, truth)
+    work = adjusted(work, (), truth, free)
+    problem = work.problem((), free, truth)
     at = problem.scaled(truth)
     there = described(problem, at)
     found = at - there.covariance @ (there.jacobian.T @ there.residual)
@@ -58,7 +61,9 @@ def full(seed: int, table_2: bool = False, only: list[str] | None = None) -> End
     start = PLANT.model.parameter_values()
     if table_2:
         start = procedure.staged(work, start | TABLE_II)
-    _, best = procedure.joint(work, start, 1)
+    _, first = procedure.joint(work, start, 1)
+    work = adjusted(work, (), first.values, first.free)
+    _, best = procedure.joint(work, first.values, 1)
     return [(truth[n], best.values[n], *interval(best, n)) for n in best.names]
 
 

@@ -15,14 +15,15 @@ from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .parameters import base_parameters
 
-# Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
+# Set by judgement. Check: `pytest tests/test_base.py`,
+# `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
 # `python -m blind.score --nulls 60 --seed 1000`
 BASE_STARTS = 3  # [1] places from which the base is searched
 MOVE = 0.1  # [1] relative distance of the further ones
 CONFIRM = 15  # [evaluations] that they have
 AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 
-# Set by judgement. Check: `pytest tests/test_discover.py -k bursts`
+# Set by judgement. Check: `pytest tests/test_base.py`
 LAST_STARTS = 4  # [1] places that are tried where the model has no answer at safer values either
 LAST_SPREAD = 0.3  # [1] relative distance of these
 

@@ -21,7 +21,7 @@ T = TypeVar("T")
 TOLERANCE = 1e-6  # [1] of the kernel
 FINE = 1e-7  # [1] of the kernel where differences are taken
 
-# Set by judgement. Check: `pytest tests/test_discover.py -k bursts`
+# Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
 STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its inputs
 
