@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter
 
 from tubular_dea.identify.data import Experiment
 from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.edges import EXPONENTIAL, transitions
+from tubular_dea.identify.edges import EXPONENTIAL, Transitions, _EdgeSamples, _together, few, transitions
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V
@@ -170,3 +170,21 @@ def test_a_ramp_spreads_as_the_exponential_that_it_stands_for() -> None:
     ramp = EXPONENTIAL * tau
     inside = np.linspace(-ramp / 2, ramp / 2, 10_001)
     assert np.sqrt(np.mean(inside**2)) == pytest.approx(spread, rel=1e-3)
+
+
+@pytest.mark.parametrize(("steps", "found"), [(1, 1), (4, 1), (5, 1), (6, 0)])
+def test_what_takes_longer_than_an_edge_is_a_ramp(steps: int, found: int) -> None:
+    """At 250 Hz, six steps from sample to sample take 24 ms."""
+    time = np.arange(200) / 250
+    values = 5e3 * np.clip((np.arange(200) - 100) / steps, 0, 1)
+    assert len(transitions(time, values, NOISE)) == found
+
+
+def test_a_ramp_stands_for_edges_with_few_samples_on_the_way() -> None:
+    assert few(Transitions(np.array([0, 10, 20]), np.array([1, 14, 25]))).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(("parts", "counted"), [((0.5,) * 4, 1), ((0.5,) * 6, 6), ((0.1, 0.3, 0.5, 0.7, 0.9), 1)])
+def test_edges_that_keep_time_with_the_samples_count_as_one(parts: tuple[float, ...], counted: int) -> None:
+    looks = [_EdgeSamples(np.arange(5.0), np.array([0, 0, part, 1, 1]), 1, 3, 0.03) for part in parts]
+    assert _together(looks) == counted

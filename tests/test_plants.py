@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tubular_dea.discover.next_experiment import sweeps
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants.effects import catalogue
 from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
@@ -116,3 +117,20 @@ def test_feasible_experiments_stay_within_what_was_recorded() -> None:
         assert words and np.all(np.diff(protocol.time) >= 0)
         assert np.abs(protocol.inputs["pressure"]).max() <= 9e3 + 1e-9
         assert np.abs(protocol.inputs["voltage"]).max() <= 6e3 + 1e-9
+
+
+def test_steps_and_sweeps_stay_below_what_was_recorded() -> None:
+    """Of each input in turn, up to 85 % of its largest value, the other held at half of its own."""
+    largest = {"pressure": 10e3, "voltage": -6e3}
+    made = sweeps(PLANT, largest, 20.0, 0.01)
+    assert len(made) == 4
+    for words, protocol in made.items():
+        moved, other = ("pressure", "voltage") if "of pressure" in words else ("voltage", "pressure")
+        share = protocol.inputs[moved] / largest[moved]
+        assert share.min() == 0 and share.max() == pytest.approx(0.85, rel=1e-2)
+        assert np.all(protocol.inputs[other] == 0.5 * largest[other])
+        assert "8.5e+03 Pa" in words if moved == "pressure" else "-5.1e+03 V" in words
+        if words.startswith("steps"):
+            heights = share[:-1][np.diff(share) == 0]
+            assert heights.size == 10 and np.unique(heights).size > 5  # each held for a tenth of the time
+            assert np.all(np.diff(protocol.time)[np.diff(share) == 0] == pytest.approx(2.0))

@@ -20,7 +20,7 @@ from ..plants.plant import Plant
 from ..protocol import Protocol
 from .options import Option
 
-# Set by judgement. Check: `pytest tests/test_plants.py -k feasible`
+# Set by judgement. Check: `pytest tests/test_plants.py -k sweeps`
 WITHIN = 0.85  # [1] of the largest inputs recorded
 OTHERS = 0.5  # [1] of their largest values: where the inputs stay that are not moved
 STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
