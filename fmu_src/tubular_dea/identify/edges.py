@@ -40,6 +40,8 @@ LONGEST_EDGE = 0.02  # [s] from sample to sample that an edge takes at most wher
 SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
 TRIALS = 96  # [1] rises that are tried
 PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
+BLURRED = 2.0  # [standard errors] of an instant by noise and by the shape that its bounds are wider
+UNLIKELY = 0.01  # [1] of the likeliest rise's chance: rises with less do not count in an edge's bounds
 SAMPLED = 300  # [1] edges at most, evenly taken, that tell the rise: more tell it no better
 TOGETHER = 5  # [1] edges from which on it can be told whether all fall on the same part of the sampling
 SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where instants have nothing to do with samples
@@ -379,8 +381,8 @@ def _between(edge: _EdgeSamples, how: Rise, between: float) -> tuple[float, floa
     at = edge.times[edge.anchor] - late
     lasting = float(weights @ how.spread)
     rate = how.trials * (1 / np.clip(1 - part, 0.02, 1) if how.exponential else 1.0)
-    blur = 2.0 * edge.error * float(weights @ rate)  # of the instant by noise and by the shape
-    kept = weights > 0.01 * weights.max()
+    blur = BLURRED * edge.error * float(weights @ rate)  # of the instant by noise and by the shape
+    kept = weights > UNLIKELY * weights.max()
     best = float(weights @ at)
     return best, max(at[kept].min() - blur, a), min(at[kept].max() + blur, b), lasting
 

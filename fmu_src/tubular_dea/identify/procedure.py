@@ -21,6 +21,9 @@ from .study import Study
 
 # Set by judgement. Check: `pytest tests/test_identify.py::test_table_2_leads_to_the_answer`
 ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
+STAGE_EVALUATIONS = 40  # [evaluations] of a stage
+NEAR_START = 0.1  # [1] distance of the joint fit's further starts, in the solver's numbers
+SAMPLES_EACH = 10  # [samples] that every parameter needs at least
 
 Progress = Callable[[str], None]
 
@@ -88,12 +91,12 @@ def joint(
     """
     problem = work.problem((), free_parameters(work.plant.model, start, names), start)
     samples = sum(r.size for r in problem.records)
-    if samples < 10 * len(problem.free):
+    if samples < SAMPLES_EACH * len(problem.free):
         raise UserError(
             f"{samples} samples are too few for {len(problem.free)} parameters; expected at least "
-            f"{10 * len(problem.free)}: record longer, or free fewer parameters"
+            f"{SAMPLES_EACH * len(problem.free)}: record longer, or free fewer parameters"
         )
-    best = ordered_fit(work.plant, problem, fit(problem, start, starts, 0.1, seed))
+    best = ordered_fit(work.plant, problem, fit(problem, start, starts, NEAR_START, seed))
     return problem, with_monitor_noise(problem, best, [p.driven for p in work.training])
 
 
@@ -103,7 +106,7 @@ def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -
     for move in (dict, *plant.safer):
         moved = {n: v if n in problem.names else start[n] for n, v in move(start).items()}
         try:
-            found = fit(problem, moved, 1, evaluations=40)
+            found = fit(problem, moved, 1, evaluations=STAGE_EVALUATIONS)
         except FitError:
             continue
         if best is None or found.cost < best.cost:

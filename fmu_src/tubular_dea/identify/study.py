@@ -27,6 +27,9 @@ from .start import RESTED, UNKNOWN, loosened, unknowns
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
 HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
 
+# Set by judgement. Check: `pytest tests/test_discover.py -k held_out_experiments`
+SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
+
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
 FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
 
@@ -289,8 +292,8 @@ def _features(experiment: Experiment, plant: Plant) -> list[float]:
     """Largest inputs, largest and mean output, and the way the output goes over its range."""
     first = next(o.name for o in plant.outputs if experiment.seen(o.name).any())
     output = experiment.outputs[first][experiment.seen(first)]
-    smooth = np.convolve(output, np.ones(25) / 25, mode="valid")
-    way = float(np.abs(np.diff(smooth[::25])).sum())
+    smooth = np.convolve(output, np.ones(SMOOTH) / SMOOTH, mode="valid")
+    way = float(np.abs(np.diff(smooth[::SMOOTH])).sum())
     return [
         *(float(np.abs(v).max()) for v in experiment.inputs.values()),
         float(smooth.max()),
