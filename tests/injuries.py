@@ -112,7 +112,7 @@ def _heading_twice(file: File, luck: Luck) -> list[str]:
         cells = _cells(file, i) if line else []
         if len(cells) == 4:
             _put(file, i, [*cells, cells[3]])
-    return [f"line {file.heading + 1}: column 'radius' is there twice", "--columns radius=5"]
+    return [f"line {file.heading + 1}: column 'radius' appears twice", "--columns radius=5"]
 
 
 def _other_unit(unit: str, words: str) -> Any:

@@ -290,7 +290,7 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
         (["--set", "heart.C=1mmHg"], "expected a unit like 'm3/Pa'"),
         (["--set", "heart.C=-1"], "expected 1e-11 to 1e-06 m3/Pa but was given -1"),
         (["--set", "heart.C"], "expected a number with a unit like 'm3/Pa' but was given ''; for example heart.C="),
-        (["--set", "heart.C=1e-9", "--set", "heart.C=1e-8"], "--set heart.C is there twice; give it once"),
+        (["--set", "heart.C=1e-9", "--set", "heart.C=1e-8"], "--set heart.C is given twice; give it once"),
         (["--ecg", "nothing.hea"], "nothing: cannot be read as a WFDB record: there is no file nothing.hea"),
         (["--step", "0"], "step: expected a positive number"),
         (["--ecg", "nothing.csv"], "nothing.csv: expected the columns"),

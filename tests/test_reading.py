@@ -145,7 +145,7 @@ def test_rows_that_stand_there_twice_count_once(tmp_path: Path) -> None:
     columns = {k: np.repeat(v, np.where(np.arange(400) % 50 == 7, 2, 1)) for k, v in headed().items()}
     experiment = read_experiment(written(tmp_path, columns), PLANT)
     assert experiment.time.size == 400 and np.all(np.diff(experiment.time) > 0)
-    assert experiment.source and "8 rows that stand there twice" in experiment.source.remarks[0]
+    assert experiment.source and "8 duplicate rows" in experiment.source.remarks[0]
 
 
 def test_a_time_that_stands_there_twice_is_spread(tmp_path: Path) -> None:

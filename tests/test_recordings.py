@@ -191,7 +191,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     table = read(saved(tmp_path, text))
     np.testing.assert_array_equal(table.lines, [2, 3, 7])
     said = " ".join(table.remarks)
-    for word in ("headings repeated: line 4", "line 5 'pump restarted'", "line 8, the last one, ends too early"):
+    for word in ("headings repeated: line 4", "line 5 'pump restarted'", "line 8, the last one, is incomplete"):
         assert word in said
 
 

@@ -40,7 +40,7 @@ def rest(**vary: Any) -> dict[str, Any]:
         (rest(pressure={"from": "0 mmHg", "to": "9 mmHg", "cuont": 2}), "no entry 'cuont'; did you mean count"),
         (rest(pressure={"from": "0 V", "to": "9 V", "count": 3}), "expected a unit like 'Pa' but was given 'V'"),
         (rest(pressure=[]), "the list is empty"),
-        (rest(pressure=["1 mmHg", "1 mmHg"]), "a value is there twice"),
+        (rest(pressure=["1 mmHg", "1 mmHg"]), "a value is given twice"),
         (rest(pressure="95 mmHg"), "expected .* but was given '95 mmHg'"),
         (rest(h_o=["-1 mm"]), "h_o: expected 1e-06 to 1 m but was given -0.001"),
         (rest(eps_r={"mean": 2.8, "deviation": 0}), "expected a positive deviation"),

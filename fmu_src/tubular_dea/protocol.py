@@ -43,7 +43,7 @@ class Protocol:
         Parameters
         ----------
         time : array of shape (n,)
-            Times [s] that do not descend; one that is there twice is a jump.
+            Times [s] that do not decrease; a repeated time is a jump.
         **inputs : array of shape (n,)
             Values of each input at these times, in SI units.
 

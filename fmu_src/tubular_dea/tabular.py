@@ -58,7 +58,7 @@ def text(time: np.ndarray, columns: Mapping[str, np.ndarray], units: Mapping[str
 def headings(path: Path, header: list[str], known: Mapping[str, str]) -> dict[str, Cell]:
     """The columns of `known` names (with an example unit each) in a header; the others are left alone.
 
-    Raises `TableError` for a name without a unit or one that stands there twice.
+    Raises `TableError` for a name without a unit or one that appears twice.
     """
     found: dict[str, Cell] = {}
     for place, heading in enumerate(header):
@@ -69,6 +69,6 @@ def headings(path: Path, header: list[str], known: Mapping[str, str]) -> dict[st
         if not unit:
             raise TableError(f"{path}, line 1: column {name!r} names no unit; write it as '{name} [{known[name]}]'")
         if name in found:
-            raise TableError(f"{path}, line 1: column {name!r} is there twice; expected it once")
+            raise TableError(f"{path}, line 1: column {name!r} appears twice; expected it once")
         found[name] = Cell(name, unit, place)
     return found

@@ -1,4 +1,4 @@
-"""The public functions of `tubular_dea`, one file a purpose: arguments in, results with tables and pictures out.
+"""The public functions of `tubular_dea`, one file per purpose: arguments in, results with tables and pictures out.
 
-The command line is made of the same functions; what they do is done in the rooms before this one.
+The command line uses the same functions. They are a thin layer over the other folders of the package.
 """

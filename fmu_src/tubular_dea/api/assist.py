@@ -28,10 +28,10 @@ WITHOUT, WITH = "without assist", "with assist"
 
 @dataclass(frozen=True, repr=False)
 class AssistResult:
-    """The heart `without` and with assist (`assisted`), and what the assist came to (`course`).
+    """The heart `without` and with assist (`assisted`), and the assessment of the assist (`course`).
 
     ``result.assisted["heart.aortic_pressure"]`` is a value over ``result.assisted.time`` [s], in SI units. `loop` is
-    what was run.
+    the coupled system.
     """
 
     loop: Loop
@@ -53,11 +53,11 @@ class AssistResult:
         return {WITHOUT: self.without, WITH: self.assisted}
 
     def change(self, figure: str) -> float | None:
-        """Relative change of a figure's mean, such as ``"stroke_work"``; None where it says nothing."""
+        """Relative change of a figure's mean, such as ``"stroke_work"``; None where it is not meaningful."""
         return self.course.change(figure)
 
     def lines(self) -> list[str]:
-        """The verdict, the figures and the counts, in words."""
+        """The verdict, the figures and the counts as text."""
         rows = self.course.rows()
         width = max(len(row[0]) for row in rows)
         judged = f"over {len(self.course.judged)} beats"
@@ -166,23 +166,23 @@ def assist(
     patient : str, Path or mapping
         ``"failing"``, ``"healthy"``, ``"stiff"``, a TOML file, or all values by name (SI, or with a unit).
     voltage : float or str
-        Of a pulse [V].
+        Voltage of a pulse [V].
     beats : int
-        Beats to run, at least 5 (the scheduler learns for three).
+        Number of beats, at least 5 (the scheduler learns for three).
     tube : Model, str or Path
         A tube such as a discovery's model, or a model.json (default: the paper's).
     settings : mapping of str to float or str, optional
         Parameters of heart, tube or scheduler by "part.name", as in ``{"scheduler.on_time": "-30 ms"}``.
     ecg : str or Path, optional
-        Beat as a recorded ECG does: CSV (time [s],ecg [mV]) or a WFDB record.
+        Follow the beats of a recorded ECG: CSV (time [s],ecg [mV]) or a WFDB record.
     lead : str, optional
         Column or signal of the ECG (default: the first).
     r_times : str, Path or array of shape (n,), optional
-        Beat at these R times [s].
+        Follow beats at these R times [s].
     controller : float or str, optional
         Hold this radius [m] during pulses, with the tube controller.
     scheme : {"implicit", "gauss-seidel", "jacobi"}
-        Of the coupling; the explicit ones diverge in stiff arteries and near the fold, and say so.
+        The coupling scheme; explicit ones diverge in stiff arteries and near the fold, which is reported.
     step : float
         Communication step [s], at most 0.02.
     variable : bool
@@ -198,7 +198,7 @@ def assist(
     Raises
     ------
     UserError
-        For arguments that cannot be used, and where a run ends early, with time and reason.
+        For invalid arguments, and for runs that end early, with time and reason.
 
     Examples
     --------

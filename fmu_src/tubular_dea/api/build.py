@@ -50,11 +50,11 @@ def build_fmu(
     fmi : {2, 3}
         The version of FMI.
     platforms : str or sequence of str
-        ``"host"`` (this machine), ``"all"``, or names; none of them needs more than this package.
+        ``"host"`` (this machine), ``"all"``, or names; all can be built with this package alone.
     python : bool
         Write it by pythonfmu (FMI 2.0, co-simulation), in Python that can be read and changed.
     plant : Plant, str or Path, optional
-        The plant of a model.json that is declared in a file of yours.
+        The plant of a model.json, if it is declared in a file of your own.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Several settings of the device beside no assist."""
+"""Several settings of the device compared with no assist."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ VOLTAGE = "voltage"  # in the settings of a case: short for scheduler.voltage_on
 
 @dataclass(frozen=True, repr=False)
 class ComparisonResult:
-    """Runs by name, the one without assist first; what each of the others came to (`courses`), and their settings."""
+    """Runs by name, the one without assist first; the assessments of the others (`courses`), and their settings."""
 
     loop: Loop
     runs: Mapping[str, Run]
@@ -40,7 +40,7 @@ class ComparisonResult:
         return f"<ComparisonResult: {', '.join(self.courses)}>"
 
     def lines(self) -> list[str]:
-        """Means of all figures, in words."""
+        """The means of all figures as text."""
         from ..report.compare import table
 
         return aligned(*table(self.courses))
@@ -92,7 +92,7 @@ def compare(
     variable: bool = False,
     progress: bool = False,
 ) -> ComparisonResult:
-    """The assisted heart with several settings of the device, beside no assist.
+    """The assisted heart with several settings of the device, compared with no assist.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def compare(
     Returns
     -------
     ComparisonResult
-        All runs, and the figures of each case beside the same beats without assist.
+        All runs, and the figures of each case compared with the same beats without assist.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def compare(
 def run_cases(
     loop: Loop, cases: Mapping[str, Mapping[str, float]], progress: bool
 ) -> tuple[dict[str, Run], dict[str, Course]]:
-    """Runs by name, the one without assist first; and what each of the others came to."""
+    """Runs by name, the one without assist first; and the assessments of the others."""
     trial, first = loop.trial(), next(iter(cases.values()))
     runs = {WITHOUT: trial.run({**first, "scheduler.voltage_on": 0.0}, WITHOUT if progress else "")}
     runs |= {name: trial.run(settings, name if progress else "") for name, settings in cases.items()}

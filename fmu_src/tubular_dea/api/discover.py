@@ -30,10 +30,10 @@ STEPS = 24  # of the bar, about: how many refits there are depends on the data
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that the model lacks: where it acts (`channel`), what cannot be told from it (`equivalent`).
+    """An effect that the model lacks: where it acts (`channel`), and the effects equivalent to it (`equivalent`).
 
-    `evidence` is the log evidence over the model without it, `explained` its share of what was not noise, `parameters`
-    are its own.
+    `evidence` is the log evidence relative to the model without it, `explained` its share of the misfit beyond noise,
+    `parameters` are its own.
     """
 
     id: str
@@ -46,9 +46,9 @@ class FoundEffect:
 
 @dataclass(frozen=True, repr=False)
 class DiscoveryResult:
-    """What a discovery came to: `model` with the named effects at the identified values, `content` as in result.json.
+    """The result of a discovery: `model` with the named effects at the identified values, `content` as in result.json.
 
-    `discovery` holds everything that was tried.
+    `discovery` has all intermediate results.
     """
 
     model: Model
@@ -77,7 +77,7 @@ class DiscoveryResult:
 
     @property
     def parameters(self) -> dict[str, ParameterEstimate]:
-        """The model's own parameters, refitted beside the effects, by name."""
+        """The model's own parameters, refitted together with the effects, by name."""
         return {name: ParameterEstimate.of(p) for name, p in self.content["base_parameters"].items()}
 
     @property
@@ -91,7 +91,7 @@ class DiscoveryResult:
         return str(self.content["next_experiment"])
 
     def lines(self) -> list[str]:
-        """Verdict and errors, in words."""
+        """Verdict and errors as text."""
         from ..report.close_loop import error_lines
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
@@ -114,7 +114,7 @@ class DiscoveryResult:
         return dict(self.content)
 
     def plot(self, figure: Figure | None = None) -> Figure:
-        """What the model leaves of every experiment, before and after; drawn into `figure` if it is given."""
+        """The residuals of every experiment, before and after; drawn into `figure` if it is given."""
         from ..report.residuals import residuals
 
         return residuals(self.discovery, figure)
@@ -154,18 +154,18 @@ def discover(
     seed: int | None = None,
     progress: bool = False,
 ) -> DiscoveryResult:
-    """The effect that a model lacks, from recordings; or that it lacks none, or what cannot be told.
+    """Find the effects that a model lacks, from recordings.
 
     Parameters
     ----------
     data : str, Path or Recordings
         A folder of recordings, or what `read_recordings` has read.
     plant : Plant, str or Path
-        What was recorded, where `data` is a folder.
+        The recorded plant, where `data` is a folder.
     hold_out : sequence of str, optional
         Experiments that take part in no fit (default: chosen).
     seed : int, optional
-        Of the search's starts and the bootstrap; the same recordings and seed give the same result.
+        Seed of the starts of fits and of the bootstrap; the same recordings and seed give the same result.
     progress : bool
         Show a bar on standard error.
 
@@ -177,11 +177,11 @@ def discover(
     Raises
     ------
     UserError
-        For recordings or arguments that cannot be used, and for too few samples.
+        For invalid recordings or arguments, and for too few samples.
 
     Examples
     --------
-    An aorta whose flow probe is late, recorded three times. What the probe may do to the flow is asked for alone:
+    An aorta with a delayed flow probe, recorded three times. Only effects of the flow probe are candidates here:
 
     >>> from dataclasses import replace
     >>> import numpy as np

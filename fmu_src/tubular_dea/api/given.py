@@ -1,4 +1,4 @@
-"""Arguments as people give them, in numbers: "5.5 kV" or 5500.0, a plant by its name or file, settings by name."""
+"""Conversion of arguments: "5.5 kV" or 5500.0 to numbers, a plant by its name or file, settings by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every run of the assisted heart begins with: a patient, a rhythm, a tube, settings, and how to step."""
+"""The inputs of every run of the assisted heart: a patient, a rhythm, a tube, settings, and the coupling."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Settings: TypeAlias = Mapping[str, Amount]
 
 @dataclass(frozen=True)
 class Stepping:
-    """How the loop is coupled: the scheme, the communication step [s], and whether the error chooses it."""
+    """The coupling of the loop: the scheme, the communication step [s], and whether the step is adaptive."""
 
     scheme: str = "implicit"
     step: float = 1e-3
@@ -73,7 +73,7 @@ class Rhythm:
 
     @property
     def paced(self) -> bool:
-        """Whether the heart is told when to beat."""
+        """Whether the heart is paced by recorded beats."""
         return self.times is not None
 
     def shown(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -131,7 +131,7 @@ class Loop:
         return models(self.rhythm.paced, self.tube, self.controlled)
 
     def trial(self, controlled: bool = False) -> Trial:
-        """The runs to be; slaves are compiled."""
+        """The trial of this loop, with compiled slaves."""
         rate, options = self.settings.get("heart.heart_rate"), self.stepping.options()
         return Trial.of(self.patient, self.beats, self.rhythm.times, self.tube, options, rate, controlled)
 

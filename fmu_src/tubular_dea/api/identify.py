@@ -60,7 +60,7 @@ def estimates_table(estimates: Mapping[str, ParameterEstimate]) -> pandas.DataFr
 class IdentificationResult:
     """Identified parameters: `model` at their values, the `study` they were found in, the `fit`.
 
-    `content` is what parameters.json says, in SI units.
+    `content` is that of parameters.json, in SI units.
     """
 
     model: Model
@@ -92,12 +92,12 @@ class IdentificationResult:
         return float(self.content["rmse"])
 
     def lines(self) -> list[str]:
-        """The parameters and how well they fit, in words."""
+        """The parameters and the goodness of fit as text."""
         said = [f"{name:8s} {p.value:.6g} +- {p.stderr:.2g} {p.unit}" for name, p in self.parameters.items()]
         return [*said, *self.remarks(), f"fit {self.fit_percent:.2f} %, error {self.rmse:.3g} {self.content['unit']}"]
 
     def remarks(self) -> list[str]:
-        """What has to be known of the values."""
+        """Warnings about the values."""
         said = []
         if not self.content["converged"]:
             said.append("the search has not converged: give more starts, or another start")
@@ -156,17 +156,17 @@ def identify(
     data : str, Path or Recordings
         A folder of recordings, or what `read_recordings` has read.
     plant : Plant, str or Path
-        What was recorded, where `data` is a folder.
+        The recorded plant, where `data` is a folder.
     start : str or mapping of str to float or str, optional
-        Values to begin with: the plant's by name, such as ``"table-2"``, or some of one's own (default: as declared).
+        Starting values: those of the plant by name, such as ``"table-2"``, or your own (default: as declared).
     staged : bool
         Begin with the plant's stages, as the paper does (always done from named starting values).
     free : sequence of str, optional
         The parameters to identify (default: all tunable ones).
     starts : int
-        Searches of the joint fit, from places around.
+        Number of starts of the joint fit, near the starting values.
     seed : int
-        Of these places.
+        Seed of these starts.
     profile : bool
         Intervals from the profile of the likelihood (minutes).
     progress : bool
@@ -180,7 +180,7 @@ def identify(
     Raises
     ------
     UserError
-        For recordings or arguments that cannot be used, and where the model cannot be solved.
+        For invalid recordings or arguments, and where the model cannot be solved.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def _start(plant: Plant, start: str | Mapping[str, Amount] | None) -> dict[str, 
 
 
 def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[str, Any]:
-    """What parameters.json says, in SI units."""
+    """The content of parameters.json, in SI units."""
     model, left, first = work.plant.model, misfit(problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
     outputs = [with_nuisances(work, p, y) for p, y in zip(work.training, answers, strict=True)]

@@ -1,4 +1,4 @@
-"""Models to work with: the paper's tube, what was saved, a plant of one's own."""
+"""Models: the tube of the paper, saved models, plants of your own."""
 
 from __future__ import annotations
 

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WebPage:
-    """One page that opens in any browser without a network: `html`, and what is to be said of it (`remarks`)."""
+    """One page that opens in any browser without a network: `html`, and `remarks` about it."""
 
     html: str = field(repr=False)
     remarks: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """What was left out, or how much there is, in words."""
+        """What was left out, or how much there is, as text."""
         return list(self.remarks)
 
     def write(self, path: str | Path) -> Path:
@@ -38,7 +38,7 @@ class WebPage:
 
 @dataclass(frozen=True)
 class AtlasPage(WebPage):
-    """The atlas of residuals as a page; `atlas` has what every effect leaves, as numbers."""
+    """The atlas of residuals as a page; `atlas` has the signatures of all effects as numbers."""
 
     atlas: Atlas = field(kw_only=True, repr=False)
 
@@ -93,7 +93,7 @@ def lab_page(model: AnyModel | None = None, data: Data | None = None, *, plant: 
 
 
 def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage:
-    """A page with what every effect of a plant's catalogue leaves behind: its equation, usual size and residual.
+    """A page with the signature of every effect of a plant's catalogue: its equation, usual size and residual.
 
     Parameters
     ----------

@@ -30,8 +30,8 @@ ASSUMED = "5 L/min"
 class PatientResult:
     """A patient fitted to the average `beat` of `recording`: `values` (SI) by name are what `assist` takes.
 
-    `found` has the estimates with their intervals; `based_on` whom it is near in what is not told; `assumed` the
-    cardiac output [m3/s] where there was no flow.
+    `found` has the estimates with their intervals; `based_on` is the patient for everything that cannot be identified;
+    `assumed` the cardiac output [m3/s] where there was no flow.
     """
 
     recording: Path
@@ -49,7 +49,7 @@ class PatientResult:
         return dict(self.found.values)
 
     def lines(self) -> list[str]:
-        """What was fitted to what, and the parameters with their intervals, in words."""
+        """A summary of the fit, and the parameters with their intervals, as text."""
         said = self._header()
         for name, text, interval, remark in self._rows():
             said.append(f"{name:18} {text:>24}  {interval:24} {remark}".rstrip())
@@ -82,7 +82,7 @@ class PatientResult:
         return [written, write_atomically(out.with_suffix(".png"), png(self.plot()))]
 
     def _header(self) -> list[str]:
-        """What was fitted to what, in sentences."""
+        """A summary of the fit in sentences."""
         beat, found = self.beat, self.found
         mmhg, litres = factor("Pa", "mmHg"), factor("m3/s", "L/min")
         beats = "one beat" if beat.beats == 1 else f"the average of {beat.beats} beats, cut at the {beat.by}"
@@ -182,7 +182,7 @@ def fit_patient(
     cardiac_output : float or str, optional
         Assumed [m3/s] where there is no flow (default: 5 L/min, +- 20 %).
     based_on : str, Path or mapping
-        The patient for what the recording does not tell.
+        The patient for everything that the recording does not identify.
     progress : bool
         Show a bar on standard error.
 
@@ -213,11 +213,11 @@ def fit_patient(
 
 
 def _assumed(given: Amount | None, beat: RecordedBeat) -> float | None:
-    """The cardiac output that is assumed [m3/s]; None where a flow says it."""
+    """The assumed cardiac output [m3/s]; None where a flow was recorded."""
     if beat.flow is None:
         return amount(ASSUMED if given is None else given, "m3/s", "cardiac_output")
     if given is not None:
-        raise ArgumentError("cardiac_output", ": the recording has a flow, which says it; leave this out")
+        raise ArgumentError("cardiac_output", ": the recording has a flow, which determines it; leave this out")
     return None
 
 

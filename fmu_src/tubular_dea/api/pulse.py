@@ -34,7 +34,7 @@ TIMING = ("scheduler.on_fraction", "scheduler.off_fraction", "scheduler.on_time"
 
 @dataclass(frozen=True, repr=False)
 class PulseResult:
-    """The best pulse (`optimum`), and it and the one asked for as the scheduler runs them (`runs`, `courses`)."""
+    """The best pulse (`optimum`), and its runs and those of the given pulse with the scheduler (`runs`, `courses`)."""
 
     loop: Loop
     optimum: Optimum
@@ -61,7 +61,7 @@ class PulseResult:
         }
 
     def lines(self) -> list[str]:
-        """The optimum, what it gains, and what it may be off by, in words."""
+        """The optimum, its benefit, and its sensitivity to disturbances, as text."""
         from ..report.compare import table
         from ..report.optimum import ROBUSTNESS, robustness, sentence
 
@@ -83,7 +83,7 @@ class PulseResult:
         return shlex.join([*words, "--out", str(out / "run")])
 
     def to_pandas(self) -> pandas.DataFrame:
-        """What the pulse gains while it is disturbed: one row a disturbance. Needs the extra `tables`."""
+        """The benefit of the disturbed pulse: one row per disturbance. Needs the extra `tables`."""
         return tables.table([asdict(c) for c in self.optimum.robustness], "what")
 
     def to_dict(self) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def best_pulse(
     Parameters
     ----------
     objective : str
-        What is lowered (``"stroke_work_per_stroke_volume"``, ``"stroke_work"``) or raised (``"stroke_volume"``,
+        The index to lower (``"stroke_work_per_stroke_volume"``, ``"stroke_work"``) or to raise (``"stroke_volume"``,
         ``"mean_aortic_pressure"``).
     largest_voltage : float or str
         Of the amplifier [V].
@@ -148,12 +148,12 @@ def best_pulse(
     Returns
     -------
     PulseResult
-        The pulse, what it gains, the map of all timings, and what disturbances cost.
+        The pulse, its benefit, the map of all timings, and the cost of disturbances.
 
     Raises
     ------
     UserError
-        For arguments that cannot be used, and where no pulse meets the limits, or none helps.
+        For invalid arguments, and where no pulse meets the limits or none helps.
 
     Examples
     --------

@@ -75,15 +75,15 @@ class RecordingSet(Recordings):
         return Understanding(self)
 
     def lines(self) -> list[str]:
-        """What is understood of the files: formats, columns, units, sampling, starts, edges, noise."""
+        """How the files were understood: formats, columns, units, sampling, starts, edges, noise."""
         return self._understood.lines()
 
     def remarks(self) -> list[str]:
-        """What was left aside, in words."""
+        """What was not used, as text."""
         return not_used(self)
 
     def findings(self) -> list[str]:
-        """Scales that may be wrong by a factor, in words."""
+        """Units that may be wrong by a factor, as text."""
         return scales.findings(self)
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -138,7 +138,7 @@ def read_recordings(
     Raises
     ------
     UserError
-        For files, columns and values that cannot be what they say, with file, line and column.
+        For invalid files, columns and values, with file, line and column.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def _table(name: str, given: Mapping[str, Any]) -> Table:
 
 
 def not_used(recordings: Recordings) -> list[str]:
-    """What was found in the files and left aside, in words, once for all files."""
+    """What was found in the files but not used, as text, once for all files."""
     columns: dict[str, int] = {}
     for experiment in recordings.experiments:
         for heading in experiment.source.unused if experiment.source else ():

@@ -54,7 +54,7 @@ class SimulationResult(Trajectory):
         return [*inputs, *(name for name in self.values if name not in inputs)]
 
     def lines(self) -> list[str]:
-        """What happened, in words."""
+        """A summary as text."""
         if "snap_through_margin" in self.values:
             return self._fold()
         said = []
@@ -64,7 +64,7 @@ class SimulationResult(Trajectory):
         return said
 
     def _fold(self) -> list[str]:
-        """How far the tube went, and how near the snap-through."""
+        """The largest displacement of the tube, and its margin to snap-through."""
         said = [
             f"largest displacement {1e3 * self['radial_displacement'].max():.3f} mm, "
             f"largest field {1e-6 * np.abs(self['electric_field']).max():.1f} V/um, "
@@ -144,7 +144,7 @@ def simulate(
     parameters : mapping of str to float or str
         Parameters that differ from the model's, in SI or with a unit.
     tolerance : float
-        Relative error, about: 1e-12 to 1e-2.
+        Approximate relative error: 1e-12 to 1e-2.
     plant : Plant, str or Path, optional
         The plant of a model.json that is declared in a file of yours.
     **signals : float or str
@@ -159,7 +159,7 @@ def simulate(
     Raises
     ------
     UserError
-        For what cannot be used, and where the integration ends early, with the time and the reason.
+        For invalid arguments, and where the integration ends early, with the time and the reason.
 
     Examples
     --------
@@ -210,7 +210,7 @@ def _protocol(
 
 
 def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
-    """Columns that look as if they had another unit; a small signal may be meant."""
+    """Columns that seem to have another unit; a small signal may be intended."""
     said = []
     for signal in plant.inputs:
         problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name).unit)

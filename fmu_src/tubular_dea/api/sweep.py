@@ -44,7 +44,7 @@ class SweepResult:
 
     @property
     def folder(self) -> Path:
-        """Where the rows stand."""
+        """The folder of the rows."""
         return self.store.folder
 
     @property
@@ -58,7 +58,7 @@ class SweepResult:
         return dict(self.plan.columns)
 
     def lines(self) -> list[str]:
-        """How much there is, in words."""
+        """The number of rows and failures, as text."""
         note = f", {self.failed} of them without a result (see column message)" if self.failed else ""
         return [f"{self.store.manifest.rows} rows in {self.folder / 'parts'}{note}"]
 
@@ -120,7 +120,7 @@ def sweep(
         A TOML file, or its tables: what varies, over what, what is wanted; see `tubular_dea.sweep.plan`. ``"model"``
         may also be a Model.
     out : str or Path, optional
-        Folder to write to, or to go on with (default: a temporary one, which goes with the result).
+        Folder to write to or to continue (default: a temporary one, deleted with the result).
     workers : int, optional
         Threads in this process (default: all processors).
     local_cluster : int, optional
@@ -140,7 +140,7 @@ def sweep(
     Raises
     ------
     UserError
-        For a plan or a folder that cannot be used, and where the extra `sweep` is not installed.
+        For an invalid plan or folder, and where the extra `sweep` is not installed.
 
     Examples
     --------

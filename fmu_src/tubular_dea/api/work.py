@@ -10,7 +10,7 @@ from ..progress import progress_bar
 
 @contextmanager
 def steps(shown: bool, total: int, unit: str = "step") -> Iterator[Callable[[str], None]]:
-    """What tells the next step of about so many; silent unless it is `shown`."""
+    """A function that reports the next of about `total` steps; silent unless `shown`."""
     if not shown:
         yield lambda what: None
         return

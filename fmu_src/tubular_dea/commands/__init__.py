@@ -11,9 +11,9 @@ COMMANDS = {
     "assist": "run a ventricle with the tube, with and without assist; loops, pressures, energies",
     "patient": "fit a patient to a recorded arterial pressure, with intervals",
     "sweep": "compute a plan of many points: tables, maps, sensitivities; a laptop or a cluster",
-    "identify": "find the model's parameters from bench recordings",
-    "close-loop": "from bench recordings to the missing effect, and an FMU that has it",
-    "atlas": "a page with what every effect of the catalogue leaves behind, to look a residual up",
+    "identify": "fit the model's parameters to recordings",
+    "close-loop": "from recordings to the missing effect, and an FMU that includes it",
+    "atlas": "a page with the signature of every effect in the residual, to compare with",
     "handbook": "a page with all models, effects, laws, the Python API and the commands",
     "lab": "a page for any browser: tube, assisted heart and recordings, live",
 }

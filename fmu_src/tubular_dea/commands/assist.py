@@ -46,9 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PART.NAME=VALUE[UNIT]",
         help="change a parameter of heart, tube or scheduler, as in heart.C=0.6mL/mmHg",
     )
-    parser.add_argument("--ecg", type=Path, help="beat as a recorded ECG does: CSV (time [s],ecg [mV]) or WFDB record")
+    parser.add_argument("--ecg", type=Path, help="follow the beats of a recorded ECG: CSV (time [s],ecg [mV]) or WFDB")
     parser.add_argument("--lead", help="column or signal of the ECG (default: the first)")
-    parser.add_argument("--r-times", type=Path, help="beat at the R times [s] in this file, one a line")
+    parser.add_argument("--r-times", type=Path, help="follow beats at the R times [s] in this file, one per line")
     parser.add_argument("--scheme", default="implicit", choices=SCHEMES, help="coupling (default: implicit)")
     parser.add_argument("--step", type=float, default=1e-3, help="communication step [s] (default: 0.001)")
     parser.add_argument(
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Run what was asked for, write it, print what it came to."""
+    """Run, write and print what was asked for."""
     result = _result(options)
     written = result.report(options.out)
     for line in result.lines():

@@ -1,8 +1,8 @@
-"""Write one page with what every effect of the catalogue leaves behind: its equation, usual size and residual.
+"""Write one page with the signature of every effect of the catalogue: its equation, usual size and residual.
 
-For each effect the plant is simulated on the standard experiments (those that it declares, else steps and sweeps of its
-inputs) with the effect and without, and what the model's own parameters would take up in a refit is taken out. Look
-your own residual up. The page is one file that opens from disk and asks no network for anything.
+For each effect the plant is simulated in the standard experiments (those that it declares, else steps and sweeps of its
+inputs) with the effect and without. The part of the difference that the model's own parameters would absorb in a refit
+is removed. Compare the result with your own residual. The page is one file that opens from disk and needs no network.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Write the handbook: one page for any browser with all models, effects, laws, the Python API and the commands.
 
-Everything on it is printed from what is declared in the code: equations and parameters, what a plant may lack, with
+Everything on it is generated from the code: equations and parameters, what a plant may lack, with
 usual sizes, docstrings, options. With --plant also for a plant of your own.
 """
 

@@ -2,7 +2,7 @@
 
 DATA is a folder of files, one experiment each, headed with quantity and unit:
   time [s],pressure [Pa],voltage [V],radius [m]
-in any order and usual unit; see below.
+in any order and any usual unit; see below.
 Written are parameters.json (verdict: adequate, or misfit where more than noise is left; values, standard errors, 95 %
 intervals, goodness of fit), model.json (for `tubular-dea build --model`) and fit.png.
 """
@@ -35,15 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the plant's other starting values, such as table-2 (default: as declared)",
     )
     parser.add_argument(
-        "--staged", action="store_true", help="begin with the paper's stages (always done from table-2)"
+        "--staged", action="store_true", help="start with the paper's stages (always done from table-2)"
     )
     parser.add_argument(
         "--free", nargs="+", default=None, metavar="NAME", help="identify these only (default: all nine)"
     )
     parser.add_argument(
-        "--starts", type=int, default=3, help="searches of the joint fit, from places around (default: 3)"
+        "--starts", type=int, default=3, help="starts of the joint fit, near the starting values (default: 3)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the places to start from")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the starts")
     parser.add_argument("--profile", action="store_true", help="intervals from the profile of the likelihood (minutes)")
 
 

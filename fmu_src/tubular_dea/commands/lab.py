@@ -1,7 +1,7 @@
 """Write one page that opens in any browser: the tube, the assisted heart and your recordings, live, without a network.
 
-The page holds the model as WebAssembly, compiled from the same C as the FMUs. It opens with what it was made from and
-reads recordings that are dropped on it; everything it shows can be taken away: link, command, Python, CSV, PNG.
+The page holds the model as WebAssembly, compiled from the same C as the FMUs. It opens with the given model and data
+and reads recordings that are dropped on it. Everything it shows can be exported: link, command, Python, CSV, PNG.
 """
 
 from __future__ import annotations

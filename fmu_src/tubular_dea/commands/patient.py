@@ -2,7 +2,7 @@
 
 Writes the patient (TOML) and a picture of the beat beside it (PNG). Recordings: a table with the columns
 time, pressure and, if there are, flow and ecg (or a headless table of time [s] and pressure [mmHg]), or a WFDB record.
-Where there is no flow, pressure alone does not tell the size of the heart: the cardiac output is assumed.
+Without a flow, the pressure does not determine the size of the heart: the cardiac output is assumed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, help="a table, or a WFDB record (.hea)")
     parser.add_argument("--flow", type=Path, help="a second table, with the aortic flow over the same time")
     parser.add_argument("--cardiac-output", help="assumed where there is no flow (default: 5 L/min, +- 20 %%)")
-    parser.add_argument("--based-on", default="healthy", help=f"for what is not told: {', '.join(PATIENTS)}")
+    parser.add_argument("--based-on", default="healthy", help=f"for what cannot be identified: {', '.join(PATIENTS)}")
     parser.add_argument("--out", type=Path, default=Path("patient.toml"), help="file to write (default: patient.toml)")
 
 

@@ -15,7 +15,7 @@ FORMATS = f"""files:
   between that are no numbers; headings such as 'pressure [mbar]', 'time (s)', 'radius_um' or units in a row of their
   own; times in s, ms, hh:mm:ss.fff or ISO 8601. MATLAB (.mat), HDF5, TDMS and Parquet after
   pip install 'tubular-dea[files]'. A column `trigger` gives switching instants, `current` is a second output.
-  See what is understood with --dry-run.
+  --dry-run shows how the files are understood.
 
 {bench_file.__doc__}"""
 
@@ -34,14 +34,14 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run",
         action="store_true",
-        help="only say what is understood of the files, and draw it (recordings.png in --out)",
+        help="only show how the files are understood, and draw them (recordings.png in --out)",
     )
 
 
 def recordings_of(options: argparse.Namespace) -> td.RecordingSet | None:
     """The recordings in DATA; says which columns were not used, and which scale may be wrong.
 
-    With --dry-run it says what is understood, draws it where there is a folder to write to, and returns None.
+    With --dry-run it shows how the files are understood, draws them if there is a folder to write to, and returns None.
     """
     if options.out is None and not options.dry_run:
         raise UserError("--out is missing: expected a folder to write to, or --dry-run")

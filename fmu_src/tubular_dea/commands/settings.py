@@ -19,11 +19,11 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
 
 
 def settings(given: Sequence[str], argument: str = "settings") -> dict[str, str]:
-    """Values by name from "NAME=VALUE[UNIT]"; `ArgumentError` for a name that is there twice."""
+    """Values by name from "NAME=VALUE[UNIT]"; `ArgumentError` for a name given twice."""
     values: dict[str, str] = {}
     for setting in given:
         name, _, text = setting.partition("=")
         if name.strip() in values:
-            raise ArgumentError(argument, f" {name.strip()} is there twice; give it once")
+            raise ArgumentError(argument, f" {name.strip()} is given twice; give it once")
         values[name.strip()] = text.strip()
     return values

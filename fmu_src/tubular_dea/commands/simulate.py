@@ -2,7 +2,7 @@
 
 Inputs are short specifications, or a CSV file whose header names quantity and unit:
   time [s],pressure [mmHg],voltage [kV]
-A time listed twice is a jump; between rows the inputs run straight.
+A time listed twice is a jump; between rows the inputs are linear.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
     parser.add_argument("--stop", type=float, help=f"end of the run [s] for specifications (default: {STOP:g})")
     parser.add_argument("--interval", type=float, default=INTERVAL, help="time between rows of the table [s]")
-    parser.add_argument("--tolerance", type=float, default=1e-6, help="relative error, about (default: 1e-6)")
+    parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")
     values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE[UNIT]", help=f"change a parameter: {values}"
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> None:
         plant=options.plant,
         **(given if options.inputs else {}),
     )
-    for remark in response.remarks:  # a warning alone: a small signal may be meant
+    for remark in response.remarks:  # only a warning: a small signal may be intended
         print(f"warning: {remark}", file=sys.stderr)
     print(f"wrote {' and '.join(map(str, response.report(options.out)))}")
     for line in response.lines():

@@ -1,8 +1,8 @@
 """Compute a plan of many points: designs, patients, uncertain parameters; tables, maps and sensitivities.
 
-The plan is a TOML file that says what varies and what is wanted (the README of the sweep is the docstring of
-tubular_dea.sweep.plan). Results are written as they come; the same command goes on after an interruption. By default
-the processors of this machine share the work; a Dask cluster takes the very same plan.
+The plan is a TOML file that says what varies and what is wanted (described in the docstring of
+tubular_dea.sweep.plan). Results are written as they are computed; after an interruption the same command continues. By
+default the processors of this machine share the work; a Dask cluster takes the same plan.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ EXAMPLE = """example:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea sweep`."""
     parser.add_argument("plan", type=Path, metavar="PLAN", help="TOML file: what varies, over what, what is wanted")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write to, or to go on with")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write to, or to continue")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, metavar="N", help="threads in this process (default: all processors)")
     where.add_argument("--local-cluster", type=int, metavar="N", help="N worker processes of Dask on this machine")

@@ -78,8 +78,8 @@ def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> I
     """A finding where `values` (n,) are only noise; `wanted` describes what was expected."""
     if np.ptp(values) <= CONSTANT * noise_level(values) or np.ptp(values) == 0:
         yield (
-            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) determines "
-            f"nothing; expected one in which {wanted}"
+            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) contains no "
+            f"information; expected one in which {wanted}"
         )
 
 
@@ -96,15 +96,15 @@ def _standstill(
         there = np.flatnonzero(values == extreme)
         if there.size >= max(STANDSTILL, SATURATED * values.size):
             yield (
-                f"line {lines[there[0]]}, column {name!r}: the sensor has run into its stop (saturated): {there.size} "
-                f"of {values.size} samples read {extreme:g}; leave these cells empty or the experiment out"
+                f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
+                f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
             )
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
             yield (
                 f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
-                f"values {values[begin]:g}; leave these cells empty or the experiment out"
+                f"values {values[begin]:g}; empty these cells or leave the experiment out"
             )
 
 

@@ -66,7 +66,7 @@ def choices(settings: Sequence[str], plant: Plant, source: str = "columns") -> d
         if plain(name) not in known:
             raise ArgumentError(source, f" {setting}: there is no signal {name!r}{nearest(name, known)}")
         if plain(name) in found:
-            raise ArgumentError(source, f" {setting}: {name} is there twice; give it once")
+            raise ArgumentError(source, f" {setting}: {name} is given twice; give it once")
         number, unit = _factored(match["unit"] or "")
         if unit and not is_unit(unit):
             expected = known[plain(name)] or "V"
@@ -140,7 +140,7 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
         found = _times(free)
     if len(found) > 1:
         raise ReadError(
-            f"{table.heading_place}: column {name!r} is there twice; expected it once: say which with "
+            f"{table.heading_place}: column {name!r} appears twice; expected it once: say which with "
             f"--columns {name}={found[1].number}"
         )
     return found[0] if found else None

@@ -37,7 +37,7 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
         raise _refusal(table, int(missing[0]), "expected a number but found none")
     kept, remarks = _without_doubles(time, values), []
     if kept.size < time.size:
-        remarks.append(f"{time.size - kept.size} rows that stand there twice left out")
+        remarks.append(f"{time.size - kept.size} duplicate rows left out")
     there = time[kept]
     back = np.flatnonzero(np.diff(there) < 0)
     if back.size:
@@ -48,11 +48,11 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
         raise _refusal(table, int(kept[i + 1]), said)
     even, equal = _even(there), np.flatnonzero(np.diff(there) == 0)
     if even is not None:
-        remarks.append(f"times of a coarse clock, taken as even: {1 / (even[1] - even[0]):.6g} Hz")
+        remarks.append(f"times of a coarse clock, replaced by even ones: {1 / (even[1] - even[0]):.6g} Hz")
         there = even
     elif equal.size and there[-1] > there[0]:
         lines = [f"{table.row} {n}" for n in table.lines[kept[equal + 1]]]
-        remarks.append(f"times that are there twice, spread up to the next: {some(lines, 5)}")
+        remarks.append(f"repeated times, spread evenly up to the next: {some(lines, 5)}")
         there = _spread(there)
     return Sampling(there, kept, tuple(remarks))
 

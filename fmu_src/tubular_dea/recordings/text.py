@@ -180,7 +180,7 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
     ends = int(np.flatnonzero(filled)[-1])
     if body.excess[ends] < 0 and not _may_be_short(body, filled, ends, layout):
         filled[ends] = False
-        remarks.append(f"line {body.lines[ends]}, the last one, ends too early: left out")
+        remarks.append(f"line {body.lines[ends]}, the last one, is incomplete: left out")
     for i in np.flatnonzero(body.excess * filled):
         if body.excess[i] > 0 or not _may_be_short(body, filled, int(i), layout):
             n, width = body.lines[i], len(found)

@@ -81,7 +81,7 @@ def _levels(name: str, given: Sequence[Any], quantities: Quantities, place: str)
     unit = _unit(name, given, quantities)
     values = _numbers(given, unit, place)
     if len(set(values)) < len(values):
-        raise PlanError(f"{place}: a value is there twice; expected each once")
+        raise PlanError(f"{place}: a value is given twice; expected each once")
     return Levels(name, ((name, unit),), tuple((v,) for v in values))
 
 

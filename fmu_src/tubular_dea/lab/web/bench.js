@@ -58,7 +58,7 @@ function assigned(table) {
 function headed(table, name) {
   let found = table.columns.filter((c) => c.name === name);
   if (!found.length && name === "time") found = timesOf(table.columns);
-  if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} is there twice; expected it once: say which with --columns ${name}=${found[1].number}`);
+  if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: say which with --columns ${name}=${found[1].number}`);
   return found[0];
 }
 
@@ -89,7 +89,7 @@ function sampling(table, time, values) {
   if (gone >= 0) throw refusal(gone, "expected a number but found none");
   const rows = [time, ...values], same = (i) => i > 0 && rows.every((r) => r[i] === r[i - 1] || (Number.isNaN(r[i]) && Number.isNaN(r[i - 1])));
   const kept = indicesOf(Array.from(time), (_, i) => !same(i));
-  if (kept.length < time.length) remarks.push(`${time.length - kept.length} rows that stand there twice left out`);
+  if (kept.length < time.length) remarks.push(`${time.length - kept.length} duplicate rows left out`);
   let there = Float64Array.from(kept, (i) => time[i]);
   for (let i = 0; i + 1 < there.length; i++) {
     if (there[i + 1] >= there[i]) continue;
@@ -99,10 +99,10 @@ function sampling(table, time, values) {
   }
   const even = evenTimes(there), equal = indicesOf(Array.from(there), (t, i) => i > 0 && t === there[i - 1]);
   if (even) {
-    remarks.push(`times of a coarse clock, taken as even: ${g(1 / (even[1] - even[0]))} Hz`);
+    remarks.push(`times of a coarse clock, replaced by even ones: ${g(1 / (even[1] - even[0]))} Hz`);
     there = even;
   } else if (equal.length && there[there.length - 1] > there[0]) {
-    remarks.push(`times that are there twice, spread up to the next: ${some(equal.map((i) => `line ${table.lines[kept[i]]}`), 5)}`);
+    remarks.push(`repeated times, spread evenly up to the next: ${some(equal.map((i) => `line ${table.lines[kept[i]]}`), 5)}`);
     there = spreadTimes(there);
   }
   return { time: there, kept, remarks };
@@ -210,7 +210,7 @@ function outputFindings(recorded, signal, lines, name, rest) {
   if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers; expected at least ${bench.leastSamples}`];
   const found = wrongUnit(values, name, signal, there);
   if (span(values) <= 12 * noiseLevel(values) || span(values) === 0)
-    found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}) determines nothing; expected one in which the output moves`);
+    found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}) contains no information; expected one in which the output moves`);
   found.push(...standstill(values, name, there, [largest, smallest]));
   const parameter = Object.values(signal.columns).find(Boolean);
   if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter));
@@ -230,12 +230,12 @@ function standstill(values, name, lines, stops) {
   for (const extreme of stops.map((stop) => stop(values))) {
     const there = indicesOf(Array.from(values), (v) => v === extreme);
     if (there.length >= Math.max(words.standstill, 0.03 * values.length))
-      found.push(`line ${lines[there[0]]}, column ${repr(name)}: the sensor has run into its stop (saturated): ${there.length} of ${values.length} samples read ${g(extreme)}; leave these cells empty or the experiment out`);
+      found.push(`line ${lines[there[0]]}, column ${repr(name)}: the sensor is saturated: ${there.length} of ${values.length} samples read ${g(extreme)}; empty these cells or leave the experiment out`);
   }
   for (let begin = 0; begin < values.length;) {
     let end = begin;
     while (end + 1 < values.length && values[end + 1] === values[begin]) end++;
-    if (end - begin + 1 >= words.standstill) found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; leave these cells empty or the experiment out`);
+    if (end - begin + 1 >= words.standstill) found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; empty these cells or leave the experiment out`);
     begin = end + 1;
   }
   return found;

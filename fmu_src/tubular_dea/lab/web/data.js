@@ -49,7 +49,7 @@ function take(name, raw) {
 function dataView() {
   D.latest = new Latest("data", (runs) => { D.runs = runs; drawData(); });
   for (const [name, text] of Object.entries(facts.recordings)) take(name, new TextEncoder().encode(text));
-  for (const [id, title, height, wide] of [["overlay", "Record and model", 260, true], ["residual", "What is left: record less model", 200, true], ["over", "What is left, over another quantity", 260], ["drive", "What was recorded of the input", 260]])
+  for (const [id, title, height, wide] of [["overlay", "Record and model", 260, true], ["residual", "Residual: record less model", 200, true], ["over", "Residual over another quantity", 260], ["drive", "Recorded input", 260]])
     D.plots[id] = new Plot({ id, title, height, wide, sync: id === "over" ? null : "data" });
   const shown = { ...Object.fromEntries([...facts.all.states, ...facts.all.inputs, ...facts.all.outputs].map((q) => [q.name, plainName(q.name)])) };
   D.over = facts.isTube ? "lambda_2" : facts.all.states[0]?.name ?? facts.all.inputs[0].name;

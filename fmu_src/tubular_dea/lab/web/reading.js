@@ -111,7 +111,7 @@ function columnsOf(path, body, head, layout) {
   const mayBeShort = (i) => shortRow(body, filled, i, layout);
   if (body.excess[last] < 0 && !mayBeShort(last)) {
     filled[last] = kept[last] = false;
-    remarks.push(`line ${body.lines[last]}, the last one, ends too early: left out`);
+    remarks.push(`line ${body.lines[last]}, the last one, is incomplete: left out`);
   }
   body.excess.forEach((excess, i) => {
     if (!excess || !filled[i] || (excess < 0 && mayBeShort(i))) return;

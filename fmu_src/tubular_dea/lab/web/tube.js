@@ -276,7 +276,7 @@ function drawHead() {
   const limit = fieldLimit(), share = Math.abs(v("electric_field")) / limit;
   T.drawing.draw(values, { radius: v("radius"), wall: values.h_o / (v("lambda_1") * v("lambda_2")), field: share, layers: values.n_layers,
     words: `radius ${amount(signalFacts("radius"), v("radius"))}, wall ${show(1e3 * values.h_o / (v("lambda_1") * v("lambda_2")), 3)} mm` });
-  T.drawing.note.textContent = `Section along the axis, ends clamped; dashed: at rest; the ${show(values.n_layers)} lines in the wall are its active layers, the stronger the nearer the field is to its limit.`;
+  T.drawing.note.textContent = `Section along the axis, ends clamped; dashed: at rest; the ${show(values.n_layers)} lines in the wall are its active layers, drawn stronger as the field approaches its limit.`;
   const c = curveNow(v("voltage")), from = Math.max(0, run.time.findIndex((t) => t >= run.time[i] - TRAIL));
   T.curvePlot.loops({ ...signalFacts("lambda_2"), title: "hoop stretch lambda_2" }, signalFacts("pressure"), [
     { name: "stable", colour: "--c3", ...c.stable },
@@ -374,7 +374,7 @@ function tubeFrame(now) {
   T.last = now;
   if (T.playing && live()) {
     T.head += passed;
-    if (T.head > LONGEST_RECORD) { playing(false); notice(`${LONGEST_RECORD} s are recorded: that is the most the page keeps. Restart to go on.`); }
+    if (T.head > LONGEST_RECORD) { playing(false); notice(`${LONGEST_RECORD} s are recorded, the longest that the page can keep. Restart to continue.`); }
     else { recordNow(T.head); T.stale = true; }
   } else if (T.playing && T.result) T.head = (T.head + passed) % T.result.stop;
   const draw = T.stale;
