@@ -18,7 +18,7 @@ FILES = (".html", ".toml")  # endings of an --out that is one file, not a folder
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that tells of a mistake in one line, and where help is."""
+    """A parser that reports a mistake in one line and points to the help."""
 
     def error(self, message: str) -> NoReturn:
         """One line to stderr, and exit with 2."""
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UserError as problem:
         print(f"tubular-dea {options.command}: {printable(as_option(problem, options))}", file=sys.stderr)
         return 2
-    except OSError as problem:  # what no room has told in its own words
+    except OSError as problem:  # errors that no other function has explained
         words = f"{problem.filename}: {problem.strerror}" if problem.filename else problem.strerror or str(problem)
         print(f"tubular-dea {options.command}: {printable(words)}", file=sys.stderr)
         return 2

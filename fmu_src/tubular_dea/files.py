@@ -1,7 +1,7 @@
 """Files on a user's machine: written whole or not at all, read up to a size, unpacked up to a size.
 
-Whatever the machine refuses (a full disk, a dangling link, a folder of somebody else) is told as a `FileError`, in one
-line that names the path.
+Errors of the system (a full disk, a dangling link, a folder of another user) are reported as a `FileError`, in one line
+that names the path.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CHUNK = 1 << 20
 
 
 class FileError(UserError, OSError):
-    """A file that cannot be read or written; the text names it, and says what the machine said."""
+    """A file that cannot be read or written; the text names it and gives the system's reason."""
 
 
 @contextmanager
@@ -67,7 +67,7 @@ def write_atomically(path: Path, data: bytes) -> Path:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether the file is what a killed process left of its writing."""
+    """Whether the file is an unfinished one of a killed process."""
     return path.name.startswith(".") and path.name.endswith(UNFINISHED)
 
 

@@ -1,4 +1,4 @@
-"""Progress of long work on standard error: a bar on a terminal, a line every few seconds where there is none."""
+"""Progress of long work on standard error: a bar on a terminal, else a line every few seconds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done to a tube over time: inputs that run straight between breakpoints, with jumps.
+"""Inputs over time: linear between breakpoints, with jumps.
 
 A time listed twice is a jump: the first row holds until then, the second from then on. Protocols come from
 CSV files with units in their headers, or from short specifications: "95 mmHg", "step 0 6 kV at 1",
@@ -50,12 +50,12 @@ class Protocol:
         Returns
         -------
         Protocol
-            The inputs over time, straight between the times.
+            The inputs over time, linear between the times.
 
         Raises
         ------
         UserError
-            For anything but finite times that do not descend, and as many finite values.
+            Unless the times are finite and do not decrease, and every input has as many finite values.
 
         Examples
         --------

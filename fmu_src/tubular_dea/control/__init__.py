@@ -1,1 +1,1 @@
-"""How the tube is best driven: when to pulse it, and how to hold it where it would not stay by itself."""
+"""Control of the tube: the best pulse for a patient, and a controller for radii at which the tube is unstable."""

@@ -1,7 +1,7 @@
 """Many assisted hearts at once: pulses of any timing and voltage, each a trajectory of the batch kernel.
 
-Tube and heart are one system of equations here. What the scheduler and its amplifier make of a steady rhythm is known
-beforehand: the same pulse every beat, with the flanks that slew rate or current limit allow. (The amplifier's own lag
+Tube and heart are one system of equations here. For a steady rhythm the output of the scheduler and its
+amplifier is known: the same pulse every beat, with flanks limited by slew rate or current. (The amplifier's own lag
 of 0.5 ms is left out; `tubular-dea assist` runs the optimum with it.)
 """
 

@@ -8,10 +8,10 @@ voltage cancels the latter (exact linearisation), so that the plant is an integr
 
     stretch' = stretch + h (rate + bias / damping),   bias' = bias + noise.
 
-Tracking: LQR of the integrator, an error of ERROR as dear as a rate of RATE: the gain is RATE / ERROR. It is as high
-as 2 ms of delay, a sample and the amplifier leave a phase margin of 70 degrees (`phase_margin`).
-Observer: the stationary Kalman filter for the sensor's NOISE and a bias that wanders by WANDER in a second: what wrong
-parameters by 6 % make of 140 mmHg.
+Tracking: LQR of the integrator, in which an error of ERROR costs as much as a rate of RATE: the gain is RATE / ERROR.
+It is the highest gain with a phase margin of 70 degrees at 2 ms of delay, a sample and the amplifier (`phase_margin`).
+Observer: the stationary Kalman filter for the sensor's NOISE and a bias with a random walk of WANDER per second, which
+is the effect of parameters that are wrong by 6 % at 140 mmHg.
 """
 
 from __future__ import annotations

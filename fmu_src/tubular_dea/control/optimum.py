@@ -20,7 +20,7 @@ from .assisted import TOLERANCE, AssistedHeart, Pulses
 
 Figures = dict[str, np.ndarray]
 
-# What may be wanted: name -> (is more better?, words). All are figures of the last beat.
+# Objectives: name -> (is more better?, words). All are indices of the last beat.
 OBJECTIVES = {
     "stroke_work_per_stroke_volume": (False, "stroke work per stroke volume"),
     "stroke_work": (False, "stroke work"),
@@ -38,14 +38,14 @@ SHORTEST = 0.06  # beats: a pulse that is all flanks is none
 ELITE, DRAWN, ROUNDS = 12, 120, 4
 # Then it steps from the best one to better neighbours, POLISHED times: long steps along the ridge, short ones across.
 POLISH, POLISHED = np.array([0.03, 0.004, 0.01]), 8
-# Gains as good as the best: the begin hardly matters before ejection, and of pulses as good the latest begun is taken,
+# Gains as good as the best: before ejection the start barely matters. Of equally good pulses the latest start is taken,
 # which holds the voltage least long.
 ALIKE = 1e-3
 # s: a pulse that ends with the closure of the valve loses most of its gain when it ends a little later. An optimum on
 # that edge is none: what the amplifier's lag and a communication step shift is counted in.
 LATE = 5e-3
 MAP_TOLERANCE = 1e-5  # of the integrator; the refinement takes the tighter one of `assisted`
-# The steady rhythm of the map is a little kinder than the first assisted beats: their largest field is 0.4 % larger and
+# The steady rhythm of the map is less demanding than the first assisted beats: their largest field is 0.4 % larger and
 # their margin 0.2 mmHg smaller (`tubular-dea assist --voltage 5.5kV`: whole run against judged beats).
 FIELD_RESERVE, MARGIN_RESERVE = 0.01, 0.5 * 133.322
 SHIFT, RATE_CHANGE = 0.02, 0.1  # s; of the heart rate
@@ -128,7 +128,7 @@ def optimise(
 ) -> Optimum:
     """The best pulse for `patient` within `limits`; `OptimumError` where no pulse meets them, or none helps.
 
-    `progress` is told how many trajectories were computed.
+    `progress` receives the number of trajectories computed.
     """
     search = _Search(AssistedHeart(patient, limits.rate, tube), limits, objective, progress)
     elite, gains = search.map()
@@ -231,7 +231,7 @@ class _Search:
         return np.where(self._within(found), gain, np.nan)
 
     def report(self, best: Pulse, gains: np.ndarray, default: Pulse) -> Optimum:
-        """What `best` is worth."""
+        """The results for `best`."""
         found = self._run(self._pulses(np.array([best.begin]), np.array([best.end]), np.array([best.voltage])))
         gain = float(self._change(found, self.without)[0])
         if gain >= 0:

@@ -1,4 +1,4 @@
-"""What the tube controller is compared with on the bench: a constant voltage, and a PI with the same limits."""
+"""Controllers to compare the tube controller with: a constant voltage, and a PI controller with the same limits."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""From where the controller brings the tube to its reference: experiments, beside what equilibria alone say.
+"""The controller's region of attraction: simulated, and predicted from equilibria.
 
-At a pressure p and a radius R the tube can be driven outwards if the voltage at the field limit holds less than p, and
-inwards if no voltage holds more: `holdable` gives both pressures. Between them every radius can be held; from a start
-outside the reference the tube comes back if it falls inwards without voltage. Near the bounds it does so slowly.
+At a pressure p and a radius R the tube can be driven outwards if the voltage at the field limit balances less than p,
+and inwards if zero voltage balances more than p: `holdable` gives both pressures. Between them every radius can be
+held. From a start outside the reference the tube returns if it moves inwards without voltage; near the bounds it does
+so slowly.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ STOP, BAND = 3.0, 100e-6  # s, m: reached is within the band at the end
 
 @dataclass(frozen=True)
 class Attraction:
-    """`reached` over (pressure, start radius), beside what equilibria `expected`."""
+    """`reached` over (pressure, start radius), and what is `expected` from equilibria."""
 
     reached: np.ndarray
     expected: np.ndarray

@@ -1,4 +1,4 @@
-"""A bench for controllers: the tube as FMU under a disturbing pressure, and what a sensor and a loop add to it.
+"""A bench for controllers: the tube as an FMU under a disturbing pressure, with the errors of a sensor and a loop.
 
 Between tube and controller: noise and delay of the displacement's sensor, parameters of the tube that the controller
 does not know. Every sample of the controller is one communication step. Usage::
@@ -80,7 +80,7 @@ class Controller(Protocol):
         """One sample at `time` [s]; the voltage [V] at the end of the sample."""
 
     def outputs(self) -> Mapping[str, float]:
-        """What is recorded besides."""
+        """Further recorded values."""
 
 
 def fmu(model: Model) -> Path:

@@ -37,7 +37,7 @@ Sampled every `sample_time`, whatever the communication step; exact where the ma
 
 Citation: N. Liu et al., Section V (control beyond the snap-through as the next step); gains: `control.design`.
 
-Parameters: `PARAMETERS`, and the tube's own (Tables I and III), which are what the controller believes.
+Parameters: `PARAMETERS`, and the tube's own (Tables I and III), as assumed by the controller.
 
 Usage::
 
@@ -89,7 +89,7 @@ QUANTITIES = (
     *AMPLIFIER,
 )
 TUNABLE = ("tracking_gain", "field_limit", "reference_rate", "safe_voltage", "fallback_slew")
-# What the controller believes of the tube.
+# The controller's parameters of the tube.
 # Samples by which the field is looked ahead while the tube expands: sensor delay, a sample, and the amplifier. Without
 # it the field passed its limit by 0.7 % in fast moves, with it by 0.1 % (`pytest tests/test_controller.py -k holds`).
 AHEAD = 4
@@ -251,7 +251,7 @@ def _voltage(r: _Sampled) -> None:
     target = r.at_tick(
         "target_voltage",
         "V",
-        "What the amplifier is told",
+        "Voltage set point of the amplifier",
         choose(yes(s["tracking"]), tracked, fallen),
         nominal=5e3,
         display_unit="kV",

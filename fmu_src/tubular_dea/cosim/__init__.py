@@ -1,1 +1,1 @@
-"""Slaves, couplings as data, and the master that steps them."""
+"""Co-simulation: slaves, couplings as data, and the master that steps them."""

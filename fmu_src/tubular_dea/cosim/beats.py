@@ -1,8 +1,8 @@
-"""What one beat means for heart and tube: volumes, pressures, work, energies and the indices physicians use.
+"""Indices of one beat for heart and tube: volumes, pressures, work, energies and the usual clinical indices.
 
 A beat goes from R wave to R wave. `INDICES` lists the functions `Beat -> number`, each with its formula and its source;
 `measure` applies them all. An index that a beat does not have (no blood was ejected, nothing was scheduled) is None
-there, and left out of the result: no number is made up, and none is NaN.
+there and omitted from the result: no value is invented, and none is NaN.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a run came to: what became of each beat, the figures over all assisted beats, and a verdict in words.
+"""The assessment of a run: the fate of each beat, the figures over all assisted beats, and a verdict in words.
 
 Usage::
 
@@ -18,7 +18,7 @@ from ..model.units import factor
 from .beats import FIGURES, BeatError, Figure, beats, measure, r_wave_rows, shown
 from .master import Run
 
-# What may become of a beat, in the order in which it is looked for.
+# The possible fates of a beat, in the order in which they are checked.
 FATES = ("vetoed", "assisted", "skipped", "after a lost rhythm", "learning", "without a pulse")
 # Assisted beats after the first R whose pulse came, until tube and arteries have followed: the slow branch of the wall
 # takes 2.7 s, but the heart and its arteries are in step after two beats to 1 % of the change (failing heart, 5.5 kV:
@@ -60,7 +60,7 @@ class Course:
     verdict: Verdict
 
     def change(self, name: str) -> float | None:
-        """Relative change of a figure's mean, where both have the same sign; None where it says nothing."""
+        """Relative change of a figure's mean, where both have the same sign; None where it is not meaningful."""
         if name not in self.without or name not in self.assisted:
             return None
         a, b = self.without[name].mean, self.assisted[name].mean
@@ -143,7 +143,7 @@ PA = factor("Pa", "mmHg")
 
 
 def follow(without: Run, assisted: Run) -> Course:
-    """What became of the assisted run, figure by figure beside the same beats of the one without."""
+    """The assessment of the assisted run, figure by figure, compared with the same beats of the run without."""
     fates, early = _fates(assisted)
     judged = _judged(fates)
     figures = {}
@@ -165,7 +165,7 @@ def follow(without: Run, assisted: Run) -> Course:
 
 
 def _fates(run: Run) -> tuple[list[str], int]:
-    """What became of each whole beat; and how many were premature."""
+    """The fate of each whole beat, and the number of premature beats."""
     rows = r_wave_rows(run)
     if rows.size < 2:
         raise BeatError(f"expected a run of at least 1 whole beat but it has {max(0, rows.size - 1)}; run it longer")
@@ -223,7 +223,7 @@ def _verdict(
         cause = causes.get(int(run["scheduler.veto_cause"][-1]), "a limit")
         why += f" (the scheduler refused the voltage {counted['vetoes']} times, last because of {cause})"
     if not asked:
-        return Verdict("not", "Not assisted: the run ended before the rhythm was learned; ask for more beats.")
+        return Verdict("not", "Not assisted: the run ended before the rhythm was learned; run more beats.")
     if not helped:
         return Verdict("not", f"Not assisted: none of {len(asked)} beats after learning had a whole pulse: {why}.")
     effect = _effect(figures["without"], figures["with"])
@@ -233,13 +233,13 @@ def _verdict(
 
 
 def _effect(without: Mapping[str, Spread], assisted: Mapping[str, Spread]) -> str:
-    """What the assisted beats gained."""
+    """The benefit in the assisted beats."""
     name = "stroke_work_per_stroke_volume"
     if name not in without or name not in assisted:
         return "None of them ejected blood."
     change = 100 * (assisted[name].mean / without[name].mean - 1)
     if change >= 0:
-        return f"It did the heart no good: stroke work per stroke volume rose by {change:.1f} %."
+        return f"The heart did not benefit: stroke work per stroke volume rose by {change:.1f} %."
     return f"Stroke work per stroke volume was {-change:.1f} % lower than without."
 
 

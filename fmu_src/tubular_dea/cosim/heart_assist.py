@@ -47,9 +47,9 @@ CONTROLLED = (
 
 
 def models(paced: bool = False, tube: Model | None = None, controlled: bool = False) -> dict[str, Model]:
-    """The three models by their part's name; `paced`: with a ventricle that is told when to beat.
+    """The three models by their part's name; `paced`: with a ventricle that beats at given times.
 
-    `tube` takes the place of the paper's, with the effects that were found in it, say; `controlled`: with a controller.
+    `tube` replaces that of the paper, for example with effects that were found; `controlled`: with a controller.
     """
     heart = paced_windkessel() if paced else aortic_windkessel()
     parts = {"scheduler": heartbeat_scheduler(), "tube": tube or tubular_dea(), "heart": heart}
@@ -98,7 +98,7 @@ def driven_tube(
     voltage: Protocol,
     settings: Mapping[str, float] | None = None,
 ) -> System:
-    """Tube and heart alone, under a known `voltage`; nobody schedules."""
+    """Tube and heart without a scheduler, under a known `voltage`."""
     parameters = {f"heart.{name}": value for name, value in patient.items()}
     parameters |= {"tube.start_at_equilibrium": 1.0, **(settings or {})}
     wires = [*COUPLING, Connection("drive.voltage", "tube.voltage")]

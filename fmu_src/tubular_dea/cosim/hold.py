@@ -16,7 +16,7 @@ FIELD = "controller.field_limit"
 
 
 def held_radius(radius: float, settings: Mapping[str, float], without: Run) -> dict[str, float]:
-    """The settings that hold `radius` [m], below the scheduler's field limit; refused where nothing holds it.
+    """The settings that hold `radius` [m] below the scheduler's field limit; an error where that is impossible.
 
     `without`: the run without assist, whose aortic pressures the tube has to be held against.
     """

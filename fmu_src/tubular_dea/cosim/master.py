@@ -1,10 +1,10 @@
 """Running a coupled system: the C master (native/master*.c) over slaves that FMPy has loaded.
 
 Schemes: "jacobi" (every slave uses what the others had at the start of the step), "gauss-seidel" (slaves use what those
-before them have at its end), "implicit" (the step is repeated, with all slaves rolled back, until the interface is the
-same at both sides; a quasi-Newton method whose Jacobian is kept from step to step). `order` 1 extrapolates what is not
-known yet straight on, 0 holds it. Plain explicit runs are also what FMPy, ecos and libcosim do; the implicit scheme,
-roll-back with step control, events hit exactly and watched stability are what is added here.
+before them have at its end), "implicit" (the step is repeated, with all slaves rolled back, until both sides
+of the interface agree; a quasi-Newton method whose Jacobian is kept from step to step). `order` 1 extrapolates unknown
+inputs linearly, 0 holds them. FMPy, ecos and libcosim also do explicit runs; the implicit scheme, rollback with step
+control, exact event times and the check of stability are added here.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Options:
 
     `step` [s] is the communication step (the largest one where `variable`); `tolerance` is relative to each signal's
     nominal value: of the iteration, or of the step where `variable`. `order` of the extrapolation, 0 or 1. `cubic`:
-    interpolate by cubics where slaves tell the slopes of their outputs, else straight. `restart`: length of the first
+    interpolate by cubics where slaves provide the rates of their outputs, else linearly. `restart`: length of the first
     step after an event, of `step`, doubled from step to step (1: no such). `refine`: fixed steps with a larger error
     than this are divided (0: none; implicit scheme only). `slave_tolerance` goes to the slaves' own integrators.
     `iterations` at most, in a step. `smallest` [s]: shorter steps end the run; default step / 1000.
@@ -100,7 +100,7 @@ def simulate(
     start: float = 0.0,
     progress: Progress = lambda time: None,
 ) -> Run:
-    """Run `system` from `start` to `stop` [s]; `progress` is told the time now and then.
+    """Run `system` from `start` to `stop` [s]; `progress` receives the time now and then.
 
     Raises `CouplingError`, `SlaveError` or `MasterError` for what is wrong before the run starts; what goes wrong later
     ends the run, and `Run.reason` says it.
@@ -138,7 +138,7 @@ class Simulation:
         self._stack.close()
 
     def run(self, progress: Progress = lambda time: None) -> Run:
-        """Step to the end, or as far as it goes."""
+        """Step to the end, or until the run fails."""
         width = 4 + len(self._signals.names)
         blocks, n, where = [], ctypes.c_long(), ctypes.c_int()
         status = _GOING
@@ -310,7 +310,7 @@ class _Signals:
         return self._places[name]
 
     def _goes_back(self, source: str, target: str) -> bool:
-        """Whether the source is stepped with or after the slave that wants it."""
+        """Whether the source is stepped with or after the slave that uses it."""
         return self.order.index(source.partition(".")[0]) >= self.order.index(target.partition(".")[0])
 
 

@@ -51,7 +51,7 @@ class Slave:
         try:
             unpack(path, Path(self._folder))
             self.description = fmpy.read_model_description(self._folder, validate=False)
-        except Exception as problem:  # FMPy and the parsers below it raise what they like
+        except Exception as problem:  # FMPy and its parsers may raise anything
             why = str(problem) or type(problem).__name__
             raise SlaveError(
                 f"{self.name}: {path} cannot be read as an FMU: {why}; expected an archive with a valid description"
@@ -201,7 +201,9 @@ def _sweep(slaves: Mapping[str, Slave], source: Mapping[str, str], known: Mappin
         if all(abs(values[t] - last.get(t, float("inf"))) <= 1e-9 * (abs(values[t]) + 1e-12) for t in values):
             return
         last = values
-    raise SlaveError(f"the initial values of {', '.join(source)} do not settle: the connections go round at the start")
+    raise SlaveError(
+        f"the initial values of {', '.join(source)} do not settle: the connections form a loop at the start"
+    )
 
 
 def _call(slave: Slave, what: str, function: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A trial: one patient, one tube, one rhythm; to be run with as many settings of the device as one likes.
+"""A trial: one patient, one tube, one rhythm; it can be run with any number of settings of the device.
 
 Usage::
 

@@ -1,6 +1,6 @@
-"""The one door to compiled code: the emitted C, compiled for this machine and called from Python.
+"""The only interface to compiled code: the emitted C, compiled for this machine and called from Python.
 
-The integrator, the equations and the starting rules are the very sources that go into the FMUs; whole trajectories,
+The integrator, the equations and the starting rules are the same sources as in the FMUs; whole trajectories,
 their sensitivities and many rows at once take one call each.
 """
 

@@ -1,7 +1,7 @@
-"""Many trajectories, or rest states, in one call of the compiled model, and nothing but numbers wanted of them.
+"""Many trajectories or rest states in one call of the compiled model, reduced to probed numbers.
 
 The same equations and method as `trajectories.py`, eight rows at a time in the processor's vector units. A call
-holds no lock, so threads share the work; a row comes out the same to the last bit in any company.
+holds no lock, so threads share the work; a row has the same bits whatever other rows are computed with it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MESSAGES = {
 
 
 class BatchError(UserError, ValueError):
-    """Something wanted that the model does not have; the text names the nearest there is."""
+    """A probe or parameter that the model does not have; the text names the most similar one."""
 
 
 @dataclass(frozen=True)

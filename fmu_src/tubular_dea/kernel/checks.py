@@ -1,4 +1,4 @@
-"""What the kernel is handed, checked as an FMU checks it: C reads what it is given."""
+"""Checks of the kernel's arguments, as in an FMU: the C code relies on them."""
 
 from __future__ import annotations
 

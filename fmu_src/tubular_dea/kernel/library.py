@@ -40,7 +40,7 @@ def batch_library(model: Model) -> ctypes.CDLL:
 
 
 def load(path: Path) -> ctypes.CDLL:
-    """A compiled library; `KernelError` where this machine will not have it (a cache on a disk without programs)."""
+    """A compiled library; `KernelError` where it cannot be loaded (a cache on a disk mounted without execution)."""
     try:
         return ctypes.CDLL(str(path))
     except OSError as problem:

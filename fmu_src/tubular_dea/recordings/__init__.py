@@ -1,4 +1,4 @@
-"""Recordings of any laboratory, as tables of numbers: `read(path)`. Knows files, and no plant.
+"""Recordings in any format, as tables of numbers: `read(path)`. This folder knows files, but no plant.
 
 Text with any delimiter, decimal mark, encoding and head; MATLAB (both formats), HDF5, TDMS and Parquet with the extra
 `files`. The first bytes tell the format, not the ending.

@@ -51,7 +51,7 @@ def is_recording(path: Path) -> bool:
 
 
 def read(path: Path, names: Collection[str] = ()) -> Table:
-    """The table in a file; `ReadError` says what was expected, and where. `names` are headings that are hoped for."""
+    """The table in a file; `ReadError` says what was expected, and where. `names` are expected headings."""
     try:
         raw = read_whole(path)
     except FileError as problem:

@@ -1,4 +1,4 @@
-"""What stands above the numbers: headings, a row of units, and lines such as `Operator: nobody`."""
+"""The lines above the numbers: headings, a row of units, and notes such as `Operator: nobody`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Head:
 
 
 def head(lines: Sequence[str], layout: Layout, names: Collection[str]) -> Head:
-    """Everything above the numbers; `names` are headings that are hoped for, where several lines could be headings."""
+    """Everything above the numbers; `names` are expected headings, which decide if several lines could be headings."""
     begin = _begin(lines, layout)
     rows = [(i, cells) for i in range(begin) for cells in [_cells(lines[i], layout)] if cells]
     units = [(i, _units(cells)) for i, cells in rows if _is_units(cells)]

@@ -32,7 +32,7 @@ class Body:
 
 
 def read_text(path: Path, raw: bytes, names: Collection[str] = ()) -> Table:
-    """The table in a text file; `names` are headings hoped for. `ReadError` names file, line and column."""
+    """The table in a text file; `names` are expected headings. `ReadError` names file, line and column."""
     text, encoding = decoded(path, raw)
     text = text.rstrip("\x1a")  # which ends files of DOS
     if not text.strip():

@@ -1,4 +1,4 @@
-"""Who computes the parts of a sweep: threads of this process, or the workers of a Dask cluster.
+"""The backends that compute the parts of a sweep: threads of this process, or the workers of a Dask cluster.
 
 Both take the same pieces, call the same pure function, and hand parts over as they come. At most a few pieces a
 worker are under way, so that memory does not grow with the sweep.

@@ -1,4 +1,4 @@
-"""Carrying out a plan: what is missing is computed, and written as it comes."""
+"""Execution of a plan: missing parts are computed, and written one by one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wanted of every row, as short text, and the probes that answer it.
+"""The results wanted of every row, as short text, and the probes that compute them.
 
 Of trajectories ("over the last T" and "from T" narrow the window; T in s or as an expression in braces):
 
