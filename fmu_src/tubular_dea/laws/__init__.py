@@ -1,7 +1,7 @@
-"""What may be missing at a place of any plant: one law a file, found by its presence.
+"""Laws: relations that may act at a place of any plant, one per file, found by its presence.
 
-A place says where something may act and of what kind it is; a law says what may act at a place of that kind;
-`law(place)` is a candidate, nested in the base model and off at a declared value. `python -m tubular_dea.plants` prints
+A place declares where something may act and its kind; a law declares what may act at places of a kind; `law(place)` is
+a candidate, nested in the base model and off at a declared value. `python -m tubular_dea.plants` prints
 an index of them.
 
 A law file has a docstring (what it is, drawing, equation, source, usual sizes), `KINDS` (the kinds of places it acts

@@ -66,7 +66,7 @@ class Site:
 
     @property
     def drives(self) -> bool:
-        """Whether this is the way of an input."""
+        """Whether this is the path of an input."""
         return self.place.name in [q.name for q in self.model.inputs]
 
     @property
@@ -153,7 +153,7 @@ class Site:
 
 @dataclass(frozen=True)
 class SignalSite(Site):
-    """A signal on its way, or a coefficient: a law takes it as it is there, and puts another in its place."""
+    """A signal on its path, or a coefficient: a law takes its expression and replaces it by another."""
 
     is_input: bool = False
     is_parameter: bool = False
@@ -167,7 +167,7 @@ class SignalSite(Site):
 
     @property
     def may_be_late(self) -> bool:
-        """Whether the record of this input may come after it acted."""
+        """Whether the record of this input may be delayed."""
         return self.is_input and isinstance(self.place, Path) and self.place.late
 
     @property
@@ -204,7 +204,7 @@ class SignalSite(Site):
         return model if isinstance(self.place, Coefficient) else reading(model, self.place.name, self.signal)
 
     def taken(self, model: Model) -> tuple[Model, sympy.Symbol]:
-        """The model, and the signal as it comes to this law."""
+        """The model, and the signal as it arrives at this law."""
         model = self.ready(model)
         q = model.quantity(self.signal)
         come = replace(q, name=self.name("from"), description=f"{q.description}; before {self.law.replace('_', ' ')}")
@@ -264,7 +264,7 @@ class SignalSite(Site):
         return bool(late & sympy.sympify(self.model.expression(self.place.name)).free_symbols)
 
     def late(self, model: Model, by: Knob) -> Model:
-        """The model with the signal `by` seconds late."""
+        """The model with the signal delayed by `by` seconds."""
         model = self.ready(model)
         q = model.quantity(self.place.name if self.is_input else self.signal)
         late = Quantity(

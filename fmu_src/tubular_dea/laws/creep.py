@@ -1,4 +1,4 @@
-"""What comes late in part: creep of a load cell, dielectric absorption, a wall that gives slowly.
+"""Creep: a part of a signal follows slowly, as in load cells, dielectrics (absorption) and elastomers.
 
 ::
 
@@ -39,4 +39,4 @@ def law(at: SignalSite) -> Effect:
         model, signal, slow = at.followed(model, tau, "as it creeps")
         return at.put(model, signal + part.symbol * (slow - signal))
 
-    return at.effect(f"A part comes slowly of {at.words}", "OIML R 60", apply, part, tau)
+    return at.effect(f"A part of {at.words} comes slowly", "OIML R 60", apply, part, tau)

@@ -1,4 +1,4 @@
-"""What hardens or softens alike to both sides: Duffing's spring, the odd bend of a sensor or an amplifier.
+"""A cubic term: symmetric hardening or softening, as of Duffing's spring, a sensor or an amplifier.
 
 ::
 

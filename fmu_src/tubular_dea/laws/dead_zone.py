@@ -1,4 +1,4 @@
-"""Nothing happens near zero: overlap of a valve, stiction in a drive, a threshold.
+"""A dead zone: nothing happens near zero (overlap of a valve, stiction in a drive, a threshold).
 
 ::
 
@@ -27,7 +27,7 @@ NEEDS = "what is not constant; nothing that the equilibrium curve balances"
 
 
 def law(at: SignalSite) -> Effect | None:
-    """The signal begins behind a threshold."""
+    """The signal is zero below a threshold."""
     if at.is_load or at.is_constant:
         return None
     n = at.nominal
@@ -39,4 +39,4 @@ def law(at: SignalSite) -> Effect | None:
         swallowed = positive_part(signal + w) - positive_part(signal - w) - w
         return at.put(model, signal - swallowed)
 
-    return at.effect(f"A dead zone swallows small {at.words}", "Slotine 1991", apply, width)
+    return at.effect(f"A dead zone suppresses small {at.words}", "Slotine 1991", apply, width)

@@ -1,4 +1,4 @@
-"""What comes late as it is: transport, exposure and transfer, clocks that differ.
+"""A pure delay: transport, exposure and transfer, clocks that differ.
 
 ::
 
@@ -24,7 +24,7 @@ LONGEST = 25.0  # of the usual time there: what the memory is made for
 
 
 def law(at: SignalSite) -> Effect | None:
-    """The signal is late."""
+    """The signal is delayed."""
     if at.is_late:
         return None
     most = LONGEST * at.seconds
@@ -33,4 +33,4 @@ def law(at: SignalSite) -> Effect | None:
     def apply(model: Model) -> Model:
         return at.late(model, delay)
 
-    return at.effect(f"A pure delay comes with {at.words}", "Normey-Rico 2007", apply, delay, exact=True)
+    return at.effect(f"A pure delay acts on {at.words}", "Normey-Rico 2007", apply, delay, exact=True)

@@ -1,4 +1,4 @@
-"""A coefficient, or a signal, that depends on another quantity: temperature, position, the other channel.
+"""A coefficient or a signal that depends on another quantity: temperature, position, another channel.
 
 ::
 
@@ -55,4 +55,4 @@ def law(at: SignalSite) -> Effect | None:
         change = slope.symbol * of.symbol + bend.symbol * of.symbol**2
         return at.put(model, signal * (1 + change) if factor else signal + change)
 
-    return at.effect(f"A dependence on {of.name} moves {at.words}", "Doebelin 2004", apply, slope, bend)
+    return at.effect(f"A dependence on {of.name} changes {at.words}", "Doebelin 2004", apply, slope, bend)

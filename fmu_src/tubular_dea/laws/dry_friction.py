@@ -1,4 +1,4 @@
-"""Friction that does not depend on speed: it sticks until the load has turned far enough.
+"""Dry friction, independent of speed: it sticks until the load has reversed far enough.
 
 ::
 
@@ -60,4 +60,4 @@ def law(at: BalanceSite) -> Effect | None:
         )
         return at.added(model, -force.symbol * z)
 
-    return at.effect(f"A dry friction acts on {at.words}", "Dupont 2002", apply, force, travel, onset)
+    return at.effect(f"Dry friction acts on {at.words}", "Dupont 2002", apply, force, travel, onset)

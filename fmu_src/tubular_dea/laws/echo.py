@@ -1,4 +1,4 @@
-"""What drives the plant comes back once more: a wave that is reflected, a line that is not terminated.
+"""An echo of an input: a reflected wave, a line without termination.
 
 ::
 

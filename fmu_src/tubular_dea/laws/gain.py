@@ -1,4 +1,4 @@
-"""A scale that is off: of a sensor, or of what drives the plant.
+"""A gain error: the scale of a sensor, or of an input, is off.
 
 ::
 
@@ -28,4 +28,4 @@ def law(at: SignalSite) -> Effect:
         model, signal = at.taken(model)
         return at.put(model, gain.symbol * signal, lambda held: held / gain.symbol)
 
-    return at.effect(f"The scale is off of {at.words}", "Doebelin 2004", apply, gain, exact=True)
+    return at.effect(f"The scale of {at.words} is off", "Doebelin 2004", apply, gain, exact=True)

@@ -1,4 +1,4 @@
-"""What depends on where it came from, at any speed: backlash of a signal, Bouc-Wen's force in a balance.
+"""Rate-independent hysteresis: backlash of a signal, a Bouc-Wen force in a balance.
 
 ::
 
@@ -66,7 +66,7 @@ def _play(at: SignalSite) -> Effect:
         )
         return at.put(model, signal - part.symbol * (signal - follower))
 
-    return at.effect(f"A play is in {at.words}", "Krasnosel'skii 1989", apply, part, width)
+    return at.effect(f"Backlash acts on {at.words}", "Krasnosel'skii 1989", apply, part, width)
 
 
 def _force(at: BalanceSite) -> Effect:

@@ -1,4 +1,4 @@
-"""What comes smoothed: a sensor's filter, an amplifier with a capacitance behind it, a flow that has to develop.
+"""A first-order lag: a sensor's filter, an amplifier with a capacitive load, a flow that develops.
 
 ::
 

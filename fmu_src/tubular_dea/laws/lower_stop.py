@@ -1,4 +1,4 @@
-"""A stop below a displacement: what rests on a seat, a spring that can only push.
+"""A stop below a displacement: a body on a seat, a spring that can only push.
 
 ::
 

@@ -1,4 +1,4 @@
-"""A zero that is off: of a sensor, of what drives the plant; in a balance a constant load or inflow.
+"""An offset: a zero error of a sensor or of an input; in a balance a constant load or inflow.
 
 ::
 
@@ -36,7 +36,7 @@ def law(at: SignalSite | BalanceSite) -> Effect:
         model, signal = at.taken(model)
         return at.put(model, signal + zero.symbol, lambda held: held - zero.symbol)
 
-    return at.effect(f"The zero is off of {at.words}", "Doebelin 2004", apply, zero, exact=True)
+    return at.effect(f"The zero of {at.words} is off", "Doebelin 2004", apply, zero, exact=True)
 
 
 def _load(at: BalanceSite) -> Effect:
@@ -47,4 +47,4 @@ def _load(at: BalanceSite) -> Effect:
     def apply(model: Model) -> Model:
         return at.added(model, load.symbol)
 
-    return at.effect(f"A constant acts on {at.words}", "Doebelin 2004", apply, load, exact=True)
+    return at.effect(f"A constant term acts on {at.words}", "Doebelin 2004", apply, load, exact=True)

@@ -1,4 +1,4 @@
-"""Where something may act in a plant, and the candidates that the laws make there."""
+"""Places of a plant where laws may act, and the candidates that result there."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Place:
 class Path(Place):
     """The way of an input into the plant, or of an output (a definition that is put out) to its record.
 
-    `of` may name a quantity that disturbs the signal on its way (cross-talk). `late` tells that the record of an input
-    may be late (a probe's filter, another clock), so that it acts before it is recorded.
+    `of` may name a quantity that disturbs the signal on its way (cross-talk). `late` is True if the record of an
+    input may be delayed (a probe's filter, another clock), so that it acts before it is recorded.
     """
 
     of: str = ""

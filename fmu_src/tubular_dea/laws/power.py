@@ -1,4 +1,4 @@
-"""A power where the model is linear: an outflow with the square root, the characteristic of a valve or sensor.
+"""A power law where the model is linear: outflow with the square root, the characteristic of a valve or sensor.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What bends to one side: a sensor, a coefficient, a spring.
+"""A quadratic term: asymmetric nonlinearity of a sensor, a coefficient or a spring.
 
 ::
 
@@ -50,7 +50,7 @@ def polynomial(at: SignalSite | BalanceSite, power: int, word: str, source: str)
         model, signal = at.taken(model)
         return at.put(model, signal + bend.symbol * signal**power)
 
-    return at.effect(f"A {word} term bends {at.words}", source, apply, bend)
+    return at.effect(f"A {word} term acts on {at.words}", source, apply, bend)
 
 
 def _spring(at: BalanceSite, power: int, word: str, source: str) -> Effect:

@@ -1,4 +1,4 @@
-"""A drag that goes with the square of the speed: turbulence in a damper, air, an orifice.
+"""Drag with the square of the speed: turbulence in a damper, air, an orifice.
 
 ::
 

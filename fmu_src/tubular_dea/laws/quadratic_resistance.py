@@ -1,4 +1,4 @@
-"""A resistance that grows with what flows: turbulence, sudden changes of section, a valve.
+"""A resistance that grows with the flow: turbulence, sudden changes of section, a valve.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What cannot change faster: the slew rate of an amplifier, a servo valve, a pump that runs up.
+"""A rate limit: the slew rate of an amplifier, a servo valve, a pump that runs up.
 
 ::
 
@@ -56,4 +56,4 @@ def law(at: SignalSite) -> Effect:
         )
         return at.put(model, signal + share.symbol * (reached - signal))
 
-    return at.effect(f"A largest rate limits {at.words}", "Merritt 1967", apply, limit, share)
+    return at.effect(f"A rate limit acts on {at.words}", "Merritt 1967", apply, limit, share)

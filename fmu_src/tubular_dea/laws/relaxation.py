@@ -1,4 +1,4 @@
-"""A branch that relaxes: a spring behind a damper (Maxwell), a pore or a side chamber that fills slowly.
+"""A relaxing branch: a spring in series with a damper (Maxwell), a pore or side chamber that fills slowly.
 
 ::
 
@@ -46,4 +46,4 @@ def law(at: BalanceSite) -> Effect:
         )
         return at.added(model, -stiffness.symbol * (x.symbol - slow))
 
-    return at.effect(f"A branch that relaxes acts on {at.words}", "Christensen 1982", apply, stiffness, tau)
+    return at.effect(f"A relaxing branch acts on {at.words}", "Christensen 1982", apply, stiffness, tau)

@@ -1,4 +1,4 @@
-"""What swings on its way: a line with mass and volume, the membrane of a sensor, a fixture.
+"""A resonance in a signal's path: a line with mass and volume, the membrane of a sensor, a fixture.
 
 ::
 
@@ -36,11 +36,11 @@ def law(at: SignalSite) -> Effect:
         trade=-1,
     )
     damping = at.knob("damping", "1", "Its damping ratio", 1.0, 0.02, 50.0, shapes=DAMPINGS)
-    share = at.knob("share", "1", "Share of the signal that swings", 1.0, 0.0, 1.0, off=0.0, on=1.0)
+    share = at.knob("share", "1", "Share of the signal that resonates", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
         model, swing = at.swinging(model, signal, omega.symbol, damping.symbol)
         return at.put(model, signal + share.symbol * (swing - signal))
 
-    return at.effect(f"A resonance swings with {at.words}", "Doebelin 2004", apply, omega, damping, share)
+    return at.effect(f"A resonance acts on {at.words}", "Doebelin 2004", apply, omega, damping, share)

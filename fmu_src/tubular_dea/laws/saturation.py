@@ -1,4 +1,4 @@
-"""A range that ends: a sensor at 10 V, an amplifier, a pump or a valve that gives no more.
+"""Saturation: a sensor at 10 V, an amplifier, a pump or a valve at its limit.
 
 ::
 
@@ -27,7 +27,7 @@ LEVELS = (0.35, 0.5, 0.7, 0.9, 1.2, 1.7, 2.4)  # of the nominal value
 
 
 def law(at: SignalSite) -> Effect | None:
-    """The signal ends at a range."""
+    """The signal saturates."""
     if at.is_load or at.is_constant:
         return None
     n = at.nominal
@@ -40,7 +40,7 @@ def law(at: SignalSite) -> Effect | None:
         1e3 * n,
         shapes=[level * n for level in LEVELS],
     )
-    share = at.knob("share", "1", "Share of the signal that ends there", 1.0, 0.0, 1.0, off=0.0, on=1.0)
+    share = at.knob("share", "1", "Share of the signal that saturates", 1.0, 0.0, 1.0, off=0.0, on=1.0)
     centre = at.knob("centre", at.unit, "Middle of the range", 0.0, -100 * n, 100 * n, refine=True)
 
     def apply(model: Model) -> Model:
@@ -49,4 +49,4 @@ def law(at: SignalSite) -> Effect | None:
         beyond = positive_part(signal - middle - half) - positive_part(middle - half - signal)
         return at.put(model, signal - share.symbol * beyond)
 
-    return at.effect(f"A range ends for {at.words}", "Slotine 1991", apply, end, share, centre)
+    return at.effect(f"Saturation limits {at.words}", "Slotine 1991", apply, end, share, centre)

@@ -1,4 +1,4 @@
-"""A coefficient that falls with the largest excursion so far: Mullins' effect, damage, wear-in.
+"""Softening of a coefficient with the largest excursion so far: Mullins' effect, damage, wear-in.
 
 ::
 

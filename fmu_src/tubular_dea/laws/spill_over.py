@@ -1,4 +1,4 @@
-"""A store that runs over above a level; a part of what spills goes to the store below.
+"""A store that overflows above a level; a part of the overflow goes to the store below.
 
 ::
 
@@ -33,7 +33,7 @@ CORNER = 1e-3  # of the state's nominal value: where it begins
 
 
 def law(at: BalanceSite) -> Effect | None:
-    """What is above a level runs over."""
+    """The store overflows above a level."""
     if at.displaced is not None or at.model.curve:
         return None
     n, below = at.nominal, at.receives
@@ -56,7 +56,7 @@ def law(at: BalanceSite) -> Effect | None:
         return _lost(at, model, overflow.symbol, level.symbol)
 
     if below is None:
-        return at.effect(f"A store runs over: {at.words}", "Schoukens 2017", lose, overflow, level)
+        return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", lose, overflow, level)
     full = below.nominal / n
     caught = at.knob(
         "caught", at.per((below.unit, 1), (at.unit, -1)), f"What {below.name} gains of it", 0.5 * full, 0.0, 10 * full
@@ -66,7 +66,7 @@ def law(at: BalanceSite) -> Effect | None:
         model = lose(model)
         return at.added(model, -caught.symbol * model[at.name("term")], below.name, "gain")
 
-    return at.effect(f"A store runs over: {at.words}", "Schoukens 2017", share, overflow, level, caught)
+    return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", share, overflow, level, caught)
 
 
 def _lost(at: BalanceSite, model: Model, overflow: sympy.Symbol, level: sympy.Symbol) -> Model:

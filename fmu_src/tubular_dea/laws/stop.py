@@ -1,4 +1,4 @@
-"""A stop above a displacement: a housing, a cushion, a string that comes taut.
+"""A stop above a displacement: a housing, a cushion, a string that becomes taut.
 
 ::
 
