@@ -148,7 +148,7 @@ def discover(
 def _judged(work: Study, found: Search) -> tuple[dict[str, list[str]], Option]:
     """What would do in place of each effect of the choice, and the choice as it is reported."""
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
-    equivalent = second_output.told_apart(work, found, equivalent)
+    equivalent = second_output.distinguished(work, found, equivalent)
     return equivalent, _described(work, found.chosen, _equals(found, equivalent))
 
 

@@ -18,7 +18,7 @@ from .options import Option, fitted_option, option
 from .parameters import unusual
 from .power import Sizes, detection_limits
 from .refit import FULL_STEPS, first_refit, further
-from .wander import feigned
+from .wander import explained_by_wandering
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
 # Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
@@ -92,10 +92,10 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
 
 
 def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> tuple[bool, str]:
-    """Whether an option is accepted over the choice, and why (not), in words."""
+    """Whether an option is accepted over the choice, and the reason in words."""
     accepted, reason = accept(base, chosen, one, threshold)
-    if accepted and feigned(study, chosen, one, threshold):
-        return False, f"a sensor's zero that wanders explains what {one.ids[-1]} does"
+    if accepted and explained_by_wandering(study, chosen, one, threshold):
+        return False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}"
     return accepted, reason
 
 

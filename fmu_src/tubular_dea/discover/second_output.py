@@ -1,8 +1,8 @@
-"""An output that feels rates, such as a current: it tells effects apart that explain the other outputs alike.
+"""A second output that depends on rates, such as a current: it can distinguish otherwise equivalent effects.
 
-It takes no part in fits: where an input moves fast, a current of some mA dies away within a sample, and its monitor's
-zero, gain and delay are its own. What it can say is which of two equally good explanations foretells it better. The
-squares that two of them leave are compared stretch by stretch (a paired test), so that its noise need not be known.
+It takes no part in fits: where an input moves fast, a current of some mA decays within a sample, and its monitor has
+its own zero, gain and delay. But it shows which of two equally good explanations predicts it better. Their squared
+residuals are compared stretch by stretch (a paired test), so its noise need not be known.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ BEYOND_CHANCE = 4.0  # [standard errors] by which an explanation has to leave mo
 
 @dataclass(frozen=True)
 class Predicted:
-    """What was read of an output beside those fitted, and what a model says of it, each (n,)."""
+    """The record of an output that takes no part in fits, and a model's prediction of it, each (n,)."""
 
     piece: Piece
     output: str
@@ -34,7 +34,8 @@ class Predicted:
 
 
 def predicted(study: Study, ids: Ids, values: Mapping[str, float]) -> list[Predicted]:
-    """The outputs that take no part in fits, from the model with effects `ids` (`KernelError` without an answer).
+    """The outputs that take no part in fits, predicted by the model with effects `ids` (`KernelError` where it cannot
+    be solved).
 
     The zero, the gain and the delay of each file's monitor are at their most likely values.
     """
@@ -47,13 +48,13 @@ def predicted(study: Study, ids: Ids, values: Mapping[str, float]) -> list[Predi
 
 
 def _as_read(record: np.ndarray, answer: np.ndarray) -> np.ndarray:
-    """The answer with the zero, gain and (first-order) delay that suit the record."""
+    """The prediction with the zero, gain and (first-order) delay that fit the record best."""
     columns = np.column_stack([np.ones(answer.size), answer, np.gradient(answer)])
     return columns @ np.linalg.lstsq(columns, record, rcond=None)[0]
 
 
-def told_apart(study: Study, found: Search, equivalent: Mapping[str, list[str]]) -> dict[str, list[str]]:
-    """The sets of equivalent effects without those that foretell the outputs beside the fit worse than another.
+def distinguished(study: Study, found: Search, equivalent: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The sets of equivalent effects without those that predict the second outputs worse than another.
 
     The best of a set takes the first one's place in the choice.
     """
@@ -76,13 +77,13 @@ def told_apart(study: Study, found: Search, equivalent: Mapping[str, list[str]])
 
 
 def _as_good(more: np.ndarray) -> bool:
-    """Whether the squares that are left beyond the best's, stretch by stretch (k,), may be chance."""
+    """Whether the excess of squares over the best's, by stretch (k,), may be chance."""
     error = float(np.std(more, ddof=1)) / np.sqrt(more.size)
     return float(more.mean()) <= BEYOND_CHANCE * error
 
 
 def _squares(study: Study, option: Option | None) -> np.ndarray | None:
-    """The squares that an option leaves of the outputs beside the fit, by stretch (k,); None without an answer."""
+    """The squared residuals of an option on the second outputs, by stretch (k,); None where it cannot be solved."""
     if option is None:
         return None
     try:
@@ -94,13 +95,13 @@ def _squares(study: Study, option: Option | None) -> np.ndarray | None:
 
 
 def _with(found: Search, name: str, other: str) -> Option | None:
-    """The choice with an effect exchanged for another, among what was fitted."""
+    """The fitted option that has another effect in place of one of the choice."""
     ids = {other if i == name else i for i in found.chosen.ids}
     return next((o for o in (found.chosen, *found.rivals) if set(o.ids) == ids), None)
 
 
 def _exchange(found: Search, name: str, best: str) -> None:
-    """The choice with the better explanation in place of one; that becomes a rival."""
+    """Replace an effect of the choice by the better one; the previous choice becomes a rival."""
     option, before = _with(found, name, best), found.chosen
     if option is None:
         return

@@ -1,9 +1,10 @@
-"""What a sensor's zero that wanders slowly within a file explains by itself.
+"""A check of slow effects: could a sensor's zero that wanders slowly within a file explain them?
 
-Effects that come about slowly (heating, softening, drift) resemble it. They are believed as far as they explain what no
-such wandering would: a smooth curve over the time of each file, of the size that zeros usually have. It is integrated
-out (Rasmussen and Williams, "Gaussian processes for machine learning", 2006, eq. 2.39), in a comparison only: the
-plant's own parameters are fitted without it, since it would take up the slow parts that they rest on.
+Slow effects (heating, softening, drift) resemble a wandering zero: a smooth curve over the time of each file, of the
+usual size of zeros. They are accepted only if they explain more than such curves. The curves are integrated out
+(Rasmussen and Williams, "Gaussian processes for machine learning", 2006, eq. 2.39) for this comparison only. The
+plant's own parameters are fitted without them, because they would absorb the slow parts that determine these
+parameters.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ WANDERS = 0.2  # [1] of the usual size of an output's zero, by which each curve 
 CURVES = 4  # [1] curves over a file's time: Legendre polynomials from a straight line up
 
 
-def feigned(study: Study, before: Option, after: Option, threshold: float) -> bool:
-    """Whether a wandering zero leaves less than `threshold` of what the last effect of `after` gains over `before`.
+def explained_by_wandering(study: Study, before: Option, after: Option, threshold: float) -> bool:
+    """Whether, with a wandering zero, the last effect of `after` gains less than `threshold` over `before`.
 
-    A fault of the sensor itself may be just that, and is not asked.
+    An effect of the sensor's own channel may be such a fault, and is not checked.
     """
     if study.catalogue[after.ids[-1]].channel in {o.channel for o in study.plant.outputs}:
         return False

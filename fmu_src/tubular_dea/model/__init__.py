@@ -1,1 +1,1 @@
-"""The physics, declared once."""
+"""The models: physics, declared once."""

@@ -1,14 +1,13 @@
-"""An effect on a bench of its own: what it adds to a model, cut out, with everything that it acts on given.
+"""An effect isolated from the plant: a model of the effect alone, with all quantities that it acts on as inputs.
 
 ::
 
     what it acts on ---[ the effect's own states, delays and equations ]---> the quantity that it changes
     (inputs and states of the plant, as inputs here)
 
-The cut is a model like any other, made from the effect's declaration alone: a lag's answers to a step, a friction's
-loop, a power law's curve come out of running it. The quantity is the first definition (in the model's order) that the
-effect's parameters enter (a signal goes before its rate), or the one that the effect says it is shown by
-(`Effect.curve`).
+It is a model like any other, made only from the effect's declaration: running it gives the step response of a lag, the
+loop of friction or the curve of a power law. The quantity is the first definition (in the model's order) that contains
+the effect's parameters (a signal goes before its rate), or the one that the effect declares (`Effect.curve`).
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ GIVEN = "_given"  # behind the names of the plant's states, which are inputs of 
 
 @dataclass(frozen=True)
 class Alone:
-    """The cut `model` of an effect, whose one output is `output`.
+    """The `model` of an isolated effect, whose only output is `output`.
 
     `acts_on` has the names of the model's inputs by their names in the plant; `moving`, by coordinate, the state that
-    is its rate, where the effect acts on that; `over` is what the effect says it is shown over, "" without a word.
+    is its rate, where the effect acts on that; `over` is what the effect declares to be shown over, "" if nothing.
     """
 
     model: Model
@@ -40,21 +39,21 @@ class Alone:
 
     @property
     def remembers(self) -> bool:
-        """Whether what it does depends on the past, or on how fast an input moves."""
+        """Whether its output depends on the past, or on the rate of an input."""
         rates = {rate(q) for q in self.model.inputs}
         moving = any(rates & d.expression.free_symbols for d in self.model.definitions)
         return bool(self.model.states or self.model.delays or moving)
 
     @property
     def clock(self) -> bool:
-        """Whether all that it remembers is how long ago the start was."""
+        """Whether its only memory is the time since the start."""
         inputs = {q.symbol for q in self.model.inputs} | {rate(q) for q in self.model.inputs}
         felt = [_needed(self.model, [s.derivative])[1] & inputs for s in self.model.states]
         return bool(self.model.states) and not any(felt) and not self.model.delays
 
     @property
     def drivers(self) -> list[str]:
-        """What may be moved: all that it acts on; with a memory, a coordinate in the place of its rate."""
+        """The quantities that may be moved: all that it acts on; with memory, a coordinate instead of its rate."""
         if not self.remembers:
             return list(self.acts_on)
         coordinates = {v: x for x, v in self.moving.items()}
@@ -62,7 +61,7 @@ class Alone:
 
 
 def alone(base: Model, effect: Effect) -> Alone:
-    """The effect cut out of `base` with it; `DeclarationError` where it changes nothing."""
+    """The effect isolated from `base`; `DeclarationError` if it changes nothing."""
     model = effect(base)
     known = base.quantities()
     own = [s for s in model.states if s.quantity.name not in known]

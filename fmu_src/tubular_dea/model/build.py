@@ -83,7 +83,7 @@ class Build:
         tunable: bool = True,
         display_unit: str | None = None,
     ) -> sympy.Symbol:
-        """A number of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
+        """A parameter of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
         q = self._quantity(
             name,
             unit,
@@ -114,7 +114,7 @@ class Build:
         equilibrium: Expression | None = None,
         display_unit: str | None = None,
     ) -> sympy.Symbol:
-        """What the plant remembers; `derivative` says how it changes, `nominal` is its usual largest value in `unit`.
+        """A state; `derivative` gives its rate, `nominal` is its usual largest value in `unit`.
 
         `start` is a number, an expression of parameters and inputs, "free" (an unknown of every recording) or "shared"
         (one unknown for all recordings): both declare the parameter `<name>_start`, which fits find. The equations end
@@ -161,7 +161,7 @@ class Build:
         return q.symbol
 
     def derivative(self, state: sympy.Symbol, expression: Expression) -> None:
-        """How a state changes, in its unit per second."""
+        """The derivative of a state, in its unit per second."""
         name = str(state)
         if name not in self._states:
             raise DeclarationError(

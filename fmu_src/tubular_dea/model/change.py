@@ -1,4 +1,4 @@
-"""How effects change a model: a signal tapped under a name of its own, a term added, a factor, a lag.
+"""Changes that effects make to a model: a signal gets a name of its own, a term is added, a factor, a lag.
 
 Each function returns a new model. Effects on one signal form a chain: each takes the expression as it finds it.
 """

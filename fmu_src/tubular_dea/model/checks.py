@@ -1,4 +1,4 @@
-"""What a declared model must be: every name once, every expression in what is known by then, a curve that is whole."""
+"""Checks of a declared model: unique names, expressions in known symbols only, a complete equilibrium curve."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .declare import TIME, DeclarationError, Delay, Model, before, nearest, rate
 
 
 def check(model: Model) -> None:
-    """`DeclarationError` with the first thing that cannot be."""
+    """`DeclarationError` for the first fault."""
     _check_names(model)
     _check_order(model)
     _check_starts(model)
@@ -106,7 +106,7 @@ def _leaves(expression: sympy.Expr, defined: dict[sympy.Symbol, sympy.Expr]) -> 
 
 
 def _check_curve(model: Model) -> None:
-    """An equilibrium curve names what there is, and every state says where it settles."""
+    """An equilibrium curve names existing quantities, and every state declares its equilibrium."""
     curve = model.curve
     if curve is None:
         return

@@ -1,4 +1,4 @@
-"""Plants: a model, the signals it is recorded by, and the places where something may be missing.
+"""Plants: a model, its recorded signals, and the places where effects may act.
 
 Everything a plant file needs is here::
 

@@ -1,4 +1,4 @@
-"""What the aorta opposes to a flow: a windkessel of three elements, and what recordings may show that it lacks.
+"""The aorta as a windkessel of three elements, and the effects that this model may lack.
 
 ::
 

@@ -27,7 +27,7 @@ PLANT = "PLANT"
 
 
 class PlantError(ArgumentError):
-    """A plant that cannot be had; the text names the file, the line where there is one, and what was expected."""
+    """A plant that cannot be loaded; the text names the file, the line if there is one, and what was expected."""
 
 
 def load_plant(text: str) -> Plant:

@@ -1,4 +1,4 @@
-"""What a plant is: a model, the signals it is recorded by, and the places where something may be missing.
+"""The definition of a plant: a model, its recorded signals, and the places where effects may act.
 
 ::
 
@@ -37,10 +37,10 @@ Drives = Sequence[Protocol]
 class Input:
     """A recorded signal that drives the model; `name` is the model's input.
 
-    Between samples it is `held` (a set point, or a switch), straight (the default), or `band_limited` (an analogue
-    signal behind a filter). A recording whose largest value (SI) is not between `least` and `most` was labelled with a
+    Between samples it is `held` (a set point, or a switch), linear (the default), or `band_limited` (an analogue signal
+    behind a filter). A recording whose largest value (SI) is not between `least` and `most` was labelled with a
     wrong unit: `mislabelled` says what it then is, below and above. `zero` is the usual size of a monitor's own zero
-    error (SI; 0: there is none). `channel` is the word of reports for what acts on its way into the plant. `direct`
+    error (SI; 0: there is none). `channel` is the name in reports of effects on its path into the plant. `direct`
     says whether an output follows it at once; None: as the plant's model has it.
     """
 
@@ -57,7 +57,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """A recorded signal that the model is held against; `name` is the model's output that says what a sensor reports.
+    """A recorded signal that the model is compared with; `name` is the model's output for the sensor's reading.
 
     `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
     from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
@@ -85,7 +85,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Exchange:
-    """Parameters that may be exchanged without any change of the answer: `pairs` of names, both ways.
+    """Parameters that may be exchanged without changing the outputs: `pairs` of names, both ways.
 
     `ordered` tells whether values are in the order in which they are reported.
     """
@@ -109,16 +109,17 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plant:
-    """A model with its signals, places and effects. `DeclarationError` where these name what the model has not.
+    """A model with its signals, places and effects. `DeclarationError` if these name what the model does not have.
 
     `own` are the plant's own effects by id. `geometry` names parameters that `bench.toml` may set. `starts` are named
-    starting values for fits beside the declared ones; `safer` moves values to where the model has an answer more
-    likely, tried in turn; `restart` names parameters that a search does not bring back by itself. `standard` makes the
-    protocols that are usual on a bench, by name, `experiments` feasible ones, with their descriptions, within the
-    largest inputs recorded. `latent` holds, by channel, effects that stand for anything that acts there; without it
-    they are made from the places. `own_channels` are those of the model's own parameters. A recording has at least
-    `least_samples`, lasts at least `shortest` [s] and has at most `coarsest` [s] between samples. Inputs faster than
-    `bandwidth` [Hz] hardly reach the outputs. `file` is where it was declared, as `--plant` has it.
+    starting values for fits beside the declared ones; `safer` moves values to where the model is more
+    likely to be solvable, tried in turn; `restart` names parameters that a search does not bring back by itself.
+    `standard` makes the protocols that are usual on a bench, by name, `experiments` feasible ones, with their
+    descriptions, within the largest inputs recorded. `latent` holds, by channel, effects that stand for anything that
+    acts there; without it they are made from the places. `own_channels` are those of the model's own parameters. A
+    recording has at least `least_samples`, lasts at least `shortest` [s] and has at most `coarsest` [s] between
+    samples. Inputs faster than `bandwidth` [Hz] hardly reach the outputs. `file` is where it was declared, as
+    `--plant` has it.
     """
 
     model: Model
@@ -205,7 +206,7 @@ class Plant:
 
     @cached_property
     def catalogue(self) -> Mapping[str, Effect]:
-        """Everything that may be missing, by id: the plant's own effects, then every law at its places."""
+        """All candidate effects by id: the plant's own, then every law at its places."""
         found = dict(self.own)
         for place in self.places:
             found |= {effect.id: effect for effect in candidates(self.model, place) if effect.id not in found}
@@ -213,7 +214,7 @@ class Plant:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Where effects may act, in the plant's own words."""
+        """The channels in which effects may act, by the plant's own names."""
         return tuple(dict.fromkeys(effect.channel for effect in self.catalogue.values()))
 
     def quantity(self, name: str) -> Quantity:
@@ -221,7 +222,7 @@ class Plant:
         return self.model.quantity(name)
 
     def ordered(self, values: Values) -> dict[str, float]:
-        """The same tube, tank or circuit with exchangeable parameters in the order in which they are reported."""
+        """The same values with exchangeable parameters in the order in which they are reported."""
         found = dict(values)
         for exchange in self.exchanges:
             if set(exchange.pairs) <= set(found) and not exchange.ordered(found):
@@ -253,7 +254,7 @@ class Plant:
 
 
 def _at_once(model: Model, outputs: Sequence[str]) -> set[str]:
-    """The inputs that some of the outputs follow at once, and not by way of states alone."""
+    """The inputs with direct feedthrough to some output."""
     reached = {model.quantity(name).symbol for name in outputs}
     for definition in reversed(model.definitions):
         if definition.quantity.symbol in reached:

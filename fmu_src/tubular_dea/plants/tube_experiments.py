@@ -1,4 +1,4 @@
-"""Experiments on a tube: those that are usual on its bench, and feasible ones within what was recorded."""
+"""Experiments on a tube: the standard ones, and feasible ones within the recorded range."""
 
 from __future__ import annotations
 

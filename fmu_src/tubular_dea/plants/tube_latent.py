@@ -1,4 +1,4 @@
-"""For each channel of the tube, a latent input that stands for anything that acts there: any smooth law of what does.
+"""The latent inputs of the tube: in each channel any smooth function of the signals there (input estimation).
 
 Electrical: the voltage at the electrodes, as a function of voltage and stretch, and its lags. Mechanical: a hoop stress
 over stretch, rate and the stretch's past. Pressure path: a pressure over the recorded one and its lags. Sensor: a

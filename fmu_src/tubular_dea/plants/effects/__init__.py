@@ -23,7 +23,7 @@ RECORDING = ("pressure", "sensor")  # channels of monitors and sensors: before o
 
 
 def catalogue() -> Mapping[str, Effect]:
-    """Everything that the tube may lack: its own effects, and laws at its places."""
+    """All candidate effects of the tube: its own, and laws at its places."""
     from ..tube import PLANT  # which is made of this room's effects
 
     return PLANT.catalogue
