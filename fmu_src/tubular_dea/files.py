@@ -88,11 +88,13 @@ def read_whole(path: Path, largest: int = LARGEST_INPUT) -> bytes:
 
 @contextmanager
 def working_folder(purpose: str) -> Iterator[Path]:
-    """A temporary folder that is removed again; `FileError` where there is no room for one, or none for its files."""
+    """A temporary folder that is removed again; `FileError` where there is no space for it or its files."""
     try:
         folder = Path(tempfile.mkdtemp(prefix="tubular-dea-"))
     except OSError as problem:
-        raise FileError(f"{purpose}: no temporary folder can be made: {problem}; set TMPDIR to one with room") from None
+        raise FileError(
+            f"{purpose}: no temporary folder can be made: {problem}; set TMPDIR to one with space"
+        ) from None
     try:
         with as_file_error(folder, f"used for {purpose}"):
             yield folder

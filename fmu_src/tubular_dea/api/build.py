@@ -64,7 +64,7 @@ def build_fmu(
     Raises
     ------
     UserError
-        For a model that cannot be had, a platform that there is not, and where nothing can be written.
+        For a model that cannot be loaded, an unknown platform, and where nothing can be written.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def build_fmus(
     Raises
     ------
     UserError
-        For a model that cannot be had, a platform that there is not, and where nothing can be written.
+        For a model that cannot be loaded, an unknown platform, and where nothing can be written.
 
     Examples
     --------

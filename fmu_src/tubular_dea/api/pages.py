@@ -110,7 +110,7 @@ def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage
     Raises
     ------
     UserError
-        For a plant that cannot be had.
+        For a plant that cannot be loaded.
 
     Examples
     --------

@@ -73,13 +73,13 @@ class Course:
         return rows + [(f"{label} [mmHg]", "", f"{v * PA:+.2f}", "", "") for label, v in gained if v is not None]
 
     def counts(self) -> list[tuple[str, str]]:
-        """Rows (what, how much) about the whole run: beats by what became of them, pulses, extremes."""
+        """Rows (quantity, value) about the whole run: beats by fate, pulses, extremes."""
         fates = [(f"beats {fate}" if fate != "vetoed" else "vetoed beats", self.fates.count(fate)) for fate in FATES]
         counted = [
             ("premature beats", self.premature),
             ("pulses", self.counted["pulses"]),
             ("pulses withdrawn because no R wave came", self.counted["withdrawn_pulses"]),
-            ("R waves taken for noise", self.counted["ignored_edges"]),
+            ("R waves rejected as noise", self.counted["ignored_edges"]),
         ]
         rows = [("whole beats", str(len(self.fates)))]
         rows += [(what, str(n)) for what, n in (*fates, *counted) if n]

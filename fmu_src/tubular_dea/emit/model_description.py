@@ -265,7 +265,7 @@ class _Unknown:
 def _unknowns(table: tuple[Variable, ...]) -> dict[str, list[_Unknown]]:
     """Outputs, state derivatives and initial unknowns with what they depend on: inputs, states and parameters.
 
-    The time goes without saying: OMSimulator refuses it among the dependencies.
+    The time is omitted: OMSimulator refuses it among the dependencies.
     """
     place = {v.name: str(i) for i, v in enumerate(table, start=1)}
 

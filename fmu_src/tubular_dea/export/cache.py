@@ -1,7 +1,7 @@
 """Where compiled libraries are kept, and that they are still what was compiled.
 
 The user's cache folder, or TUBULAR_DEA_CACHE. Every file has its hash beside it: one that a full disk or a tool has
-damaged is compiled again, never loaded or packed. What is found in a folder of somebody else is never loaded either.
+damaged is compiled again, never loaded or packed. Files in a folder of another user are never loaded either.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def native_fmu(
 ) -> Path:
     """Write the native FMU of `model` for FMI `version` (2 or 3) with libraries for `platforms` (this machine).
 
-    `progress` is told each platform's name once its library is there. The same model and platforms give the
+    `progress` receives each platform's name once its library is built. The same model and platforms give the
     same bytes on every machine.
     """
     code = sources(model, version)

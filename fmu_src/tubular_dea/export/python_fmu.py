@@ -1,7 +1,7 @@
 """The model as an FMU in readable Python, run by pythonfmu: co-simulation, FMI 2.0, Linux and Windows.
 
 The FMU's code is one file, `resources/tubular_dea_<hash>.py`: the emitted equations, a small integrator and
-the slave, put together from `emit/python.py` and the rooms of `slave/`. To change the model for a day, edit
+the slave, put together from `emit/python.py` and the modules of `slave/`. To change the model for a day, edit
 that file in the FMU; to change it for good, change the declaration and build again.
 
 Usage::
@@ -30,10 +30,10 @@ from ..emit.variables import Variable, guid, variables
 from ..files import write_atomically
 from ..model.declare import DeclarationError, Model
 from .package import archive, icon, licence
-from .rooms import Room, merged_imports
+from .slave_source import SourceModule, merged_imports
 
 FUNCTIONS = ("derivatives", "outputs", "start", "equilibrium")
-ROOMS = ("table", "stand_in", "integrator", "curve", "guard", "snapshot", "messages", "instance")
+MODULES = ("table", "stand_in", "integrator", "curve", "guard", "snapshot", "messages", "instance")
 LIBRARIES = {"linux64/libpythonfmu-export.so": ".so", "win64/pythonfmu-export.dll": ".dll"}
 USAGE = """\
 As an FMU this file is run by pythonfmu. It needs Python 3.9 or later, nothing else, and works by itself::
@@ -75,15 +75,15 @@ def slave_source(model: Model) -> tuple[str, str]:
 
 
 def _joined(model: Model) -> str:
-    """The rooms as one module: imports, then each room under its title, the model in the place of the stand-in."""
+    """The modules as one module: imports, then each part under its title, the model in the place of the stand-in."""
     folder = resources.files("tubular_dea") / "export" / "slave"
-    rooms = [Room(name, (folder / f"{name}.py").read_text(encoding="utf-8")) for name in ROOMS]
-    imports = merged_imports(rooms)
-    bodies = {room.name: room.body() for room in rooms}
+    modules = [SourceModule(name, (folder / f"{name}.py").read_text(encoding="utf-8")) for name in MODULES]
+    imports = merged_imports(modules)
+    bodies = {part.name: part.body() for part in modules}
     bodies["stand_in"] = _model_block(model)
-    (integrator,) = (room for room in rooms if room.name == "integrator")
+    (integrator,) = (part for part in modules if part.name == "integrator")
     bodies["integrator"] = integrator.body({"stages": _stages(model)})
-    parts = [imports, *(f"{room.title()}\n{bodies[room.name]}" for room in rooms)]
+    parts = [imports, *(f"{part.title()}\n{bodies[part.name]}" for part in modules)]
     return "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
 
 

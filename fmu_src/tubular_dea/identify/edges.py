@@ -1,17 +1,15 @@
 """The switching instants of an input, as far as its samples determine them.
 
-A value that is recorded at t_k after the switching and not at t_(k-1) says that the input switched in between, no more:
-our bench switches at t_k itself, a laboratory's anywhere. So the best estimate is the middle, and the bounds are the
-two samples. A slow amplifier's edge shows on the way up where a sample falls on it: with its rise known, the fraction
-there tells the instant. The rise is common to the edges of a record (or of a set): what samples on the way lie apart,
-and how often there is one, tells it. Where more samples lie on the way than `FEW_ON_WAY`, the shape is recorded, and
-followed.
+If the sample at t_k has the new value and that at t_(k-1) the old one, the input switched in between. The best estimate
+is then the middle, and the bounds are the two samples. With a slow amplifier, a sample may fall on the edge; if the
+rise is known, the height of this sample determines the instant. The rise is common to all edges of a record (or of a
+set). It follows from the heights of such samples and from how often they occur. Where more samples than `FEW_ON_WAY`
+lie on an edge, its shape is recorded and used as it is.
 
-A set point without noise that a computer wrote down changes at the sample where it is first seen: there the best
-estimate is that sample, and the bounds are the same.
+A set point without noise, written by a computer, changes at the sample that first shows the new value: there this
+sample is the best estimate, and both bounds.
 
-What switches is told from what ramps by the steps between samples: they stand out of the noise, and of the steps
-beside them on both sides.
+A switching differs from a ramp by its steps between samples: they exceed the noise, and the steps next to them.
 """
 
 from __future__ import annotations
@@ -313,7 +311,8 @@ def _likelihood(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> np
 def _instants(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> tuple[np.ndarray, np.ndarray]:
     """Centroids (k, m) to average over, and the time they stand for (k,).
 
-    Where a sample is on the way it alone tells the instant, for a given rise; else all between the samples are tried.
+    A sample on the edge alone determines the instant, for a given rise; else all instants between the samples are
+    tried.
     """
     if edge.anchor is not None:
         part = edge.parts[edge.anchor]

@@ -1,12 +1,12 @@
 """The signal of a monitor without its noise: straight lines between as few corners as the noise allows.
 
 The recorded inputs drive the model, and so does their noise: 25 Pa of it leave 3 to 5 um in the radius. A bench's
-inputs are ramps, steps and slow waves, so most of that noise can be told from the signal. `polyline` fits continuous
-lines with corners at samples. It begins with a corner at every sample and takes out what the noise explains, the
-least useful first, so that a signal that really moves at every sample is kept as it is; then every corner is moved to
-where it serves best, and more are set wherever one explains the record better than chance. Where lines miss the record
-all the same by more than its noise, they go through every sample. Each pass goes over all corners at once: the cost is
-linear in the samples, and no constant limits the number of corners.
+inputs are ramps, steps and slow waves, so most of that noise can be separated from the signal. `polyline` fits
+continuous lines with corners at samples. It begins with a corner at every sample and takes out what the noise
+explains, the least useful first, so that a signal that really moves at every sample is kept as it is; then every
+corner is moved to where it serves best, and more are set wherever one explains the record better than chance. Where
+lines miss the record all the same by more than its noise, they go through every sample. Each pass goes over all
+corners at once: the cost is linear in the samples, and no constant limits the number of corners.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def resolution(values: np.ndarray) -> float:
 def level(values: np.ndarray, remembered: tuple[float, float] | None = None) -> float:
     """The noise of a monitor as it weighs on lines over many samples: as white noise of this level would.
 
-    `remembered` is its `memory` where other records of the same monitor tell it better. Not less than its resolution
+    `remembered` is its `memory` where other records of the same monitor show it better. Not less than its resolution
     makes; without any, every sample would be an event.
     """
     larger, phi = remembered or memory(values)

@@ -4,8 +4,8 @@ The misfit of a model has no part in it, so an effect that the model lacks canno
 plant creeps, so exponentials of all time constants and polynomials are taken out; what slow drift a sensor has goes
 with them. The rest is noise of some colour (`colour`), by restricted maximum likelihood (Patterson and Thompson,
 Biometrika 58 (1971) 545) over stretches long enough to show a correlation that lasts a quarter of them. Lines at mains
-frequency and its harmonics are told apart (`hum`). Where events follow so fast that no stretch is quiet, what is left
-between them serves, and the uncertainty is larger.
+frequency and its harmonics are separated (`hum`). Where events follow so fast that no stretch is quiet, the parts
+between them are used, and the uncertainty is larger.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class Stretches:
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
     quiet, unquiet = stretches(records), False
-    if _freedom(quiet) < ENOUGH_FREEDOM:  # then all that lies between events tells more, if there is more of it
+    if _freedom(quiet) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         other = stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
         if _freedom(other) > 2 * _freedom(quiet):
             quiet, unquiet = other, True

@@ -194,7 +194,7 @@ def _whole(signals: Signals, pressure: np.ndarray) -> RecordedBeat:
 def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np.ndarray:
     """Where beats begin [s]: the steepest upstrokes of the pressure. An ECG beside it has to show as many.
 
-    R waves themselves are no good to cut at: detectors pass from one wave to another in deformed leads.
+    R waves are not suitable for cutting: detectors switch from one wave to another in distorted leads.
     """
     marks = _upstrokes(pressure, signals.time)
     if marks.size < 4:

@@ -27,7 +27,7 @@ NEAR_TRIGGER = 0.05  # [s] from a trigger to the edge that it makes, at most
 def triggered(edges: Sequence[Edge], time: np.ndarray, trigger: np.ndarray) -> list[Edge]:
     """The edges with what a trigger (n,) of two levels, of either polarity, says about them.
 
-    Where no delay agrees with all of them, the trigger has its own time and says nothing.
+    Where no delay agrees with all of them, the trigger is independent of the edges and is not used.
     """
     turned = np.flatnonzero(np.diff(trigger) != 0)
     result = list(edges)

@@ -6,7 +6,7 @@ from ..model.declare import Model
 
 
 def _floors(model: Model) -> str:
-    """In words: a state with a minimum came to it."""
+    """In words, that a state reached its minimum."""
     names = [f"{model.states[place].quantity.name} would come to {floor:g}" for place, floor in model.floors().items()]
     return " or ".join(names)
 

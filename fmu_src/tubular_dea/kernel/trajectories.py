@@ -466,7 +466,7 @@ class Kernel:
 
 
 def needs_fold(model: Model) -> list[str]:
-    """The outputs that cannot be had without the fold."""
+    """The outputs that need the fold."""
     if model.curve is None:
         return []
     reached = {model.curve.fold.symbol}

@@ -1,4 +1,4 @@
-"""What the page knows of its models: names, units, bounds and places, printed from the declarations as JSON."""
+"""The facts of models for the page: names, units, bounds and indices, from the declarations, as JSON."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def model_facts(model: Model) -> dict[str, Any]:
 
 
 def quantity_facts(q: Quantity) -> dict[str, Any]:
-    """A quantity as people read it: `shown` is the customary unit, `factor` what one of it is in SI."""
+    """A quantity for display: `shown` is the customary unit, `factor` its value in SI."""
     shown = q.display_unit or q.unit
     return {
         "name": q.name,

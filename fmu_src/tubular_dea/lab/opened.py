@@ -1,4 +1,4 @@
-"""What a page opens with where a command writes it beside its report: a closed loop's tube, an assisted heart."""
+"""The initial content of the page that a command writes beside its report: an identified tube, an assisted heart."""
 
 from __future__ import annotations
 

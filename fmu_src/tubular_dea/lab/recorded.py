@@ -15,18 +15,18 @@ ROOM = 800_000  # bytes of all of them; the page may have 1.5 MB
 
 @dataclass(frozen=True)
 class Carried:
-    """CSV `texts` by file name; of those in `thinned`, every so many-th sample alone, for want of room."""
+    """CSV `texts` by file name; of those in `thinned`, only every k-th sample, for lack of space."""
 
     texts: dict[str, str]
     thinned: dict[str, int]
 
     def words(self) -> list[str]:
-        """What was left out, for people."""
+        """What was left out, in words."""
         return [f"{name}: every {k}th sample is in the page" for name, k in self.thinned.items()]
 
 
 def carried(recordings: Recordings) -> Carried:
-    """All recordings in the room there is."""
+    """All recordings in the available space."""
     whole = {f"{e.name}.csv": _lines(e, recordings) for e in recordings.experiments}
     size = sum(len(line) + 1 for lines in whole.values() for line in lines)
     step = -(-size // ROOM)

@@ -1,4 +1,4 @@
-"""The words that the reader of recordings knows, as tables for the page: units, missing values, other names of time."""
+"""The vocabulary of the reader of recordings, as tables for the page: units, missing values, names of time."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ class Model:
 
     @property
     def title(self) -> str:
-        """The name for people: with the effects that were added."""
+        """The name with the effects that were added, for titles."""
         return f"{self.name} with {', '.join(self.effects)}" if self.effects else self.name
 
     # What is declared --------------------------------------------------------------------------------

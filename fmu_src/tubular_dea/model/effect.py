@@ -28,15 +28,16 @@ class Effect:
     every parameter at which the effect has its usual size.
 
     For identification: the response to the `off` parameters is taken at each point of the grid `shapes` (parameters
-    that mean nothing while the effect is off). `on` are values that are held while the others are fitted: the share
-    of a lag, say, is 1. `fit` names what is identified; `refine` what may be freed after that if the record asks for
-    a slightly different form. Where the response turns with an amplitude (the pitch of a ringing with a mass), the
-    tangent at `off` does not see it: `strengths` are distances from `off` at which the chord is taken beside it.
-    `trades` says how a parameter of the grid changes where the whole of an effect is to do what a share of it did: by
-    this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has but one form: what it
-    leaves over is something else. `channel` says where it acts, in the plant's own words; `recording` that it is a
-    fault of a monitor or sensor, not of the plant. `curve` is how reports show what it does by itself: "x over y" or
-    "x", the definition x over an input or state y that it depends on (default: what `alone` finds in the declaration).
+    without influence while the effect is off). `on` are values that are held while the others are fitted: the share
+    of a lag, for example, is 1. `fit` names what is identified; `refine` what may be freed after that if the record
+    asks for a slightly different form. Where the response turns with an amplitude (the pitch of a ringing with a
+    mass), the tangent at `off` does not see it: `strengths` are distances from `off` at which the chord is taken
+    beside it. `trades` says how a parameter of the grid changes if a share of an effect is replaced by the whole
+    effect: by this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has only one
+    form: a remaining residual has another cause. `channel` says where it acts, by the plant's own names; `recording`
+    that it is a fault of a monitor or sensor, not of the plant. `curve` is how reports show the effect alone: "x over
+    y" or "x", the definition x over an input or state y that it depends on (default: what `alone` finds in the
+    declaration).
     """
 
     id: str

@@ -81,7 +81,7 @@ QUANTITIES = (
     sized("late_fraction", "1", "How late an announced R may be, of the predicted beat", 0.15, "", 0.0, 1.0),
     sized("max_on_time", "s", "Longest pulse", 0.4, "", 0.0, 2.0, "ms"),
     sized("refractory", "s", "Time after an R wave in which there is no other", 0.25, "", 0.0, 1.0, "ms"),
-    sized("longest_rr", "s", "Longer intervals say nothing of the rhythm", 2.5, "", 0.3, 10.0),
+    sized("longest_rr", "s", "Longer intervals are not used for the rhythm", 2.5, "", 0.3, 10.0),
     sized("dropout_factor", "1", "Predicted beats without R after which the rhythm is lost", 1.5, "", 1.05, 5.0),
     sized("premature_factor", "1", "Shorter intervals, in predicted beats, are premature", 0.8, "", 0.0, 1.0),
     sized("shortened", "1", "Length of the pulse of a premature beat, of a whole one", 0.5, "", 0.0, 1.0),
@@ -281,7 +281,7 @@ def _pulse(r: Rules) -> None:
     its = And(yes(on), no(s["awaiting"]))
     served = r.add("served", "1", "The beat has its pulse", choose(its, 1, choose(accepted, 0, r.old("served"))))
     r.count("assisted_beats", "Beats with a pulse", And(yes(served), Or(no(r.old("served")), accepted)))
-    r.add("target_voltage", "V", "What the amplifier is told", s["voltage_on"] * on, nominal=5e3)
+    r.add("target_voltage", "V", "Voltage set point of the amplifier", s["voltage_on"] * on, nominal=5e3)
     _shown(r)
 
 

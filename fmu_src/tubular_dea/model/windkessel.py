@@ -217,7 +217,7 @@ def aortic_windkessel(values: Mapping[str, float] | None = None) -> Model:
 
 
 def paced_windkessel(values: Mapping[str, float] | None = None) -> Model:
-    """The same, beating as it is told: the input `pace` [Hz] takes the place of the parameter heart_rate.
+    """The same, paced: the input `pace` [Hz] takes the place of the parameter heart_rate.
 
     With the pace 1 / RR from each recorded R wave to the next, the ventricle's R waves are the recorded ones.
     """
@@ -226,7 +226,7 @@ def paced_windkessel(values: Mapping[str, float] | None = None) -> Model:
     return dataclasses.replace(
         model,
         name="PacedWindkessel",
-        description=f"{model.description}, beating as it is told",
+        description=f"{model.description}, paced by an input",
         inputs=(TUBE_FLOW, PACE),
         parameters=tuple(p for p in model.parameters if p.quantity.name != "heart_rate"),
         definitions=tuple(dataclasses.replace(d, expression=rename(d.expression, pace)) for d in model.definitions),

@@ -1,7 +1,7 @@
 """Recordings in any format, as tables of numbers: `read(path)`. This folder knows files, but no plant.
 
 Text with any delimiter, decimal mark, encoding and head; MATLAB (both formats), HDF5, TDMS and Parquet with the extra
-`files`. The first bytes tell the format, not the ending.
+`files`. The first bytes determine the format, not the ending.
 """
 
 from .files import is_recording, read

@@ -25,7 +25,7 @@ def seconds(cells: Sequence[str], missing: Sequence[bool]) -> np.ndarray:
     """Seconds since the midnight before the first cell; NaN where a cell is missing or is no time.
 
     A time without a date that falls back by more than half a day has passed midnight. Years come first or last in a
-    date; where days and months cannot be told apart, the next date is the next day.
+    date; where days and months are ambiguous, the next date is the next day.
     """
     times, days = np.full(len(cells), np.nan), np.zeros(len(cells))
     dates: dict[str, int] = {}

@@ -117,7 +117,7 @@ def _cells(line: str, layout: Layout) -> list[str]:
 
 
 def _is_heading(cells: Sequence[str], names: Collection[str]) -> bool:
-    """Whether a row of another length than the numbers' has headings: names that are hoped for, or units."""
+    """Whether a row of another length than the numbers' has headings: expected names, or units."""
     return any(name_ in names or is_unit(unit) for name_, unit in map(parts, cells))
 
 
@@ -133,7 +133,7 @@ def _units(cells: Sequence[str]) -> list[str]:
 
 
 def _aptness(row: tuple[int, Sequence[str]], width: int, names: Collection[str]) -> tuple[int, bool, int, int]:
-    """Headings that are hoped for, no fewer than columns, filled, and as near to the numbers as can be."""
+    """The rank of a row as headings: expected names, at least as many as columns, filled, close to the numbers."""
     i, cells = row
     known = sum(parts(c)[0] in names for c in cells)
     return known, len(cells) >= width, sum(map(bool, cells)), i

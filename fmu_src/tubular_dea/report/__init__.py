@@ -1,1 +1,1 @@
-"""What people read: pages, tables, figures."""
+"""Reports: pages, tables, figures."""

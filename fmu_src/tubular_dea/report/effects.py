@@ -252,5 +252,5 @@ def _label(name: str, unit: str) -> str:
 
 
 def _meaning(q: Quantity) -> str:
-    """What a quantity is, in a sentence; its name where nobody said."""
+    """The description of a quantity for a sentence; its name if it has none."""
     return f"{q.description[0].lower()}{q.description[1:]}" if q.description else q.name.replace("_", " ")

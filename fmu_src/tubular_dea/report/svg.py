@@ -154,7 +154,7 @@ def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
 
 
 def thinned(x: np.ndarray, y: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x and the least and largest y in as many equal parts of x as can be told apart, each (columns,) or fewer."""
+    """x and the least and largest y in as many equal parts of x as can be drawn, each (columns,) or fewer."""
     edges = np.linspace(x[0], x[-1], columns + 1)
     first = np.unique(np.clip(np.searchsorted(x, edges[:-1]), 0, x.size - 1))
     return x[first], np.minimum.reduceat(y, first), np.maximum.reduceat(y, first)

@@ -1,4 +1,4 @@
-"""Names and units of columns as people read them: displacement in mm, pressure in mmHg."""
+"""Names and units of columns for display: displacement in mm, pressure in mmHg."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A co-simulation slave in plain Python, in rooms: nothing but Python's standard library and pythonfmu.
+"""A co-simulation slave in plain Python, in several modules: nothing but Python's standard library and pythonfmu.
 
 `python_fmu.py` joins them into the one file of an FMU, with an emitted model in the place of `stand_in.py`. As they
 stand they simulate that stand-in, so that they can be imported, run and checked by themselves::

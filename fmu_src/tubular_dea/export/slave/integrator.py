@@ -39,7 +39,7 @@ DOUBLE, LONG = struct.Struct("<d"), struct.Struct("<q")
 
 
 class Unsolvable(ArithmeticError):
-    """The integrator came to `time` and states `x` and no further; the text says why."""
+    """The integrator stopped at `time` and states `x`; the text says why."""
 
     def __init__(self, why: str, time: float, x: Vector) -> None:
         super().__init__(why)

@@ -187,10 +187,10 @@ function verdict(course) {
   const asked = course.fates.filter((f) => f !== "learning"), number = (fate) => asked.filter((f) => f === fate).length, helped = number("assisted");
   let why = facts.heart.fates.filter((f) => f !== "assisted" && number(f)).map((f) => `${number(f)} ${f}`).join(", ");
   if (course.counted.vetoes) why += ` (the scheduler refused the voltage ${course.counted.vetoes} times, last because of ${CAUSES[course.vetoCause] ?? "a limit"})`;
-  if (!asked.length) return "Not assisted: the run ended before the rhythm was learned; ask for more beats.";
+  if (!asked.length) return "Not assisted: the run ended before the rhythm was learned; run more beats.";
   if (!helped) return `Not assisted: none of ${asked.length} beats after learning had a whole pulse: ${why}.`;
   const name = "stroke_work_per_stroke_volume", a = course.without[name], b = course.with[name], rise = a && b ? 100 * (b.mean / a.mean - 1) : NaN;
-  const effect = !a || !b ? "None of them ejected blood." : rise >= 0 ? `It did the heart no good: stroke work per stroke volume rose by ${rise.toFixed(1)} %.` : `Stroke work per stroke volume was ${(-rise).toFixed(1)} % lower than without.`;
+  const effect = !a || !b ? "None of them ejected blood." : rise >= 0 ? `The heart did not benefit: stroke work per stroke volume rose by ${rise.toFixed(1)} %.` : `Stroke work per stroke volume was ${(-rise).toFixed(1)} % lower than without.`;
   return helped === asked.length ? `Assisted: all ${helped} beats after learning. ${effect}` : `Partly assisted: ${helped} of ${asked.length} beats after learning; ${why}. ${effect}`;
 }
 

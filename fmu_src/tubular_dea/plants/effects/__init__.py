@@ -24,7 +24,7 @@ RECORDING = ("pressure", "sensor")  # channels of monitors and sensors: before o
 
 def catalogue() -> Mapping[str, Effect]:
     """All candidate effects of the tube: its own, and laws at its places."""
-    from ..tube import PLANT  # which is made of this room's effects
+    from ..tube import PLANT  # which imports the effects of this folder
 
     return PLANT.catalogue
 

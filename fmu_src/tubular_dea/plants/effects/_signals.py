@@ -1,4 +1,4 @@
-"""Places at which effects take hold: signals that the base model does not tell apart get a name of their own.
+"""Signals at which effects act: those that the base model does not distinguish get a name of their own.
 
 Each function returns the model with that signal; where it is there already, the model itself. Effects that act on
 one signal form a chain: each takes the expression of the signal as it finds it.
@@ -50,7 +50,7 @@ def elastic_stretches(model: Model) -> Model:
 
 
 def wall_pressure(model: Model) -> Model:
-    """`wall_pressure` (what the wall feels) and, at rest, `wall_pressure_held`."""
+    """`wall_pressure` (the pressure on the wall) and, at rest, `wall_pressure_held`."""
     return arriving(model, "pressure", "wall_pressure")
 
 

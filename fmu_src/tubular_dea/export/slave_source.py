@@ -13,7 +13,7 @@ WIDTH = 106
 
 
 @dataclass(frozen=True)
-class Room:
+class SourceModule:
     """A module by its name and text. Its docstring begins with a title and a colon, or is the title."""
 
     name: str
@@ -62,11 +62,11 @@ def _constants(names: Sequence[str]) -> str:
     return "\n".join(f"{name} = {value!r}" for name, value in values.items() if isinstance(value, int | float)) + "\n"
 
 
-def merged_imports(rooms: Sequence[Room]) -> str:
-    """All imports of other packages by all rooms, each once, in the usual order."""
+def merged_imports(modules: Sequence[SourceModule]) -> str:
+    """All imports of other packages by all modules, each once, in the usual order."""
     plain: set[str] = set()
     named: dict[str, set[str]] = {}
-    for node in [node for room in rooms for node in room.imports()]:
+    for node in [node for part in modules for node in part.imports()]:
         if isinstance(node, ast.Import):
             plain |= {alias.name for alias in node.names}
         else:
