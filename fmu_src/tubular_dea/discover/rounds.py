@@ -21,7 +21,8 @@ from .refit import FULL_STEPS, first_refit, further
 from .wander import explained_by_wandering
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
-# Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --pairs 20 --seed 1000`
+# Check: `pytest tests/test_rounds.py tests/test_acceptance.py`,
+# `python -m blind.score --singles 2 --pairs 20 --seed 1000`
 REFITS = 5  # [1] best candidates that are refitted in any case
 NEAR_SCORE = 0.6  # [1] share of the best score from which on candidates are refitted too
 WEAK_NEAR = 100.0  # [squared standard deviations] below the best score: where evidence is weak, all these are near
