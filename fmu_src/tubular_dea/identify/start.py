@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
-# Set by judgement. Check: `pytest tests/test_reading.py::test_a_file_that_starts_under_a_small_load_is_told`,
+# Set by judgement. Check: `pytest tests/test_start.py`,
 # `python -m blind.score --nulls 12 --conventions start --seed 1000`
 FIRST_SAMPLES = 12  # [samples] through which a straight line tells what a record begins with
 CLEARLY = 5.0  # [standard errors] of it that are a load

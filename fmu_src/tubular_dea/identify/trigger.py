@@ -16,7 +16,7 @@ import numpy as np
 
 from .edges import Edge
 
-# Set by judgement. Check: `pytest tests/test_monitors.py::test_a_trigger_tells_as_much_as_it_does`,
+# Set by judgement. Check: `pytest tests/test_trigger.py`,
 # `python -m blind.score --nulls 12 --conventions edges trigger --seed 1000`
 FEWEST = 3  # [1] edges that a delay is taken from at least
 SURE = 3.0  # [standard errors] that the delay is off at most
