@@ -30,6 +30,7 @@ def option(
     exact: bool = False,
     refined: tuple[str, ...] = (),
     parameters: int | None = None,
+    pinned: tuple[str, ...] = (),
 ) -> Option:
     """Effects `ids` whose fit leaves `excess` over the noise of SAMPLES; one parameter each beside a base with one.
 
@@ -58,4 +59,5 @@ def option(
         lack_of_fit(excess, z_slow),
         refined,
         exact,
+        pinned,
     )

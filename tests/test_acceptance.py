@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import acceptance, engine, equivalence, held_out, noise_limit, power, revision
+from tubular_dea.discover import acceptance, engine, equivalence, held_out, noise_limit, parameters, power, revision
 from tubular_dea.discover.bank import Candidate, scores
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.revision import Search
 from tubular_dea.discover.rounds import Round
+from tubular_dea.identify.problem import Free
 
 LARGE = 40_000.0  # what a large effect leaves unexplained
 BASE = option(excess=LARGE, held_out=12_000.0)
@@ -141,6 +142,47 @@ def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) 
     denied = replace(described, unseen=1.1 * BASE.unseen)
     assert not engine.supported(study, found(BASE, denied), denied)
     assert engine.supported(study, found(BASE, BASE), BASE)  # nothing is named
+
+
+def test_a_strength_at_its_bound_names_nothing() -> None:
+    base = option(excess=500.0, held_out=2500.0)
+    best = option("lag", excess=100.0, held_out=2100.0, turned=0.1)
+    assert acceptance.accept(base, base, best, 30.0)[0]
+    refused = acceptance.accept(base, base, replace(best, pinned=("lag",)), 30.0)
+    assert refused == (False, "lag would have to be stronger than it can be")
+    other = option("creep", excess=100.0)
+    assert equivalence.stands_in(other, best, {"lag": 400.0}) == ("lag", "creep")
+    assert equivalence.stands_in(replace(other, pinned=("creep",)), best, {"lag": 400.0}) is None
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "side", "ends"),
+    [
+        ({"minimum": 0.0, "maximum": 3.0}, 3.0, 1, (2.804, np.inf)),
+        ({"minimum": 0.0, "maximum": 3.0}, 2.99, 0, (2.794, 3.186)),
+        ({"minimum": 2.0, "maximum": 9.0}, 2.0, -1, (-np.inf, 2.196)),
+        ({"minimum": 0.0, "maximum": 9.0}, 0.0, 0, (-0.196, 0.196)),  # there is no less than nothing
+        ({"minimum": 0.0, "maximum": 1.0, "unit": "1"}, 1.0, 0, (0.804, 1.196)),  # nor more than the whole
+        ({"minimum": 0.0, "maximum": 1.0, "unit": "s"}, 1.0, 1, (0.804, np.inf)),
+    ],
+)
+def test_an_interval_is_open_where_a_search_ended_at_a_bound(
+    quantity: dict, value: float, side: int, ends: tuple[float, float]
+) -> None:
+    """The standard error is 0.1; the effect is off where its strength is 0."""
+    given = SimpleNamespace(**{"name": "lag", "unit": "s"} | quantity)
+    lag = SimpleNamespace(off={}, fit=("lag",), parameters=[given])
+    fitted = replace(
+        option("lag").fitted,
+        free=[Free("base", 1.0), Free("lag", 1.0, given.minimum, given.maximum)],
+        values={"base": 1.0, "lag": value},
+        scaled=np.array([1.0, value]),
+        covariance=0.01 * np.eye(2),
+    )
+    assert parameters.at_bounds(lag, fitted) == ({"lag": side} if side else {})
+    assert acceptance.size_interval(lag, fitted, "lag") == pytest.approx(ends)
+    strength = SimpleNamespace(**vars(lag) | {"off": {"lag": value}})  # where it is off is where it may end
+    assert parameters.at_bounds(strength, fitted) == {}
 
 
 def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:

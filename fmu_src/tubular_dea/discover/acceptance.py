@@ -5,6 +5,9 @@ prediction of blocks left out. A further one must also remove most of the residu
 than another functional form of those would: no law of the catalogue is exactly that of the plant, and a candidate may
 explain part of the difference.
 
+An effect whose strength ends at a bound is refused: the records ask for more of it than there can be, so it stands in
+for something else. Where another of its parameters does, its interval is open there.
+
 Where the evidence is weak, the held-out experiments are checked at once. Where it is strong they are checked at the
 end: one of two effects alone may predict them worse than none.
 """
@@ -17,6 +20,7 @@ from ..identify.fit import NORMAL_95, Fit, interval
 from ..identify.misfit import SLOW_CHANCE
 from ..model.effect import Effect
 from .options import Option
+from .parameters import at_bounds
 from .residuals import LackOfFit
 
 # Set by convention: one in a thousand. Check: `python -m blind.score --nulls 60 --seed 1000`
@@ -86,6 +90,8 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
     if gain < threshold:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold:.1f})"
+    if name in best.pinned:
+        return False, f"{name} would have to be stronger than it can be"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
         return False, f"{name} does not improve the prediction of blocks left out"
     if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):
@@ -112,10 +118,16 @@ def confirmed(before: Option, after: Option) -> bool:
 
 
 def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of a parameter of an effect (SI).
+    """The 95 % interval of a parameter of an effect (SI), open where it ended at a bound.
 
     For a size that cannot be negative the interval is logarithmic: whether it is zero is decided by its gain.
     """
+    low, high = _inside_interval(effect, fitted, name)
+    side = at_bounds(effect, fitted).get(name, 0)
+    return (-np.inf if side < 0 else low), (np.inf if side > 0 else high)
+
+
+def _inside_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
     low, high = interval(fitted, name)
     quantity = next(q for q in effect.parameters if q.name == name)
     off = effect.off.get(name)

@@ -163,20 +163,23 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -
 
 
 def supported(work: Study, found: Search, described: Option) -> bool:
-    """Whether the interval of every chosen effect excludes its off value, and held-out data support the choice."""
+    """Whether every chosen effect has a strength inside its bounds and an interval that excludes its off value, and
+    held-out data support the choice."""
     if not described.ids:
         return True
     return not _vague(work, found, described) and acceptance.confirmed(found.base, found.chosen)
 
 
 def _vague(work: Study, found: Search, described: Option) -> list[str]:
-    """The effects with too small a gain, or with an interval that includes the value at which they are off."""
+    """The effects with too small a gain, with an interval that includes the value at which they are off, or with a
+    strength at a bound."""
     slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else 1.0
     return [
         n
         for n in described.ids
         if found.gains.get(n, np.inf) < acceptance.EARNS * slow
         or not acceptance.bounded_away(work.catalogue[n], described.fitted)
+        or n in described.pinned
     ]
 
 

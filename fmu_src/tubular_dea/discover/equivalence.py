@@ -24,13 +24,14 @@ ERROR_SHARE = 0.2  # [1] share of the misfit that says nothing, of a model whose
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:
-    """The effect of `chosen` and the one of `rival` that is equivalent to it; None where there is no such pair.
+    """The effect of `chosen` and the one of `rival` that is equivalent to it; None where there is no such pair, or where
+    it would have to be stronger than it can be.
 
     `gains` is by how much the misfit falls by each effect of `chosen`.
     """
     missing = [i for i in chosen.ids if i not in rival.ids]
     extra = [i for i in rival.ids if i not in chosen.ids]
-    if not len(missing) == len(extra) == 1:
+    if not len(missing) == len(extra) == 1 or extra[0] in rival.pinned:
         return None
     gain = gains[missing[0]]
     reach = max(CHANCE, FORM_SHARE * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))

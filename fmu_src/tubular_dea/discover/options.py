@@ -10,6 +10,7 @@ import numpy as np
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
 from ..identify.study import Study
+from .parameters import at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
 from .validation import folds, held_out_residual, left_out
@@ -21,7 +22,8 @@ class Option:
 
     `cross_validated` is the sum of squares of blocks left out in turn, `across` that of experiments left out in turn,
     `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have only one
-    form, so that any remaining residual has another cause.
+    form, so that any remaining residual has another cause. `pinned` are effects whose strength ended at a bound: the
+    records ask for more than they can be.
     """
 
     ids: Ids
@@ -32,6 +34,7 @@ class Option:
     lack_of_fit: LackOfFit
     refined: Ids = ()
     exact: bool = False
+    pinned: Ids = ()
 
     @property
     def held_out(self) -> float:
@@ -70,4 +73,5 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
         lack_of_fit(study, fitted),
         refined,
         all(study.catalogue[i].exact for i in ids),
+        tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
     )

@@ -10,6 +10,10 @@ from ..model.declare import Quantity
 from ..model.effect import Effect
 from ..plants.plant import Plant
 
+# Set by judgement: far less than any interval, far more than the searches' precision. Check:
+# `pytest tests/test_acceptance.py -k bound`
+AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
+
 
 def base_parameters(plant: Plant) -> list[Free]:
     """The parameters that may be identified: all tunable ones of the base model, and starts shared by all."""
@@ -31,6 +35,29 @@ def size(effect: Effect, name: str) -> float:
     typical, off = effect.typical[name], effect.off.get(name, 0.0)
     quantity = next(q for q in effect.parameters if q.name == name)
     return abs(typical - off) or abs(quantity.nominal) or 1.0
+
+
+def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
+    """The parameters of an effect that ended at a bound: -1 at the least value, 1 at the largest.
+
+    Neither nothing nor the whole is a bound: 0 where a parameter cannot be negative, a share of 0 or 1, and where the
+    effect is off.
+    """
+    sides = {}
+    for free, scaled in zip(fitted.free, fitted.scaled, strict=True):
+        quantity = next((q for q in effect.parameters if q.name == free.name), None)
+        for side, bound in zip((-1, 1), (free.lower, free.upper), strict=True):
+            if quantity is None or bound is None or _natural(quantity, bound) or bound == effect.off.get(free.name):
+                continue
+            if abs(scaled - free.to_scaled(bound)) < AT_BOUND:
+                sides[free.name] = side
+    return sides
+
+
+def _natural(quantity: Quantity, bound: float) -> bool:
+    """Whether a bound is nothing or the whole of what a parameter says, and no opinion on how large it may be."""
+    share = quantity.unit == "1" and quantity.minimum == 0 and quantity.maximum == 1
+    return bound == 0 or (share and bound == 1)
 
 
 def unusual(effect: Effect, fitted: Fit) -> float:

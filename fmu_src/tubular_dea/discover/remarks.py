@@ -8,8 +8,10 @@ import numpy as np
 
 from ..identify.fit import Fit
 from ..model.units import factor
+from .acceptance import size_interval
 from .engine import Discovery
 from .oscillations import Oscillation
+from .parameters import at_bounds
 
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
@@ -19,7 +21,7 @@ MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experime
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
-    said = [*_implausible(found), *(_swinging(found, w) for w in waves), *_starts(found), *_spread(found)]
+    said = [*_ended(found), *_beyond(found), *_implausible(found), *(_swinging(found, w) for w in waves), *_starts(found), *_spread(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -29,6 +31,40 @@ def implausible(found: Discovery, fitted: Fit) -> list[str]:
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
     return [n for n in judged if not 1 / IMPLAUSIBLE < fitted.values[n] / declared[n] < IMPLAUSIBLE]
+
+
+def _ended(found: Discovery) -> list[str]:
+    """Parameters of the named effects that ended at a bound: their intervals are open there."""
+    said = []
+    for name in found.named.ids:
+        effect = found.study.catalogue[name]
+        for parameter, side in at_bounds(effect, found.named.fitted).items():
+            low, high = size_interval(effect, found.named.fitted, parameter)
+            least, end = ("at least", low) if side > 0 else ("at most", high)
+            unit = next(q.unit for q in effect.parameters if q.name == parameter)
+            said.append(
+                f"{parameter} of {name} ended at the {'largest' if side > 0 else 'least'} value that is searched: these "
+                f"recordings only say that it is {least} {end:.3g} {unit}".removesuffix(" 1") + "."
+            )
+    return said
+
+
+def _beyond(found: Discovery) -> list[str]:
+    """Effects that explained more than what was taken in their place, but were stronger there than they can be."""
+    said = []
+    for step in found.search.rounds:
+        best = max(step.options, key=lambda o: o.evidence, default=None)
+        if best is None or best.ids[-1] not in best.pinned:
+            continue
+        effect = found.study.catalogue[best.ids[-1]]
+        for name in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
+            unit = next(q.unit for q in effect.parameters if q.name == name)
+            said.append(
+                f"{effect.id} would explain most, but for that its {name} would have to go beyond "
+                f"{best.fitted.values[name]:.3g} {unit}".removesuffix(" 1") + ", where its range ends: something else "
+                "acts there, or the usual size that the plant declares is too small."
+            )
+    return list(dict.fromkeys(said))
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:

@@ -56,7 +56,8 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
             other = fitted_option(study, (rival, *rest), start, found.chosen.refined)
             if other is None:
                 continue
-            ahead = 2 * (other.evidence - found.chosen.evidence) > error_reach(found.chosen)
+            gained = 2 * (other.evidence - found.chosen.evidence)
+            ahead = gained > error_reach(found.chosen) and rival not in other.pinned
             better, worse = (other, found.chosen) if ahead else (found.chosen, other)
             found.chosen = better
             found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
@@ -120,7 +121,8 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
         return finer if finer and finer.evidence > rival.evidence else rival
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
-    best = next(o for o in everyone if o.fitted.cost <= found.chosen.fitted.cost)
+    good = [o for o in everyone if o is found.chosen or not o.pinned]
+    best = next(o for o in good if o.fitted.cost <= found.chosen.fitted.cost)
     pair = stands_in(best, found.chosen, found.gains)
     if pair:
         found.gains[pair[1]] = found.gains.pop(pair[0])
