@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..identify.fit import Fit
+from ..model.effect import Effect
 from ..model.units import factor
 from .acceptance import size_interval
 from .engine import Discovery
@@ -21,7 +22,8 @@ MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experime
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
-    said = [*_ended(found), *_beyond(found), *_implausible(found), *(_swinging(found, w) for w in waves), *_starts(found), *_spread(found)]
+    swinging = [_swinging(found, w) for w in waves]
+    said = [*_ended(found), *_beyond(found), *_implausible(found), *swinging, *_starts(found), *_spread(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -40,11 +42,10 @@ def _ended(found: Discovery) -> list[str]:
         effect = found.study.catalogue[name]
         for parameter, side in at_bounds(effect, found.named.fitted).items():
             low, high = size_interval(effect, found.named.fitted, parameter)
-            least, end = ("at least", low) if side > 0 else ("at most", high)
-            unit = next(q.unit for q in effect.parameters if q.name == parameter)
+            end, least = ("largest", f"at least {low:.3g}") if side > 0 else ("least", f"at most {high:.3g}")
             said.append(
-                f"{parameter} of {name} ended at the {'largest' if side > 0 else 'least'} value that is searched: these "
-                f"recordings only say that it is {least} {end:.3g} {unit}".removesuffix(" 1") + "."
+                f"{parameter} ended at the {end} value that is searched: these recordings only say that it is "
+                f"{least}{_unit(effect, parameter)}."
             )
     return said
 
@@ -53,18 +54,22 @@ def _beyond(found: Discovery) -> list[str]:
     """Effects that explained more than what was taken in their place, but were stronger there than they can be."""
     said = []
     for step in found.search.rounds:
-        best = max(step.options, key=lambda o: o.evidence, default=None)
-        if best is None or best.ids[-1] not in best.pinned:
-            continue
-        effect = found.study.catalogue[best.ids[-1]]
-        for name in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
-            unit = next(q.unit for q in effect.parameters if q.name == name)
-            said.append(
-                f"{effect.id} would explain most, but for that its {name} would have to go beyond "
-                f"{best.fitted.values[name]:.3g} {unit}".removesuffix(" 1") + ", where its range ends: something else "
-                "acts there, or the usual size that the plant declares is too small."
-            )
+        best = max(step.options, key=lambda o: o.evidence, default=found.base)
+        for name in best.pinned:
+            effect = found.study.catalogue[name]
+            for parameter in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
+                end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
+                said.append(
+                    f"{name} would explain more, but its {parameter} would have to go beyond {end}, where its range "
+                    "ends. So something else acts there, or the usual size (nominal) that the plant declares is wrong."
+                )
     return list(dict.fromkeys(said))
+
+
+def _unit(effect: Effect, parameter: str) -> str:
+    """The unit of an effect's parameter behind a number."""
+    unit = next(q.unit for q in effect.parameters if q.name == parameter)
+    return "" if unit == "1" else f" {unit}"
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:

@@ -121,6 +121,8 @@ def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str
 def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
     """The candidates refitted: each for a few steps, those close to the best until they converge."""
 
+    study.compiled.gather(chosen.ids, ids)
+
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
         shapes = [s for s in scored if s.id == name and s.statistic > 0]

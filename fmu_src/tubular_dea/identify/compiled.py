@@ -1,8 +1,8 @@
 """Models with effects, compiled: each combination once, several at a time.
 
-Compiling one model takes as long as several hundred thousand steps of the integrator. So short records share kernels
-that contain every effect without its own dynamics, all off except the requested ones. Long records have a kernel for
-every combination. Effects with switching states, which shorten the integrator's steps, are scored separately.
+Compiling one model takes as long as several hundred thousand steps of the integrator. So for short records the
+candidates of a round share a few kernels, all off except the requested ones. Long records have a kernel for every
+combination. Effects with switching states, which shorten the integrator's steps, are kept from the others.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ Ids = tuple[str, ...]
 # one; compiling them all takes 35, 8.5 and 4.3 s on one core. Check: `python tests/benchmarks/scoring.py`
 SHARED = 6  # [1] effects in one library for scores
 
-# Set by measurement: with the 32 laws of the tanks in one kernel, a point takes 2.5 us and not 0.6, to compile one
-# 0.7 s; with all 38 of the silverbox, the 344 000 points of one record took 3.2 s and not 0.05.
-# Check: `python -m measured.table`
-FEW_POINTS = 6_000  # [1] samples (or points of inputs) up to which all laws without dynamics share a kernel
+# Set by measurement: of the tanks a trajectory of 1023 steps takes 0.4 ms with one law in the kernel and 0.8 with all 32
+# that have no dynamics, its sensitivities 0.7 and 2.6; to compile either takes 0.5 s. With all 38 of the silverbox, the
+# 344 000 points of one record took 3.2 s and not 0.05. Check: `python -m measured.table`
+FEW_POINTS = 20_000  # [1] samples (or points of inputs) up to which the candidates of a round share kernels
 MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 
 STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: none, linear, anything else
@@ -49,6 +49,7 @@ class Compiled:
         self._place = {name: i for i, name in enumerate(self.catalogue)}
         self._few, self._many = points <= FEW_POINTS, points >= MANY_POINTS
         self._kernels: dict[Ids, Kernel] = {}
+        self._gathered: list[Ids] = []
         self._locks: defaultdict[Ids, Lock] = defaultdict(Lock)
 
     def model(self, ids: Iterable[str], *more: Effect) -> Model:
@@ -58,41 +59,60 @@ class Compiled:
             model = effect(model)
         return model
 
+    def gather(self, present: Ids, names: Iterable[str]) -> None:
+        """Let models with one of `names` beside `present` share kernels from now on, where records are short."""
+        if not self._few:
+            return
+        wanted = {*names}
+        still, calm = (tuple(n for n in self._of(kind) if n in wanted) for kind in (STILL, CALM))
+        groups = [self._ordered((*present, *group)) for group in (still, *_cut(calm, SHARED)) if group]
+        self._gathered += groups
+        side_by_side(self._compiled, groups)
+
     def kernel(self, ids: Iterable[str] = (), *more: Effect) -> Kernel:
-        """A compiled model with the effects `ids` of the catalogue and `more`."""
-        names = set(ids)
-        if self._few and names and not more:
-            names |= {name for name, kind in self.kinds.items() if kind == STILL}
-        ordered = self._ordered(names)
-        key = (*ordered, *(e.id for e in more))
+        """A compiled model that has the effects `ids` of the catalogue and `more`, and what was gathered with them."""
+        names = self._ordered(ids)
+        if not names or more:
+            return self._compiled(names, *more)
+        return self._compiled(min((g for g in self._gathered if {*names} <= {*g}), key=len, default=names))
+
+    def _compiled(self, names: Ids, *more: Effect) -> Kernel:
+        key = (*names, *(e.id for e in more))
         with self._locks[key]:
             if key not in self._kernels:
-                self._kernels[key] = Kernel(self.model(ordered, *more), self._outputs)
+                self._kernels[key] = Kernel(self.model(names, *more), self._outputs)
         return self._kernels[key]
 
     def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
         """A compiled model with each candidate in addition to `present`, by the candidate's id.
 
         The catalogue's effects (`effects` None) share libraries: SHARED a library, or all of a kind beside those
-        present, which so are the same whatever was found, and compiled once. Other effects have one each.
+        present, which so are the same whatever was found, and compiled once. On short records all without dynamics are
+        in each. Other effects have one each.
         """
         if effects is not None:
             made = side_by_side(lambda effect: self.kernel(present, effect), effects)
             return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
         groups = self._groups(present)
-        kernels = side_by_side(lambda group: self.kernel((*present, *group)), groups)
+        shared = self._of(STILL) if self._few else ()
+        named = [self._ordered((*shared, *present, *group)) for group in groups]
+        self._gathered += named[: len(shared[:1])]  # it has all without dynamics beside those present
+        kernels = side_by_side(self._compiled, named)
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
 
     def _groups(self, present: Ids) -> list[Ids]:
         """The catalogue's effects in groups that share a library for scores."""
         names = list(self.catalogue)
         if self._few:
-            still = tuple(n for n in names if self.kinds[n] == STILL)
-            return [g for g in (still, tuple(n for n in names if n not in still)) if g]
+            return [g for g in (self._of(STILL), *_cut(self._of(CALM), SHARED), self._of(LIVELY)) if g]
         lively = [n for n in names if self.kinds[n] == LIVELY]
         calm = [n for n in names if n not in lively]
         size = len(names) if present else SHARED
         return [*_cut(calm, size), *_cut(lively, 1 if self._many else size)]
+
+    def _of(self, kind: str) -> Ids:
+        """The catalogue's effects of a kind."""
+        return tuple(n for n in self.catalogue if self.kinds[n] == kind)
 
     @cached_property
     def kinds(self) -> dict[str, str]:

@@ -10,9 +10,8 @@ from typing import TypeVar
 import numpy as np
 
 from ..kernel import Kernel, KernelError, Trajectory
-from ..processors import processors
 from ..protocol import Protocol
-from .threads import side_by_side
+from .threads import free_processors, side_by_side
 
 T = TypeVar("T")
 
@@ -20,6 +19,9 @@ T = TypeVar("T")
 # Check: `python -m blind.score --nulls 60 --seed 1000`
 TOLERANCE = 1e-6  # [1] of the kernel
 FINE = 1e-7  # [1] of the kernel where differences are taken
+
+# Set by measurement: fewer cost as much. Check: `pytest tests/test_sensitivities.py`
+TOGETHER = 8  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
 
 # Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
@@ -129,9 +131,12 @@ class Response:
         return [a for a, _ in pairs], [b for _, b in pairs]
 
     def _shares(self, names: Sequence[str]) -> list[Sequence[str]]:
-        """The names, divided among the processors where there are fewer cases than processors."""
-        count = min(max(1, processors() // len(self.cases)), len(names))
-        size = -(-len(names) // count)
+        """The names, divided among the processors where there are fewer cases than processors.
+
+        Not into less than the kernel works on at once.
+        """
+        count = max(1, free_processors() // len(self.cases))
+        size = max(TOGETHER, -(-len(names) // count))
         return [names[i : i + size] for i in range(0, len(names), size)]
 
     def _differentiated(
