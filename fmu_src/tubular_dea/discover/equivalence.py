@@ -24,8 +24,8 @@ ERROR_SHARE = 0.2  # [1] share of the misfit that says nothing, of a model whose
 
 
 def stands_in(rival: Option, chosen: Option, gains: Mapping[str, float]) -> tuple[str, str] | None:
-    """The effect of `chosen` and the one of `rival` that is equivalent to it; None where there is no such pair, or where
-    it would have to be stronger than it can be.
+    """The effect of `chosen` and the one of `rival` that is equivalent to it; None where there is none, or where it
+    would have to be stronger than it can be.
 
     `gains` is by how much the misfit falls by each effect of `chosen`.
     """

@@ -82,6 +82,7 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     if hopeless:
         return replace(blank, reason=hopeless)
     shortlist = _shortlist(ranked, threshold, ALL_REFITS if far(chosen) else MOST_REFITS)
+    study.compiled.gather(chosen.ids, shortlist)
     options = _refits(study, chosen, scored, shortlist, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
@@ -120,8 +121,6 @@ def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str
 
 def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
     """The candidates refitted: each for a few steps, those close to the best until they converge."""
-
-    study.compiled.gather(chosen.ids, ids)
 
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")

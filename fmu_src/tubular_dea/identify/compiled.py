@@ -27,9 +27,9 @@ Ids = tuple[str, ...]
 # one; compiling them all takes 35, 8.5 and 4.3 s on one core. Check: `python tests/benchmarks/scoring.py`
 SHARED = 6  # [1] effects in one library for scores
 
-# Set by measurement: of the tanks a trajectory of 1023 steps takes 0.4 ms with one law in the kernel and 0.8 with all 32
-# that have no dynamics, its sensitivities 0.7 and 2.6; to compile either takes 0.5 s. With all 38 of the silverbox, the
-# 344 000 points of one record took 3.2 s and not 0.05. Check: `python -m measured.table`
+# Set by measurement: of the tanks a trajectory of 1023 steps takes 0.4 ms with one law in the kernel and 0.8 with all
+# 32 that have no dynamics, its sensitivities 0.7 and 2.6; to compile either takes 0.5 s. With all 38 of the silverbox,
+# the 344 000 points of one record took 3.2 s and not 0.05. Check: `python -m measured.table`
 FEW_POINTS = 20_000  # [1] samples (or points of inputs) up to which the candidates of a round share kernels
 MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 

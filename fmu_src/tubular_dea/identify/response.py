@@ -21,7 +21,7 @@ TOLERANCE = 1e-6  # [1] of the kernel
 FINE = 1e-7  # [1] of the kernel where differences are taken
 
 # Set by measurement: fewer cost as much. Check: `pytest tests/test_sensitivities.py`
-TOGETHER = 8  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
+COLUMNS_TOGETHER = 8  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
 
 # Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
@@ -136,7 +136,7 @@ class Response:
         Not into less than the kernel works on at once.
         """
         count = max(1, free_processors() // len(self.cases))
-        size = max(TOGETHER, -(-len(names) // count))
+        size = max(COLUMNS_TOGETHER, -(-len(names) // count))
         return [names[i : i + size] for i in range(0, len(names), size)]
 
     def _differentiated(
