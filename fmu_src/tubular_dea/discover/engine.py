@@ -33,6 +33,7 @@ from .held_out import with_held_out
 from .law_uncertainty import with_law, with_rivals
 from .next_experiment import Proposal
 from .noise_limit import with_noise_of
+from .operating_point import repeats
 from .options import Option, fitted_option
 from .parameters import base_parameters
 from .revision import Search
@@ -56,7 +57,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Discovery:
-    """The result of a discovery and how it was found: the source of result.json and the report."""
+    """The result of a discovery and how it was found: the source of result.json and the report.
+
+    `repeated` is True where all records repeat one course at one operating point.
+    """
 
     recordings: Recordings
     study: Study
@@ -70,6 +74,7 @@ class Discovery:
     coloured: dict[str, float]
     held_ratio: float
     proposal: Proposal | None
+    repeated: bool
 
     @property
     def base(self) -> Option:
@@ -118,11 +123,12 @@ def discover(
         known = found.rounds[0].listed if found.rounds else []
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
-    equivalent, described = _judged(work, found)
+    repeated = repeats(work.pieces)
+    equivalent, described = _judged(work, found, repeated)
     while not supported(work, found, described):
         found.chosen = _withdrawn(work, found, described)
         work = found.study
-        equivalent, described = _judged(work, found)
+        equivalent, described = _judged(work, found, repeated)
     held = _held_ratio(work, found.chosen)
     verdict = decide(found, held, equivalent)
     before = residuals.tests(found.base_study, (), fitted)
@@ -142,12 +148,15 @@ def discover(
         coloured,
         held,
         next_experiment.propose(work, _competitors(found, equivalent)),
+        repeated,
     )
 
 
-def _judged(work: Study, found: Search) -> tuple[dict[str, list[str]], Option]:
-    """What would do in place of each effect of the choice, and the choice as it is reported."""
-    equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains)
+def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:
+    """What would do in place of each effect of the choice, and the choice as it is reported; `repeated`: all records
+    repeat one course."""
+    form = equivalence.form_share(found.chosen, repeated)
+    equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains, form)
     equivalent = second_output.distinguished(work, found, equivalent)
     return equivalent, _described(work, found.chosen, _equals(found, equivalent))
 

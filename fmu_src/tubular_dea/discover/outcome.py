@@ -186,24 +186,21 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
     }
     ordered = sorted(options.values(), key=lambda o: -o.evidence)
     return [
-        {"effects": list(o.ids), "evidence": o.evidence - found.base.evidence, "ratio": o.lack_of_fit.ratio}
+        {"effects": list(o.ids), "evidence": _finite(o.evidence - found.base.evidence), "ratio": o.lack_of_fit.ratio}
         for o in ordered
     ]
 
 
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
-    why, proposal, where = WHY[found.verdict], found.proposal, channel(found)
+    why, proposal = WHY[found.verdict], found.proposal
     if found.verdict == "no_effect" and remarks.thin(found):
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {remarks.thin(found)}: record {words}, to see what these recordings cannot show."
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
     if found.verdict in ("unexplained", "partly_explained"):
-        because = (
-            "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
-        )
-        return f"{why}: repeat an experiment with a second sensor in the {where} channel, because {because}."
+        return f"{why}: {_beside(found)}."
     if proposal is None:
         return f"{why}: repeat the experiments on another specimen to see whether the effect is the same."
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
@@ -212,6 +209,18 @@ def advice(found: Discovery) -> str:
     if found.verdict == "ambiguous":
         return f"{why}: record {proposal.words}, for which {names} differ {apart} or more."
     return f"{why}: to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}."
+
+
+def _beside(found: Discovery) -> str:
+    """What to record where a residual remains, and why."""
+    alike = [f"{name} and {len(others)} others" for name, others in found.equivalent.items() if others]
+    if found.repeated and found.verdict == "partly_explained" and alike:
+        moved = " and ".join(s.name for s in found.study.plant.inputs)
+        return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
+    because = (
+        "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
+    )
+    return f"repeat an experiment with a second sensor in the {channel(found)} channel, because {because}"
 
 
 def _nowhere(found: Discovery) -> bool:

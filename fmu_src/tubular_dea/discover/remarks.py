@@ -23,7 +23,8 @@ MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experime
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
-    said = [*_ended(found), *_beyond(found), *_implausible(found), *swinging, *_starts(found), *_spread(found)]
+    said = [*_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
+    said += [*_starts(found), *_spread(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -33,6 +34,15 @@ def implausible(found: Discovery, fitted: Fit) -> list[str]:
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
     return [n for n in judged if not 1 / IMPLAUSIBLE < fitted.values[n] / declared[n] < IMPLAUSIBLE]
+
+
+def _one_point(found: Discovery) -> list[str]:
+    """That all records repeat one course, where effects are named by them."""
+    if not found.repeated or not found.named.ids:
+        return []
+    said = "All recordings repeat one course at one operating point: the model is known to hold there only."
+    held = " Held-out data repeat what the fits have seen, and cannot show which law is right."
+    return [said + held * bool(found.study.held_out)]
 
 
 def _ended(found: Discovery) -> list[str]:

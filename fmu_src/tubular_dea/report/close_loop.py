@@ -54,7 +54,8 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
 
 def headline(found: Discovery) -> str:
     """The verdict in a sentence."""
-    names = " and ".join(summary(found, i) for i in found.chosen.ids)
+    named = _one_of if found.verdict == "partly_explained" else summary
+    names = " and ".join(named(found, i) for i in found.chosen.ids)
     others = ", ".join(dict.fromkeys(i for group in found.equivalent.values() for i in group))
     nearest = f" (nearest: {', '.join(found.chosen.ids)})" if found.chosen.ids else ""
     left = remainder(found)
@@ -70,6 +71,12 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     if before["held_out_rmse"] is not None:
         held = f"held out {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
     return [f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"]
+
+
+def _one_of(found: Discovery, effect: str) -> str:
+    """An effect, or the set of those that cannot be distinguished from it."""
+    others = found.equivalent.get(effect, [])
+    return f"one of {summary(found, effect)}, {', '.join(others)}" if others else summary(found, effect)
 
 
 def summary(found: Discovery, effect: str) -> str:
@@ -187,7 +194,7 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows = []
     for r in outcome["ranking"]:
         meaning = "; ".join(found.study.catalogue[i].summary for i in r["effects"])
-        rows.append([" + ".join(r["effects"]), meaning, f"{r['evidence']:.1f}", f"{r['ratio']:.3f}"])
+        rows.append([" + ".join(r["effects"]), meaning, _number(r["evidence"]), f"{r['ratio']:.3f}"])
     page.table(["refitted with", "what it means", "log evidence over the base", "residual over noise"], rows)
     for name, others in found.equivalent.items():
         page.text(
@@ -235,6 +242,10 @@ def _size(found: Discovery, value: float | None) -> str:
         return "no answer" if value is None else "none"
     scale, unit = readable(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
     return f"{value / scale:.3g} {unit}"
+
+
+def _number(value: float | None) -> str:
+    return "no answer" if value is None else f"{value:.1f}"
 
 
 def _percent(value: float | None) -> str:
