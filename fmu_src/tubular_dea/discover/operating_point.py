@@ -12,19 +12,17 @@ import numpy as np
 
 from ..identify.study import Piece
 
-# Set by judgement: ten beats of a loop at one level differ by 0.05, levels by 0.5 and more, and stretches of a random
-# signal by 0.6. Check: `pytest tests/test_operating_point.py`
-ALIKE = (
-    0.25  # [1] rms difference of two stretches, over a signal's standard deviation, up to which one repeats the other
-)
-STRETCHES = 8  # [1] stretches of a record that are looked for in the first record
-GRID = 2_000  # [1] points of the longest record that are compared
+# Set by judgement: beats of the mock loop at one level differ by 0.05, of a pig by 0.2, levels by 0.5 and more, and
+# stretches of a random signal by 0.6. Check: `pytest tests/test_operating_point.py`
+ALIKE = 0.25  # [standard deviations of a signal] rms difference up to which one stretch repeats another
+IN_A_RECORD = 8  # [1] stretches of a record that are looked for in the first record
+COMPARED = 2_000  # [1] points of the longest record that are compared
 
 
 def repeats(pieces: Sequence[Piece]) -> bool:
     """Whether every stretch of all pieces, inputs and outputs, is found in the first half of the first piece."""
     longest = max(float(np.ptp(p.case.times)) for p in pieces)
-    tables = [_table(p, longest / GRID) for p in pieces]
+    tables = [_table(p, longest / COMPARED) for p in pieces]
     scale = np.concatenate(tables).std(axis=0)
     moving = scale > 0
     tables = [t[:, moving] / scale[moving] for t in tables]
@@ -44,7 +42,7 @@ def _table(piece: Piece, step: float) -> np.ndarray:
 
 def _found(table: np.ndarray, among: np.ndarray) -> bool:
     """Whether all stretches of a table (n, signals) are somewhere in another."""
-    size = max(2, min(len(among) // 2, 2 * len(among) // STRETCHES))
+    size = max(2, min(len(among) // 2, 2 * len(among) // IN_A_RECORD))
     if len(table) < size:
         return False
     windows = np.lib.stride_tricks.sliding_window_view(among, size, axis=0)  # (places, signals, size)
