@@ -10,7 +10,7 @@ import pytest
 from dimensions import mismatches
 from tubular_dea.emit.python import compile_python
 from tubular_dea.kernel import Kernel
-from tubular_dea.laws import Balance, Coefficient, Path, candidates
+from tubular_dea.laws import Balance, Coefficient, Path, effects_at
 from tubular_dea.laws.places import laws
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError, Model
@@ -89,7 +89,7 @@ CASES = [(plant, i) for plant, (_, places) in PLACES.items() for i in range(len(
 @cache
 def at(plant: str, place: int) -> tuple[Effect, ...]:
     make, places = PLACES[plant]
-    return tuple(candidates(make(), places[place]))
+    return tuple(effects_at(make(), places[place]))
 
 
 LAWS = [(plant, place, i) for plant, place in CASES for i in range(len(at(plant, place)))]
@@ -208,7 +208,7 @@ def test_c_and_python_agree(plant: str, place: int) -> None:
 
 def test_a_law_goes_by_the_plants_own_names() -> None:
     place = Path("level", channel="sensor", names={"lag": "sensor_lag", "lag.tau": "tau_sensor"}, laws=("lag",))
-    (effect,) = candidates(tanks(), place)
+    (effect,) = effects_at(tanks(), place)
     assert effect.id == "sensor_lag" and effect.channel == "sensor"
     assert [q.name for q in effect.parameters] == ["tau_sensor", "sensor_lag_share"]
 
@@ -242,5 +242,5 @@ def test_a_law_goes_by_the_plants_own_names() -> None:
 )
 def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:
     with pytest.raises(DeclarationError) as problem:
-        candidates(tanks(), place)
+        effects_at(tanks(), place)
     assert words in str(problem.value)

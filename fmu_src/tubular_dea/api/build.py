@@ -104,7 +104,7 @@ def build_fmus(
     platforms : str or sequence of str
         As in `build_fmu`.
     plant : Plant, str or Path
-        What the model is of.
+        The plant of the model.
     progress : bool
         Show a bar on standard error.
 

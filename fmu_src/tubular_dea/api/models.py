@@ -21,9 +21,10 @@ def tube(effects: Sequence[str] = (), **parameters: Amount) -> Model:
     Parameters
     ----------
     effects : sequence of str
-        Effects of the tube's catalogue to add, by id and in this order; each has its usual size, but for `parameters`.
+        Effects of the tube's catalogue to add, by id and in this order; each at its usual size unless given in
+        `parameters`.
     **parameters : float or str
-        Values by name, in SI or as texts with a unit; those of the effects among them.
+        Values by name, in SI or as texts with a unit, including those of the effects.
 
     Returns
     -------
@@ -34,7 +35,7 @@ def tube(effects: Sequence[str] = (), **parameters: Amount) -> Model:
     Raises
     ------
     UserError
-        For an effect or a parameter that there is not, and for a value outside of its bounds.
+        For an unknown effect or parameter, and for a value outside its bounds.
 
     Notes
     -----
@@ -62,9 +63,9 @@ def add_effects(plant: AnyPlant, effects: Sequence[str] = (), **parameters: Amou
     plant : Plant, str or Path
         A plant, ``"tube"``, ``"aorta"``, or ``"FILE.py[:NAME]"``.
     effects : sequence of str
-        Effects to add, by id and in this order; each has its usual size, but for `parameters`.
+        Effects to add, by id and in this order; each at its usual size unless given in `parameters`.
     **parameters : float or str
-        Values by name, in SI or as texts with a unit; those of the effects among them.
+        Values by name, in SI or as texts with a unit, including those of the effects.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def add_effects(plant: AnyPlant, effects: Sequence[str] = (), **parameters: Amou
     Raises
     ------
     UserError
-        For an effect or a parameter that there is not, and for a value outside of its bounds.
+        For an unknown effect or parameter, and for a value outside its bounds.
 
     Examples
     --------
@@ -97,7 +98,7 @@ def load(path: str | Path, plant: AnyPlant | None = None) -> Model:
     path : str or Path
         A ``model.json``.
     plant : Plant, str or Path, optional
-        The plant it is of, where that is declared in a file of yours: the plant, or ``"FILE.py[:NAME]"``.
+        The plant of the model, if it is declared in a file of your own: the plant, or ``"FILE.py[:NAME]"``.
 
     Returns
     -------
@@ -107,7 +108,7 @@ def load(path: str | Path, plant: AnyPlant | None = None) -> Model:
     Raises
     ------
     UserError
-        For a file that is none, and for effects, parameters or units that the plant has not.
+        For an invalid file, and for effects, parameters or units that the plant does not have.
 
     Examples
     --------
@@ -129,7 +130,7 @@ def save(model: Model, path: str | Path, plant: AnyPlant | None = None) -> Path:
     path : str or Path
         The file to write, as in ``"model.json"``.
     plant : Plant, str or Path, optional
-        The plant it is of, where that is declared in a file of yours.
+        The plant of the model, if it is declared in a file of your own.
 
     Returns
     -------
@@ -169,7 +170,7 @@ def load_plant(plant: str | Path) -> Plant:
     Raises
     ------
     UserError
-        For a plant that there is not, and for a file that cannot be used, with file and line.
+        For an unknown plant, and for an invalid file, with file and line.
 
     Examples
     --------

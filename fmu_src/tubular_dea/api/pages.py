@@ -53,7 +53,7 @@ def lab_page(model: AnyModel | None = None, data: Data | None = None, *, plant: 
     data : str, Path or Recordings, optional
         A folder of recordings, or what `read_recordings` has read, to open with.
     plant : Plant, str or Path
-        What the model and the recordings are of.
+        The plant of the model and the recordings.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def lab_page(model: AnyModel | None = None, data: Data | None = None, *, plant: 
     Raises
     ------
     UserError
-        For a model of another plant, and for a page that would be larger than 1.5 MB.
+        For a model of another plant, and for a page larger than 1.5 MB.
 
     Examples
     --------

@@ -147,7 +147,7 @@ def patient(patient: AnyPatient) -> dict[str, float]:
     Raises
     ------
     UserError
-        For a patient that there is not, and for values that are missing or out of bounds.
+        For an unknown patient, and for values that are missing or out of bounds.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def fit_patient(
     Parameters
     ----------
     recording : str or Path
-        A table with the columns time, pressure and, if there are, flow and ecg; or a WFDB record (.hea).
+        A table with the columns time, pressure and optionally flow and ecg; or a WFDB record (.hea).
     flow : str or Path, optional
         A second table, with the aortic flow over the same time.
     cardiac_output : float or str, optional
@@ -194,7 +194,7 @@ def fit_patient(
     Raises
     ------
     UserError
-        For recordings that hold no beats, and where no patient of this model has such a beat.
+        For recordings without beats, and where no patient of this model has such a beat.
 
     Examples
     --------

@@ -140,7 +140,7 @@ def best_pulse(
         The index to lower (``"stroke_work_per_stroke_volume"``, ``"stroke_work"``) or to raise (``"stroke_volume"``,
         ``"mean_aortic_pressure"``).
     largest_voltage : float or str
-        Of the amplifier [V].
+        The limit of the amplifier [V].
     patient, voltage, beats, tube, settings, scheme, step, variable, progress
         As in `assist`; the limits are the scheduler's, as in ``{"scheduler.field_limit": "75 V/um"}``, and the pulse
         that these settings give is run beside the best one.

@@ -146,7 +146,7 @@ def simulate(
     tolerance : float
         Approximate relative error: 1e-12 to 1e-2.
     plant : Plant, str or Path, optional
-        The plant of a model.json that is declared in a file of yours.
+        The plant of a model.json, if it is declared in a file of your own.
     **signals : float or str
         The inputs by name: a number in SI, which is held, or ``"95 mmHg"``, ``"step 0 5 kV at 1 until 2"``,
         ``"ramp 0 95 mmHg from 0 to 1"``.

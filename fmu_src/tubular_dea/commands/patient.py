@@ -1,7 +1,7 @@
 """Fit a patient to a recorded arterial pressure: ventricle and windkessel, with intervals; a file for assist --patient.
 
 Writes the patient (TOML) and a picture of the beat beside it (PNG). Recordings: a table with the columns
-time, pressure and, if there are, flow and ecg (or a headless table of time [s] and pressure [mmHg]), or a WFDB record.
+time, pressure and optionally flow and ecg (or a headless table of time [s] and pressure [mmHg]), or a WFDB record.
 Without a flow, the pressure does not determine the size of the heart: the cardiac output is assumed.
 """
 

@@ -69,7 +69,7 @@ class Mislabelling:
     words: str
 
 
-def candidates(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
+def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
     for name in [*(s.name for s in plant.inputs), *outputs]:
         for factor, words in FACTORS.get(plant.quantity(name).unit, OTHERWISE).items():
@@ -112,7 +112,7 @@ def findings(recordings: Recordings) -> list[str]:
     base = missed(None)
     if not base > MISSED:
         return []
-    tried = sorted(((missed(w), w) for w in candidates(plant, [output.name])), key=lambda pair: pair[0])
+    tried = sorted(((missed(w), w) for w in mislabellings(plant, [output.name])), key=lambda pair: pair[0])
     likely = [w for share, w in tried if share < LEFT * base and share < FACTOR_ALIKE * tried[0][0]]
     if not likely:
         return []

@@ -68,7 +68,7 @@ class Kernel:
     Raises
     ------
     UserError
-        For a model that is sampled, an output that there is not, and where the compiler fails.
+        For a sampled model, an unknown output, and where the compiler fails.
 
     Examples
     --------

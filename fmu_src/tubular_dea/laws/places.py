@@ -88,7 +88,7 @@ def kinds(law: ModuleType) -> str:
     return ", ".join(kind.__name__ for kind in (Path, Balance, Coefficient) if kind in law.KINDS)
 
 
-def candidates(model: Model, place: Place) -> list[Effect]:
+def effects_at(model: Model, place: Place) -> list[Effect]:
     """Every law that may act at a place, as an effect of this model; `DeclarationError` for what is no place."""
     from ._site import site  # which reads the places
 
@@ -106,7 +106,7 @@ def candidates(model: Model, place: Place) -> list[Effect]:
 
 
 def check(model: Model, place: Place) -> None:
-    """`DeclarationError` where the place names what the model has not, or what is of another kind."""
+    """`DeclarationError` where the place names what the model does not have, or what is of another kind."""
     from ._site import site
 
     site(model, place)

@@ -24,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy
 
-from ..laws import Place, candidates, check
+from ..laws import Place, check, effects_at
 from ..model.declare import DeclarationError, Model, Quantity, nearest, rate
 from ..model.effect import Effect
 from ..protocol import Protocol
@@ -209,7 +209,7 @@ class Plant:
         """All candidate effects by id: the plant's own, then every law at its places."""
         found = dict(self.own)
         for place in self.places:
-            found |= {effect.id: effect for effect in candidates(self.model, place) if effect.id not in found}
+            found |= {effect.id: effect for effect in effects_at(self.model, place) if effect.id not in found}
         return MappingProxyType(found)
 
     @property

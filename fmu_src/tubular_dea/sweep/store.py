@@ -1,4 +1,4 @@
-"""The result folder: Parquet parts written as they come, and a manifest that says whose they are.
+"""The result folder: Parquet parts, written as they are computed, and a manifest of their plan.
 
     DIR/manifest.json                     plan's fingerprint, columns and units, rows, rows a part
     DIR/parts/part-000000000.parquet      the rows from that number on; there whole or not at all
