@@ -125,7 +125,7 @@ BEATING = (90 + 20 * np.sin(2 * np.pi * 1.25 * np.arange(0, 10, 0.01))) * MMHG
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--cardiac-output", "5 mmHg"], "--cardiac-output: "),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--out", "{folder}/out.json"], "ends in .toml"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--based-on", "helthy"], "did you mean healthy"),
-        (lambda p: table(p, np.arange(1000) * 0.01, BEATING, BEATING), ["--cardiac-output", "5 L/min"], "determines it"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING, BEATING), ["--cardiac-output", "5 L/min"], "has a flow"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING, ecg=np.zeros(1000)), [], "does not move"),
     ],
 )
