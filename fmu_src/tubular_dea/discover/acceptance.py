@@ -91,7 +91,7 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     if gain < threshold:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold:.1f})"
     if name in best.pinned:
-        return False, f"{name} would have to be stronger than it can be"
+        return False, f"{name} would need an implausible strength"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
         return False, f"{name} does not improve the prediction of blocks left out"
     if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):

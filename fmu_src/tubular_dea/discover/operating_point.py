@@ -1,7 +1,7 @@
 """Whether all records repeat one course at one operating point.
 
-Then the samples of all repetitions say what one of them says, held-out ones too: no data are unseen, and where no law
-leaves noise alone, the one that leaves least is hardly better supported than one that leaves somewhat more.
+Then all repetitions, held-out ones too, contain the same information as one of them: no data are really unseen. If no
+law leaves only noise, the law with the smallest misfit is barely better supported than one with a slightly larger one.
 """
 
 from __future__ import annotations

@@ -37,11 +37,11 @@ def implausible(found: Discovery, fitted: Fit) -> list[str]:
 
 
 def _one_point(found: Discovery) -> list[str]:
-    """That all records repeat one course, where effects are named by them."""
+    """A remark if all records repeat one course and effects are named from them."""
     if not found.repeated or not found.named.ids:
         return []
-    said = "All recordings repeat one course at one operating point: the model is known to hold there only."
-    held = " Held-out data repeat what the fits have seen, and cannot show which law is right."
+    said = "All recordings repeat one course at one operating point: the model is validated only there."
+    held = " Held-out data repeat the data of the fits, and cannot show which law is right."
     return [said + held * bool(found.study.held_out)]
 
 
@@ -54,14 +54,14 @@ def _ended(found: Discovery) -> list[str]:
             low, high = size_interval(effect, found.named.fitted, parameter)
             end, least = ("largest", f"at least {low:.3g}") if side > 0 else ("least", f"at most {high:.3g}")
             said.append(
-                f"{parameter} ended at the {end} value that is searched: these recordings only say that it is "
+                f"The fit of {parameter} ended at its {end} allowed value: these recordings only show that it is "
                 f"{least}{_unit(effect, parameter)}."
             )
     return said
 
 
 def _beyond(found: Discovery) -> list[str]:
-    """Effects that explained more than what was taken in their place, but were stronger there than they can be."""
+    """Effects that explained more than the accepted ones, but only with an implausible strength."""
     said = []
     for step in found.search.rounds:
         best = max(step.options, key=lambda o: o.evidence, default=found.base)
@@ -71,7 +71,7 @@ def _beyond(found: Discovery) -> list[str]:
                 end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
                 said.append(
                     f"{name} would explain more, but its {parameter} would have to go beyond {end}, where its range "
-                    "ends. So something else acts there, or the usual size (nominal) that the plant declares is wrong."
+                    "ends. So something else acts there, or the usual size (nominal) declared in the plant is wrong."
                 )
     return list(dict.fromkeys(said))
 
