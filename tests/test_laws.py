@@ -235,7 +235,7 @@ def test_a_law_goes_by_the_plants_own_names() -> None:
             "Coefficient('lower'): expected a definition or a parameter but was given 'lower', a state",
         ),
         (Coefficient("flow_1", of="flow_2"), "expected an input, a state or a definition before flow_1 but was given"),
-        (Balance("upper", laws=("stop",)), "the law stop cannot act there: a `displacement`"),
+        (Balance("upper", laws=("stop",)), "the law stop cannot act there: it needs a `displacement`"),
         (Path("pump", laws=("stop",)), "the law stop cannot act there"),
         (Path("pump", laws=("stopp",)), "there is no law 'stopp'; did you mean stop?"),
     ],

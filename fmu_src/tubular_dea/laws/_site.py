@@ -186,7 +186,7 @@ class SignalSite(Site):
 
     @property
     def is_load(self) -> bool:
-        """Whether the equilibrium curve balances this input: what changes it at rest must be turned round there."""
+        """Whether the equilibrium curve balances this input: changes of it at rest must be inverted there."""
         return self.is_input and self.model.curve is not None and self.model.curve.load == self.place.name
 
     @property

@@ -18,7 +18,7 @@ from ._site import SignalSite
 from .places import Path
 
 KINDS = (Path,)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 TIMES = (1.0, 10.0, 100.0)  # of the usual time there
 
 

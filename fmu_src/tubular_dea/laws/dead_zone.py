@@ -23,7 +23,7 @@ from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
 MOST = 0.25  # of the nominal value
-NEEDS = "what is not constant; nothing that the equilibrium curve balances"
+NEEDS = "a quantity that is not constant; not the load of an equilibrium curve"
 
 
 def law(at: SignalSite) -> Effect | None:

@@ -19,7 +19,7 @@ from ._site import SignalSite
 from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
-NEEDS = "`of`, the quantity it depends on; nothing that the equilibrium curve balances"
+NEEDS = "`of`, the quantity it depends on; not the load of an equilibrium curve"
 
 
 def law(at: SignalSite) -> Effect | None:

@@ -23,7 +23,7 @@ from ._site import SignalSite
 from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 
 
 def law(at: SignalSite) -> Effect:

@@ -17,7 +17,7 @@ from ._site import SignalSite
 from .places import Path
 
 KINDS = (Path,)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 
 
 def law(at: SignalSite) -> Effect:

@@ -25,7 +25,7 @@ from ._site import BalanceSite, SignalSite
 from .places import Balance, Path
 
 KINDS = (Path, Balance)
-NEEDS = "a `displacement` in a balance; nothing that the equilibrium curve balances"
+NEEDS = "a `displacement` in a balance; not the load of an equilibrium curve"
 FOLLOWS = 0.01  # of the usual time: how fast the follower is dragged along
 SMALL = 1e-6  # keeps the power of |z| differentiable at 0
 

@@ -17,7 +17,7 @@ from ._site import SignalSite
 from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
-NEEDS = "what is not constant"
+NEEDS = "a quantity that is not constant"
 TIMES = (0.15, 0.5, 1.5, 5.0, 15.0)  # of the usual time there
 
 

@@ -20,7 +20,7 @@ from ._site import BalanceSite, SignalSite
 from .places import Balance, Path
 
 KINDS = (Path, Balance)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 MOST = 0.05  # of the nominal value: what is further off is no matter of a zero
 LOAD = 0.3  # of the balance
 

@@ -17,14 +17,14 @@ from ..model.effect import Effect
 class Place:
     """A place of the quantity `name`, which reports call by its `words` (default: the name).
 
-    `channel` is the word of reports for it (default: the name).
+    `channel` is its name in reports (default: the name).
 
-    `names` gives laws at this place ids of the plant's own, {"offset": "pressure_offset"}; what a law declares there is
-    called after that id, or as {"lag.tau": "tau_sensor"} says. `laws`, where it is given, are the only ones that are
-    asked there. `signal` is the name under which the quantity acts once a law is at work (default: made from the name).
+    `names` gives laws at this place the plant's own ids, {"offset": "pressure_offset"}; the parameters of a law are
+    named after that id, or as in {"lag.tau": "tau_sensor"}. `laws`, if given, are the only ones that may act here.
+    `signal` is the name of the quantity once a law changes it (default: made from the name).
     `seconds` is the usual size of times there, a lag's or a delay's (default: the geometric mean of the model's own
-    time constants), `size` that of the quantity (default: its `nominal` value). It matters that nominal values are of
-    the size that is usual in a record: a zero that is off by more than a twentieth of it, say, is no candidate.
+    time constants), `size` that of the quantity (default: its `nominal` value). Nominal values should be
+    the usual ones of a record: an offset of more than a twentieth of the nominal value, for example, is no candidate.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Place:
     size: float | None = field(default=None, kw_only=True)
 
     def asks(self, law: str) -> bool:
-        """Whether a law of that name is asked here."""
+        """Whether a law of that name may act here."""
         return self.laws is None or law in self.laws
 
 
@@ -101,7 +101,7 @@ def effects_at(model: Model, place: Place) -> list[Effect]:
         if effect is not None:
             found.append(replace(effect, documentation=(module.__doc__ or "").strip()))
         elif place.laws is not None:
-            raise DeclarationError(f"{at}: the law {name} cannot act there: {module.NEEDS}")
+            raise DeclarationError(f"{at}: the law {name} cannot act there: it needs {module.NEEDS}")
     return found
 
 

@@ -25,7 +25,7 @@ from ._site import SignalSite
 from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
-NEEDS = "what is not constant; nothing that the equilibrium curve balances"
+NEEDS = "a quantity that is not constant; not the load of an equilibrium curve"
 WIDTH = sympy.Float(1e-3)  # of the reference: below it the law is linear
 
 

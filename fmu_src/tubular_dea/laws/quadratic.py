@@ -21,7 +21,7 @@ from ._site import BalanceSite, SignalSite
 from .places import Balance, Coefficient, Path
 
 KINDS = (Path, Coefficient, Balance)
-NEEDS = "a `displacement` in a balance; what is not constant; nothing that the equilibrium curve balances"
+NEEDS = "a `displacement` in a balance; a quantity that is not constant; not the load of an equilibrium curve"
 
 
 def law(at: SignalSite | BalanceSite) -> Effect | None:

@@ -28,7 +28,7 @@ from ._site import SignalSite
 from .places import Coefficient
 
 KINDS = (Coefficient,)
-NEEDS = "what is not constant"
+NEEDS = "a quantity that is not constant"
 WIDTH = sympy.Float(1e-4)  # of the reference: below it the resistance is linear
 
 

@@ -20,7 +20,7 @@ from ._site import SignalSite
 from .places import Path
 
 KINDS = (Path,)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 SETTLING = 0.02  # of the usual time: shorter than what can be told apart, longer than the integrator minds
 SPEEDS = (0.03, 0.1, 0.3, 1.0, 3.0)  # nominal values within the usual time
 

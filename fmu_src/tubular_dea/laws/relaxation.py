@@ -20,7 +20,7 @@ from ._site import BalanceSite
 from .places import Balance
 
 KINDS = (Balance,)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 TIMES = (0.1, 1.0, 10.0)  # of the usual time there
 LONGEST = 20.0  # longer, and it holds the plant at its start
 

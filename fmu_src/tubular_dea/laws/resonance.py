@@ -18,7 +18,7 @@ from ._site import SignalSite
 from .places import Path
 
 KINDS = (Path,)
-NEEDS = "nothing more"
+NEEDS = "nothing else"
 FREQUENCIES, DAMPINGS = (0.3, 1.0, 3.0), (0.4, 1.5)  # over the usual time there
 
 

@@ -22,7 +22,7 @@ from ._site import SignalSite
 from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
-NEEDS = "what is not constant; nothing that the equilibrium curve balances"
+NEEDS = "a quantity that is not constant; not the load of an equilibrium curve"
 LEVELS = (0.35, 0.5, 0.7, 0.9, 1.2, 1.7, 2.4)  # of the nominal value
 
 
