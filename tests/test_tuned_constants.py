@@ -79,6 +79,8 @@ def _last(above: list[str]) -> str:
 
 def faults(text: str) -> Iterator[str]:
     """What is wrong with the records of a file."""
+    for alone in re.finditer(r"^# Set by.*\n(# .*\n)*(\n|\Z)", text, re.MULTILINE):
+        yield f"a record without a number: {alone[0].strip()}"
     for c in constants(text):
         record = RECORD.fullmatch(c.record)
         if "," in c.name:
@@ -165,10 +167,10 @@ GOOD = (
         ("# Set by judgement: so. Check:", "# Check:", "Set by"),
         ("judgement", "magic", "Set by"),
         (" Check: `pytest tests/test_plants.py`, `tubular-dea atlas`", "", "Set by"),
-        ("atlas`\n", "atlas`\n\n", "Set by"),
         ("# [samples] at most", "# at most", "[unit] meaning"),
         ("  # [samples] at most", "", "[unit] meaning"),
         ("FEW = 3", "FEW, MANY = 3, 4", "a line for each"),
+        ("FEW = 3  # [samples] at most\n", "", "without a number"),
         ("test_plants.py", "test_planets.py", "no tests/test_planets.py"),
         ("test_plants.py", "test_plants.py::test_nothing", "no test test_nothing"),
         ("test_plants.py", "test_plants.py -k feasibly", "no test with 'feasibly'"),
@@ -184,6 +186,11 @@ def test_a_number_without_its_record_is_seen(old: str, new: str, said: str) -> N
     assert old in GOOD
     found = list(faults(GOOD.replace(old, new)))
     assert len(found) == 1 and said in found[0]
+
+
+def test_a_record_ends_at_an_empty_line() -> None:
+    alone, numberless = faults(GOOD.replace("atlas`\n", "atlas`\n\n"))
+    assert "without a number" in alone and "FEW" in numberless
 
 
 def test_records_and_meanings_may_go_on_over_lines() -> None:

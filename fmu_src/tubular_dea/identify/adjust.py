@@ -37,6 +37,9 @@ from .threads import side_by_side
 # Set by judgement. Check: `pytest tests/test_adjust.py`,
 # `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
 LEAST_FILES = 3  # [1] files from which on a spread between them can be told
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
 ITERATIONS = 40  # [1] of expectation and maximisation
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k instant`,
@@ -47,14 +50,20 @@ FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps
 
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
 # `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+LATEST = 1.0  # [samples] by which filters against aliasing make monitors late at most
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+LATE = 0.5  # [samples] by which they usually do
 TURN = 0.1  # [samples] by which channels are usually apart that are read in turn
-LATE = 0.5  # [samples] by which filters against aliasing usually make monitors late
-LATEST = 1.0  # [samples] the same at most
 
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
-GAIN = 2e-3  # [1] by which gains of a monitor usually differ between files
-MOST_GAIN = 6e-3  # [1] the same at most
+MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
+GAIN = 2e-3  # [1] by which they usually do
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
 START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient

@@ -19,9 +19,9 @@ CLOSE = 5e-3  # [1] of the signal's rms: what straight lines may miss it by
 
 # Set by judgement. Check: `pytest tests/test_monitors.py`, `python -m measured.table`
 ABOVE = 2e-2  # [1] the same where all that they miss lies above the sampling rate
-FINEST = 32  # [1] points a sample at most
 
-# Set by judgement. Check: `pytest tests/test_monitors.py::test_a_band_limited_input_is_known_between_its_samples`
+# Set by judgement: no unit test tells a factor of four. Check: `python -m measured.table`
+FINEST = 32  # [1] points a sample at most
 PADDED = 64  # [samples] of mirror image at either end
 QUIETEST = 0.05  # [1] share of the frequencies whose power is taken for noise: the least
 

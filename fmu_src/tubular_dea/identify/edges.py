@@ -26,28 +26,37 @@ FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge;
 STANDS_OUT = 8.0  # [standard deviations] of noise that a step between samples of an edge has at least
 BESIDE = 8  # [samples] on either side whose median step an edge's steps exceed
 CONTRAST = 3.0  # [1] times by which they do
-LEAST_STEP = 1e-3  # [1] of the span of its input: smaller steps are a monitor's, no switchings
 MATTERS = 0.02  # [1] of the span: the instant of a smaller step moves the answer by less than any noise
 GOES_ON = 0.005  # [1] of an edge's height: a smaller step is no part of it
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions edges --seed 1000`
+LEAST_STEP = 1e-3  # [1] of the span of its input: smaller steps are a monitor's, no switchings
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
 ROUGH_SHAPE = 0.03  # [1] of an edge's height by which amplifiers differ from ramps and exponentials
-SLOW_EDGE = 5e-3  # [s] that slow amplifiers take
 LONGEST_EDGE = 0.02  # [s] from sample to sample that an edge takes at most where its shape is followed, else it ramps
+BLURRED = 2.0  # [standard errors] of an instant by noise and by the shape that its bounds are wider
+UNLIKELY = 0.01  # [1] of the likeliest rise's chance: rises with less do not count in an edge's bounds
+TOGETHER = 5  # [1] edges from which on it can be told whether all fall on the same part of the sampling
+SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where instants have nothing to do with samples
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
+SLOW_EDGE = 5e-3  # [s] that slow amplifiers take
 SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
 TRIALS = 96  # [1] rises that are tried
 PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
-BLURRED = 2.0  # [standard errors] of an instant by noise and by the shape that its bounds are wider
-UNLIKELY = 0.01  # [1] of the likeliest rise's chance: rises with less do not count in an edge's bounds
 SAMPLED = 300  # [1] edges at most, evenly taken, that tell the rise: more tell it no better
-TOGETHER = 5  # [1] edges from which on it can be told whether all fall on the same part of the sampling
-SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where instants have nothing to do with samples
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges antialias --seed 1000`
 RINGING = 0.15  # [1] of an edge's height: what a filter overshoots by, at most
 RINGS = 2  # [samples] after an edge at which a filter may still be beyond the new level
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions edges antialias --seed 1000`
 ALIASED = 0.25  # [samples] by which the centroid of samples is off that a filter against aliasing let pass
 
 # Set by theory: a ramp of so many time constants spreads as an exponential rise does.

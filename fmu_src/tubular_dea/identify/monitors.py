@@ -28,8 +28,11 @@ POLISH = 2  # [1] times that all corners are moved and tried again
 
 # Set by judgement. Check: `pytest tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
-INSERT = 18.0  # [squared standard deviations] by which one more corner must explain the record better
 STAGES = (1.0, 2.0, 4.0, 8.0, REMOVE)  # [squared standard deviations] up to which corners go, the least useful first
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
+INSERT = 18.0  # [squared standard deviations] by which one more corner must explain the record better
 SHORT = 4  # [samples] of a piece at least that is halved
 
 # Set by theory: by chance lines miss so many samples so far once in a million.
