@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import fmpy
 import numpy as np
@@ -12,6 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from tubular_dea.cli import main
+from tubular_dea.discover.engine import discover
+from tubular_dea.errors import UserError
 from tubular_dea.kernel import Kernel
 from tubular_dea.laws import laws
 from tubular_dea.model.declare import DeclarationError
@@ -111,6 +114,12 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ),
         (HEAD + PLANT.replace('Input("pump")', 'Input("pum")'), 8, "Tank has no such input; did you mean pump?"),
         (HEAD + PLANT.replace('Output("reading")', 'Output("level_2")'), 8, "Tank puts out no such quantity"),
+        (
+            HEAD + PLANT.replace('[Input("pump")]', 'Input("pump")'),
+            8,
+            "Tank: inputs: expected a list, as inputs=[...], but was given Input(",
+        ),
+        ("\0", None, "cannot be read as Python"),
         (HEAD, None, "expected a value PLANT = Plant(...) but there is none"),
         (HEAD + PLANT.replace("PLANT", "TANK"), None, "there are TANK: choose one by tank.py:NAME"),
         (HEAD + "PLANT = m.model()\n", None, "expected PLANT to be a Plant but it is of type Model"),
@@ -124,6 +133,12 @@ def test_what_is_wrong_with_a_plant_file_is_said_in_one_line(text: str, line: in
     said = str(problem.value)
     assert words in said and "\n" not in said
     assert said.startswith(f"{name}, line {line}: " if line else f"{name}: ")
+
+
+def test_nothing_may_be_missing_in_a_plant_without_places(tmp_path: Path) -> None:
+    bare = load_plant(written(tmp_path, HEAD + PLANT.replace(', places=[Path("pump"), Balance("level")]', "")))
+    with pytest.raises(UserError, match=r"Tank: nothing may be missing, as it has no places: expected places="):
+        discover(SimpleNamespace(plant=bare))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["nothing.py", "tupe", "tank.txt"])

@@ -102,6 +102,11 @@ def discover(
     recordings: Recordings, tell: Progress = lambda what: None, seed: int = SEED, held_out: Sequence[str] | None = None
 ) -> Discovery:
     """The discovery over some recordings of a plant; the same recordings and seed give the same result."""
+    if not recordings.plant.catalogue:
+        raise UserError(
+            f"{recordings.plant.name}: nothing may be missing, as it has no places: expected places=[...] in its "
+            "declaration (identify only fits its parameters)"
+        )
     tell("monitors and noise")
     work = study(recordings, held_out, PRIOR)
     if held_out is None:

@@ -327,4 +327,4 @@ def nearest(name: str, names: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, known, n=3)
     if close:
         return f"; did you mean {', '.join(close)}?"
-    return f"; there are {', '.join(known)}"
+    return f"; there are {', '.join(known) or 'none'}"

@@ -96,7 +96,8 @@ def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
 def _message(path: Path, problem: BaseException) -> str:
     """What went wrong in a plant file, in one line: file, line, reason."""
     if isinstance(problem, SyntaxError):
-        return f"{path}, line {problem.lineno}: cannot be read as Python: {problem.msg}"
+        line = f", line {problem.lineno}" if problem.lineno else ""
+        return f"{path}{line}: cannot be read as Python: {problem.msg}"
     lines = [
         f.lineno
         for f in traceback.extract_tb(problem.__traceback__)

@@ -144,6 +144,11 @@ class Plant:
     file: str = ""
 
     def __post_init__(self) -> None:
+        for what, given in (("inputs", self.inputs), ("outputs", self.outputs), ("places", self.places)):
+            if not isinstance(given, Sequence) or isinstance(given, str):
+                raise DeclarationError(
+                    f"{self.name}: {what}: expected a list, as {what}=[...], but was given {given!r}"
+                )
         driven = [q.name for q in self.model.inputs]
         for signal in self.inputs:
             if signal.name not in driven:
