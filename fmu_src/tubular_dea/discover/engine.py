@@ -27,6 +27,7 @@ from . import (
     residuals,
     second_output,
     selection,
+    wander,
 )
 from .channels import Isolation
 from .held_out import with_held_out
@@ -50,7 +51,11 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
 MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
-SETTLES = 2  # [1] times that the base is fitted and the records' own numbers are taken there
+SETTLES = 2  # [1] times that the base is fitted and the records' own numbers are taken there, at least
+MOST_SETTLES = 5  # [1] the same at most, while monitors are found later or earlier each time
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`
+SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
 
 Progress = Callable[[str], None]
 
@@ -75,6 +80,7 @@ class Discovery:
     held_ratio: float
     proposal: Proposal | None
     repeated: bool
+    wandering: tuple[str, float] | None = None
 
     @property
     def base(self) -> Option:
@@ -135,7 +141,8 @@ def discover(
         work = found.study
         equivalent, described = _judged(work, found, repeated)
     held = _held_ratio(work, found.chosen)
-    verdict = decide(found, held, equivalent)
+    wandering = _wandering(work, found.chosen)
+    verdict = decide(found, held, equivalent, wandering is not None)
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -154,6 +161,7 @@ def discover(
         held,
         next_experiment.propose(work, _competitors(found, equivalent)),
         repeated,
+        wandering,
     )
 
 
@@ -166,12 +174,23 @@ def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[
     return equivalent, _described(work, found.chosen, _equals(found, equivalent))
 
 
-def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]]) -> str:
-    """no_effect, effect_found, ambiguous, partly_explained or unexplained."""
+def _wandering(work: Study, chosen: Option) -> tuple[str, float] | None:
+    """Where the first output's zero wanders most, and by how much [SI], if the choice leaves no more than that."""
+    if acceptance.clean(chosen.lack_of_fit) or not acceptance.clean(wander.without(work, chosen)):
+        return None
+    return wander.largest(work, chosen)
+
+
+def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]], wanders: bool = False) -> str:
+    """no_effect, effect_found, ambiguous, partly_explained or unexplained.
+
+    `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do.
+    """
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
+    noise = wanders or acceptance.clean(state)
     if not found.chosen.ids:
-        return "no_effect" if acceptance.clean(state) else "unexplained"
-    if not acceptance.clean(state) and not acceptance.nearly(state, before, held_ratio):
+        return "no_effect" if noise else "unexplained"
+    if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 
@@ -222,10 +241,14 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
         work = adjusted(work, (), work.plant.model.parameter_values())
     fitted = base.recalibrate(work, seed=seed)
     work = with_noise_of(work, fitted)
-    for _ in range(SETTLES):
+    for number in range(MOST_SETTLES):
+        before = work.late
         work = adjusted(work, (), fitted.values, base_parameters(work.plant))
         work = input_noise.weighted(work, fitted.values)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
+        moved = max((abs(by - before.get(name, 0.0)) for name, by in work.late.items()), default=0.0)
+        if number + 1 >= SETTLES and moved < SAME_DELAY:
+            break
     return work, fitted
 
 

@@ -24,7 +24,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
     said = [*_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
-    said += [*_starts(found), *_spread(found)]
+    said += [*_starts(found), *_spread(found), *_wandering(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -139,3 +139,17 @@ def _spread(found: Discovery) -> list[str]:
             unit = found.study.plant.quantity(name).unit
             said.append(f"The zero of {name} differs by {spread:.2g} {unit} from file to file.")
     return said
+
+
+def _wandering(found: Discovery) -> list[str]:
+    """A sensor whose zero wanders within files, where that is all that is left."""
+    if found.wandering is None:
+        return []
+    output, (name, rms) = found.study.plant.outputs[0], found.wandering
+    q = found.study.plant.quantity(output.name)
+    unit = q.display_unit or q.unit
+    reading = output.headings[0].replace("_", " ")
+    return [
+        f"The zero of the {reading} drifts slowly within files, most in {name} ({rms / factor(unit, q.unit):.2g} "
+        f"{unit} rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
+    ]

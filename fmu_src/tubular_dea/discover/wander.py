@@ -9,12 +9,16 @@ parameters.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from ..identify.problem import whitened
 from ..identify.study import Piece, Study
 from .options import Option
+from .residuals import LackOfFit, lack_of_fit
 
 # Set by judgement: 6 um for the tube's laser. Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
 WANDERS = 0.2  # [1] of the usual size of an output's zero, by which each curve wanders (standard deviation)
@@ -31,16 +35,41 @@ def explained_by_wandering(study: Study, before: Option, after: Option, threshol
     return _misfit(study, before) - _misfit(study, after) < threshold
 
 
+def without(study: Study, option: Option) -> LackOfFit:
+    """How what an option leaves compares with the noise, once the wandering of zeros is taken off."""
+    residual = option.fitted.residual.copy()
+    for rows, columns, found in _found(study, option):
+        residual[rows] -= columns @ found
+    return lack_of_fit(study, replace(option.fitted, residual=residual))
+
+
+def largest(study: Study, option: Option) -> tuple[str, float]:
+    """The piece in which the first output's zero wanders most, and the root mean square of that [SI]."""
+    first = study.plant.outputs[0].name
+    sizes = {}
+    for piece, (_, _, found) in zip(study.training, _found(study, option), strict=True):
+        place = [r.output for r in piece.case.readings].index(first) * CURVES
+        squares = found[place : place + CURVES] ** 2 / (2 * np.arange(1, CURVES + 1) + 1)
+        sizes[piece.name] = WANDERS * study.zero(first) * float(np.sqrt(squares.sum()))
+    return max(sizes.items(), key=lambda one: one[1])
+
+
 def _misfit(study: Study, option: Option) -> float:
     """The sum of squares of the training pieces, with the wandering of each integrated out."""
-    total, begin = 0.0, 0
+    squares = option.fitted.cost
+    for rows, columns, found in _found(study, option):
+        squares -= float(option.fitted.residual[rows] @ columns @ found)
+    return squares
+
+
+def _found(study: Study, option: Option) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Of every training piece its rows, the curves (N, k) that its zeros may wander along, and how far they do (k,)."""
+    begin = 0
     for piece in study.training:
-        residual = option.fitted.residual[begin : begin + piece.record.size]
-        columns = _curves(study, piece)
-        along = columns.T @ residual
-        taken = along @ np.linalg.solve(np.eye(along.size) + columns.T @ columns, along)
-        total, begin = total + float(residual @ residual - taken), begin + residual.size
-    return total + float(np.sum(option.fitted.residual[begin:] ** 2))
+        rows, columns = slice(begin, begin + piece.record.size), _curves(study, piece)
+        along = columns.T @ option.fitted.residual[rows]
+        yield rows, columns, np.linalg.solve(np.eye(along.size) + columns.T @ columns, along)
+        begin = rows.stop
 
 
 def _curves(study: Study, piece: Piece) -> np.ndarray:

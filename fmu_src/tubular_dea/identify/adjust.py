@@ -86,6 +86,14 @@ class _Linearised:
     windows: list[_EdgeResponse]
     columns: np.ndarray
 
+    def undecided(self) -> np.ndarray:
+        """The residual (N,) with every edge at its first estimate, about which its prior is: what all edges have been
+        shifted by alike may be the delay of their monitor."""
+        found = self.residual.copy()
+        for edge in self.windows:
+            found[edge.where] += edge.change(0.0)
+        return found
+
 
 @dataclass(frozen=True)
 class _EdgeResponse:
@@ -107,6 +115,13 @@ class _EdgeResponse:
         changes = self.answers - self.answers[0]
         squares = 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
         return float(fine[int(np.argmin(squares))])
+
+    def change(self, shift: float) -> np.ndarray:
+        """What the samples (m,) would be at a shift, less what they are."""
+        if not self.answers.size:
+            return np.zeros(self.where.stop - self.where.start)
+        answers = CubicSpline(self.grid, self.answers)
+        return np.asarray(answers(shift) - answers(self.now))
 
     def column(self, shift: float) -> np.ndarray:
         """The derivative of the samples with respect to the shift, per second."""
@@ -313,7 +328,7 @@ def _estimated(
         )
         others = np.array([0.0 if n in kinds else _prior(study, piece, n, {}) for n in piece.nuisances.names])
         local = marginal(_windows(piece, linear, piece.shifts), linear.columns, others)
-        together = local.apply(np.column_stack([columns, own, linear.residual]))
+        together = local.apply(np.column_stack([columns, own, linear.undecided()]))
         gram = together.T @ together
         at = np.r_[0 : p + k, p + k + i * k : p + k + (i + 1) * k]
         wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
@@ -323,7 +338,9 @@ def _estimated(
     known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
     information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, 1e-6)
-    target[p : p + k] -= known
+    alike = _alike(late)
+    information[p : p + k, p : p + k] += alike
+    target[p : p + k] -= known + alike @ known
     variance = np.where(late, (TURN / LATE) ** 2, 1.0)
     for _ in range(1 if few else ITERATIONS):
         penalised = information.copy()
@@ -339,6 +356,15 @@ def _estimated(
     return variance, later
 
 
+def _alike(late: np.ndarray) -> np.ndarray:
+    """The information (k, k) that delays of monitors, where `late` (k,), are alike: their filters are of one kind."""
+    count = int(late.sum())
+    if count < 2:
+        return np.zeros((late.size, late.size))
+    centred = np.diag(late.astype(float)) - np.outer(late, late) / count
+    return (LATE / TURN) ** 2 * centred
+
+
 def _settled(
     study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
 ) -> Piece:
@@ -347,14 +373,15 @@ def _settled(
     `later` is the delay, in samples, by which inputs are recorded late.
     """
     sd = np.array([_prior(study, piece, name, spread) for name in piece.nuisances.names])
-    shifts = piece.shifts
+    shifts, late = piece.shifts, {name: by * _step_of(piece) for name, by in later.items()}
     if linear.windows:
         local = marginal(_windows(piece, linear, shifts), np.empty((piece.record.size, 0)), np.empty(0))
         own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
         left = linear.residual + linear.columns @ own
-        shifts = np.array([m.best(left[m.where]) for m in linear.windows])
+        best = np.array([m.best(left[m.where]) for m in linear.windows])
+        shifts = _kept_in_place(piece, best, late)
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
-    piece = replace(piece, late={name: by * _step_of(piece) for name, by in later.items()})
+    piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     if piece.unknown:
         local = Marginal(made.windows)
@@ -363,6 +390,17 @@ def _settled(
         started = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
         case = replace(case, own=dict(case.own) | _inside(study, started))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) -> np.ndarray:
+    """Shifts of edges that leave them where they are, within their bounds, once monitors are found later than before.
+
+    An edge happens at its recorded instant and shift less the delay of its monitor: both are told by the same samples.
+    """
+    edges = piece.driven.edges
+    more = np.array([late.get(e.input, 0.0) - piece.late.get(e.input, 0.0) for e in edges])
+    low, high = (np.array([getattr(e, end) - e.time for e in edges]) for end in ("earliest", "latest"))
+    return np.clip(shifts + more, low, high)
 
 
 def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
