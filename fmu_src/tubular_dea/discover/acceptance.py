@@ -45,6 +45,7 @@ FURTHER = 0.25  # [1] share of what is left that a further effect has to explain
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
 STRONG = 3.0  # [1] times the threshold from which on the held-out experiments are asked at the end only
+INVISIBLE = 1.0  # [1] the same up to which they tell nothing, since chance alone decides
 VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
 PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
@@ -107,14 +108,15 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 
 def confirmed(before: Option, after: Option) -> bool:
-    """Whether data that no fit used support `after`: the held-out experiments or, where these cannot distinguish the
-    two, experiments left out in turn."""
+    """Whether data that no fit used support `after`: the held-out experiments and, where these hardly distinguish the
+    two, experiments left out in turn; these alone where the two are the same on the held-out ones."""
     if not np.all(np.isfinite(after.unseen)):
         return False
-    apart = after.unseen - before.unseen
-    if float(apart @ apart) >= VISIBLE:
-        return after.held_out < before.held_out
-    return after.across < before.across
+    difference = after.unseen - before.unseen
+    apart = float(difference @ difference)
+    if apart >= INVISIBLE and after.held_out >= before.held_out:
+        return False
+    return apart >= VISIBLE or after.across < before.across
 
 
 def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
