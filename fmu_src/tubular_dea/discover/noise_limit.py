@@ -1,8 +1,12 @@
-"""An upper bound of the noise: the prediction error of an autoregression of the base model's residual.
+"""What the base model's residual says of the noise: an upper bound, and hum of the mains.
 
-Whatever the model lacks, an autoregression predicts slow structure in the residual, but not white noise. The bound is
-needed where a record has no quiet part (a circuit driven by a broadband signal): its noise estimate then contains
-signal and is far too large, or has the signal's colour. In that case white noise of the size of the bound is assumed.
+The bound is the prediction error of an autoregression. Whatever the model lacks, an autoregression predicts slow
+structure in the residual, but not white noise. The bound is needed where a record has no quiet part (a circuit driven
+by a broadband signal): its noise estimate then contains signal and is far too large, or has the signal's colour. In
+that case white noise of the size of the bound is assumed.
+
+Where quiet stretches are shorter than some turns of the mains, no hum is found in them, but it is in the residual:
+nothing that drives a plant has lines there.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
+from ..identify import hum as hums
 from ..identify.fit import Fit
 from ..identify.noise import UNQUIET, Noise
 from ..identify.study import Study
@@ -25,22 +30,51 @@ ORDER = 20  # [samples] that the autoregression looks back
 
 
 def with_noise_of(study: Study, fitted: Fit) -> Study:
-    """The study with the noise of every output limited to what the base model's residual allows."""
+    """The study with the noise of every output limited to what the base model's residual allows, and with its hum."""
     answers = study.response((), study.training).outputs(fitted.values)
     noise = dict(study.noise)
-    for name, known in study.noise.items():
-        left = [
-            (piece.record - answer)[part]
+    for name in study.noise:
+        records = [
+            (reading.times, (piece.record - answer)[part])
             for piece, answer in zip(study.training, answers, strict=True)
             for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
             if reading.output == name
         ]
+        known = replace(study.noise[name], hum=_hum(study.noise[name], records))
+        more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
+        left = [_without(list(known.hum), *one) if more else one[1] for one in records]
         bound = prediction_error(left)
         signal = known.form >= UNQUIET  # the signal cannot be separated from noise of its colour
         if np.isfinite(known.freedom) and bound > 0 and (signal or known.innovation > TOO_MUCH * bound):
             form = UNQUIET if signal else known.form
-            noise[name] = Noise(bound, 0.0, float(sum(r.size for r in left)), hum=known.hum, form=form)
+            known = Noise(bound, 0.0, float(sum(r.size for r in left)), hum=known.hum, form=form)
+        elif np.isfinite(known.freedom) and more and known.innovation > bound > 0:
+            known = replace(known, rms=known.rms * bound / known.innovation)
+        noise[name] = known
     return replace(study, noise=noise)
+
+
+def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, ...]:
+    """The frequencies [Hz] of hum: those known, and those that stand out of records of (time, rest), each (n,).
+
+    Where samples are too far apart to tell hum from what comes to lie there, nothing is added.
+    """
+    lines = list(known.hum)
+    steps = {round(float(np.median(np.diff(t))), 9) for t, _ in records}
+    for step in sorted(s for s in steps if s < 0.5 / max(hums.MAINS)):
+        group = [(t, rest) for t, rest in records if round(float(np.median(np.diff(t))), 9) == step]
+        for _ in range(hums.MOST_HUM):
+            line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step)
+            if line is None or not hums.is_hum(line, step):
+                break
+            lines.append(line)
+    return tuple(sorted(lines))
+
+
+def _without(lines: list[float], time: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """The rest (n,) less its waves at some frequencies [Hz] and its mean."""
+    shapes = np.column_stack([np.ones(time.size), hums.waves(lines, time)])
+    return rest - shapes @ np.linalg.lstsq(shapes, rest, rcond=None)[0]
 
 
 def prediction_error(records: list[np.ndarray]) -> float:

@@ -122,8 +122,7 @@ def drive(
         elif not signal.held:
             drawn[name] = _continuous(experiment, name, levels[name])
         elif _staircase(values, levels[name]):
-            stairs = _unmoved(np.repeat(experiment.time, 2)[1:], np.repeat(values, 2)[:-1])
-            drawn[name] = _Drawn(stairs, levels[name], 0.0, experiment.time)
+            drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
             how = rises[name] if rises is not None else rise_of([(experiment.time, values, levels[name])])
             drawn[name] = _held(experiment, name, levels[name], how, between, trigger)
@@ -237,6 +236,15 @@ def _unmoved(time: np.ndarray, values: np.ndarray) -> HeldLine:
 def _staircase(values: np.ndarray, noise: float) -> bool:
     """Whether a held signal steps at most samples, by more than noise: then it was as it stands."""
     return float(np.median(np.abs(np.diff(values)))) > STAIR * noise
+
+
+def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise | None) -> _Drawn:
+    """A held signal that steps at most samples: as it stands, or straight from sample to sample where other records of
+    the set caught its edges on their way, and so were sampled from what moves by itself."""
+    time = experiment.time
+    if how is not None and how.seen:
+        return _Drawn(_unmoved(time, values), noise, 0.0, time, shown=True)
+    return _Drawn(_unmoved(np.repeat(time, 2)[1:], np.repeat(values, 2)[:-1]), noise, 0.0, time)
 
 
 def _held(
