@@ -16,6 +16,7 @@ from ..identify.problem import whitened
 from ..identify.response import Case, Reading
 from ..identify.study import Study
 from ..kernel import KernelError
+from ..model.units import factor
 from ..plants.plant import Plant
 from ..protocol import Protocol
 from .options import Option
@@ -70,11 +71,13 @@ def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float)
     """For every input in turn, steps of growing height and a sweep, with the others at half of their largest values."""
     found = {}
     for name, top in largest.items():
-        unit = plant.quantity(name).unit
+        q = plant.quantity(name)
+        unit = q.display_unit or q.unit
+        end = f"{WITHIN * top / factor(unit, q.unit):.3g} {unit}"
         others = {n: OTHERS * v for n, v in largest.items() if n != name}
         for words, wave in {
-            f"steps of {name} up to {WITHIN * top:.3g} {unit}": _staircase(span),
-            f"a sweep of {name} up to {WITHIN * top:.3g} {unit}": _chirp(span, step),
+            f"steps of {name} up to {end}": _staircase(span),
+            f"a sweep of {name} up to {end}": _chirp(span, step),
         }.items():
             grid, shape = wave
             inputs = {n: np.full(grid.size, v) for n, v in others.items()} | {name: WITHIN * top * shape}

@@ -8,7 +8,7 @@
             |/   .'
             +--------------- signal
 
-Equation: signal' = signal (signal^2 / reference^2 + WIDTH^2)^((exponent - 1) / 2), which is reference
+Equation: signal' = signal (signal^2 / reference^2 + 0.001^2)^((exponent - 1) / 2), which is reference
 (signal / reference)^exponent to both sides, with a finite slope at 0. The reference is the nominal value of the signal:
 there nothing changes.
 

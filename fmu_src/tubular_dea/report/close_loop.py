@@ -12,7 +12,7 @@ from ..discover.outcome import remainder
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
 from .effects import effects
-from .in_short import in_short, not_seen
+from .in_short import in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, readable, record_and_residuals
@@ -108,9 +108,8 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.table(["model", "error", "fit [%]", "held-out error", "held-out fit [%]"], rows)
     held = ", ".join(outcome["held_out"]) or "none"
     page.text(
-        f"The sensor's noise is {_size(found, outcome['noise_floor'])}; no model can have a smaller error. Held out of "
-        f"every fit: {held}. The other errors are those on the fitted experiments. Fits give less weight to samples "
-        "that the monitors' noise disturbs strongly; the errors weight all samples equally."
+        f"The sensor's noise is {_size(found, outcome['noise_floor'])}. {least(found)} Held out of every fit: {held}. "
+        "The other errors are those on the fitted experiments. Fits give less weight to samples that the monitors' noise disturbs strongly; the errors weight all samples equally."
     )
 
 
@@ -119,9 +118,8 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     page.text(
-        f"1. The noise, estimated in quiet parts of the recordings and not from a misfit: "
-        f"{_size(found, noise['rms'])}, correlation between samples {noise['correlation']:.2f}. The noise of the "
-        f"monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
+        f"1. The noise, estimated in the quietest parts of the recordings: {_size(found, noise['rms'])}, correlation "
+        f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
     )
     page.text(
         f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "
@@ -141,9 +139,10 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.figure(
             bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
         )
+    beyond = f"{_size(found, after.structure)} rms of it" if after.structure else "nothing of its rms"
     page.text(
-        f"{len(found.search.rounds) + 4}. The final residual: {_size(found, after.structure)} rms are not noise "
-        f"({after.z_slow:.1f} standard deviations); on the held-out experiments the residual is {found.held_ratio:.3f} "
+        f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part is by "
+        f"{after.z_slow:.1f} standard deviations); on the held-out experiments the residual is {found.held_ratio:.3f} "
         "times the noise."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))

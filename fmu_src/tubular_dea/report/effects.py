@@ -15,11 +15,11 @@ import numpy as np
 
 from ..discover.engine import Discovery
 from ..discover.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
-from ..model.declare import Quantity
+from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
 from ..model.units import factor
 from .page import Page
-from .parts import AFTER, BEFORE, readable, shown_unit
+from .parts import AFTER, BEFORE, readable, shown_unit, usual_scale
 from .residuals import Answered, answered
 from .svg import QUIET, Plot, span
 
@@ -53,7 +53,7 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         isolated = IsolatedEffect(found.study.plant.model, effect, found.named.fitted, held)
         page.heading(f"What was found: {effect.id}")
         page.text(f"{effect.summary}. It explains {entry['explained']:.0%} of the residual beyond noise.")
-        page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry))
+        page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry, found.study.plant.model))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
         page.lines(equations(found.study.plant.model, effect))
@@ -64,19 +64,19 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
             page.text(_constant(isolated, excitations))
 
 
-def size_words(effect: Effect, entry: dict[str, Any]) -> str:
+def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
     """The sizes of an effect in a sentence."""
-    rows = _sizes(effect, entry)
+    rows = _sizes(effect, entry, model)
     return ", ".join(
         f"{words[0].lower()}{words[1:]} = {value} (95 % interval {interval})" for words, value, interval, _ in rows
     )
 
 
-def _sizes(effect: Effect, entry: dict[str, Any]) -> list[list[str]]:
+def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str]]:
     """Of every parameter that was identified: what it is, its value, its interval, its name."""
     meaning, rows = {q.name: q.description for q in effect.parameters}, []
     for name, p in entry["parameters"].items():
-        scale, unit = readable(p["value"], p["unit"])
+        scale, unit = usual_scale(p["value"], p["unit"], model)
         low, high = ("open" if end is None else f"{end / scale:.3g}" for end in p["ci95"])
         shown = f"{p['value'] / scale:.3g} {unit}".removesuffix(" 1")
         rows.append([meaning[name], shown, f"{low} to {high}", name])

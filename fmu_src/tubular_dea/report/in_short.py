@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..discover.engine import Discovery
+from ..identify.noise import UNQUIET
 from ..model.effect import Effect
 from .effects import size_words
 from .page import Page
@@ -40,12 +41,17 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     )
     questions = [
         ("How certain is it?", [CONFIDENCE[outcome["verdict"]], *_rivals(outcome)]),
-        ("Which data is it based on?", [f"{len(files)} recordings with {samples} samples. {apart}"]),
+        ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {samples} samples. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
         ("What should be measured next?", [outcome["next_experiment"]]),
     ]
     page.answers((question, texts) for question, texts in questions if texts)
+
+
+def counted(number: int, word: str) -> str:
+    """A number of things in words."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
@@ -71,10 +77,14 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     said = [] if outcome["effects"] else [NOTHING if outcome["verdict"] == "no_effect" else UNKNOWN]
     for entry in outcome["effects"]:
         effect = found.study.catalogue[entry["id"]]
-        said.append(f"{effect.id}: {effect.summary[0].lower()}{effect.summary[1:]}; {size_words(effect, entry)}.")
+        sizes = size_words(effect, entry, found.study.plant.model)
+        said.append(f"{effect.id}: {effect.summary[0].lower()}{effect.summary[1:]}; {sizes}.")
         if entry["equivalent"]:
-            others = ", ".join(entry["equivalent"])
-            said.append(f"It may equally be {others}, which explain the recordings as well.")
+            others, one = ", ".join(entry["equivalent"]), len(entry["equivalent"]) == 1
+            well = (
+                "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
+            )
+            said.append(f"It may equally be {others}, which {'explains' if one else 'explain'} the recordings {well}.")
     waves = [wave for sensor in outcome["noise"]["sensors"].values() for wave in sensor["oscillations"]]
     said += [f"An oscillation of {wave['hz']:.4g} Hz that no recorded input drives; see below." for wave in waves]
     return said
@@ -97,9 +107,16 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     where = seen or "on held-out experiments"
     after = f" (before) and with {effects} (after)" if effects else ""
     return bars("errors", entries), (
-        f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. No model can "
-        "have a smaller error than the sensor's noise."
+        f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
+        f"{least(found)}"
     )
+
+
+def least(found: Discovery) -> str:
+    """What the sensor's noise means for the error of a model."""
+    if found.study.noise[found.study.plant.outputs[0].name].form >= UNQUIET:
+        return "No part of the recordings is quiet, so that the sensor's noise is not known well: it may be smaller."
+    return "No model can have a smaller error than the sensor's noise."
 
 
 def _rivals(outcome: dict[str, Any]) -> list[str]:
@@ -107,13 +124,17 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     named = [e["id"] for e in outcome["effects"]]
     equal = {other for e in outcome["effects"] for other in e["equivalent"]}
     best = next((r for r in outcome["ranking"] if r["effects"] == named), None)
-    rivals = [r for r in outcome["ranking"] if not set(named) <= set(r["effects"]) and not equal & set(r["effects"])]
+    rivals = [r for r in outcome["ranking"] if len(r["effects"]) <= len(named) and r["effects"] != named]
+    rivals = [r for r in rivals if not equal & set(r["effects"])]
     if best is None or not rivals:
         return []
-    return [
-        f"The nearest other explanation, {' and '.join(rivals[0]['effects'])}, leaves a residual of "
-        f"{rivals[0]['ratio']:.2f} times the noise; this one leaves {best['ratio']:.2f} times."
-    ]
+    other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
+    said = (
+        f"The nearest other explanation, {other}, leaves a residual of {ratio:.2f} times the noise on fitted recordings"
+    )
+    if ratio <= best["ratio"]:
+        return [f"{said}, this one {best['ratio']:.2f} times, but it predicts the held-out ones worse."]
+    return [f"{said}; this one leaves {best['ratio']:.2f} times."]
 
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
@@ -146,5 +167,5 @@ def _limit(effect: Effect, parameter: str, value: float) -> str:
     scale, shown = readable(value, unit)
     size, off = f"{value / scale:.3g} {shown}".removesuffix(" 1"), effect.off.get(parameter, 0.0)
     if off:
-        return f"by less than {size} off {off:g}"
+        return f"within {size} of {off:g}"
     return f"above {size}" if _smaller_is_more(effect, parameter) else f"below {size}"

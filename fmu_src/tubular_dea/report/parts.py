@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..model.declare import Quantity
+from ..model.declare import Model, Quantity
 from ..model.units import factor
 from .figures import COLOURS
 
@@ -63,6 +63,12 @@ def shown_unit(quantity: Quantity) -> tuple[float, str]:
     """Factor and name of the unit in which a quantity is shown: the customary one where it has one."""
     unit = quantity.display_unit or quantity.unit
     return factor(unit, quantity.unit), unit
+
+
+def usual_scale(value: float, unit: str, model: Model) -> tuple[float, str]:
+    """As `readable`; for a unit that takes no prefix (m3/s) the one in which `model` shows such quantities."""
+    alike = [q for q in model.quantities().values() if q.display_unit and q.unit == unit]
+    return shown_unit(alike[0]) if alike and unit[1:2].isdigit() else readable(value, unit)
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
