@@ -109,7 +109,8 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     held = ", ".join(outcome["held_out"]) or "none"
     page.text(
         f"The sensor's noise is {_size(found, outcome['noise_floor'])}. {least(found)} Held out of every fit: {held}. "
-        "The other errors are those on the fitted experiments. Fits give less weight to samples that the monitors' noise disturbs strongly; the errors weight all samples equally."
+        "The other errors are those on the fitted experiments. Fits give less weight to samples "
+        "that the monitors' noise disturbs strongly; the errors weight all samples equally."
     )
 
 
@@ -119,7 +120,8 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     page.text(
         f"1. The noise, estimated in the quietest parts of the recordings: {_size(found, noise['rms'])}, correlation "
-        f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
+        f"between samples {noise['correlation']:.2f}. The noise of the "
+        f"monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
     )
     page.text(
         f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "
