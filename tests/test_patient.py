@@ -151,3 +151,10 @@ def test_an_ecg_with_twice_as_many_beats(tmp_path: Path, capsys: pytest.CaptureF
     path = table(tmp_path / "x.csv", time, pressure, ecg=ecg)
     assert main(["patient", str(path), "--out", str(tmp_path / "out.toml")]) == 2
     assert re.search(r"7\d beats found in the ECG but 3\d in the pressure; check the lead", capsys.readouterr().err)
+
+
+def test_the_valves_closure_begins_no_beat() -> None:
+    """In a pig's aorta (shipped) the pressure rises as steeply after the notch as at the upstroke."""
+    path = Path(__file__).parents[1] / "cosim_examples" / "data" / "pig" / "in_vivo.csv"
+    beat = average(read_signals(path), "pig")
+    assert beat.beats == 4 and 60 / beat.period == pytest.approx(71, abs=1)

@@ -194,6 +194,22 @@ def test_notes_beside_the_files_are_left_aside_and_said(tmp_path: Path, capsys: 
     assert "no table   README.txt" in said and "not used   'comment'" in said
 
 
+def test_a_file_in_which_nothing_moves_is_left_aside_and_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A long hold seen by a coarse sensor; where an input moves and the radius does not, the sensor is dead."""
+    data = table()
+    toggling = 9000.0 + 156.25 * (np.arange(data["time"].size) % 7 == 0)
+    rest = {"radius": np.full_like(toggling, 17.5e-3), "pressure": toggling, "voltage": np.zeros_like(toggling)}
+    written(tmp_path / "data", headed())
+    written(tmp_path / "data", headed(**rest), "hold.csv")
+    assert main(["identify", str(tmp_path / "data"), "--dry-run"]) == 0
+    assert "at rest    hold.csv: nothing moves there, left out" in capsys.readouterr().out
+    written(tmp_path / "data", headed(radius=rest["radius"]), "hold.csv")
+    with pytest.raises(DataError, match=r"hold\.csv.*column 'radius': a constant record"):
+        read_folder(tmp_path / "data", PLANT)
+
+
 def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
     written(tmp_path, headed())
     written(tmp_path, headed(), "a.txt")

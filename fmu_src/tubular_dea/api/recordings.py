@@ -172,7 +172,9 @@ def read_recordings(
 
 def recording_set(found: Recordings) -> RecordingSet:
     """The same recordings, with what people look at."""
-    return RecordingSet(found.plant, found.experiments, found.geometry, found.noise, found.source, found.left_out)
+    return RecordingSet(
+        found.plant, found.experiments, found.geometry, found.noise, found.source, found.left_out, found.still
+    )
 
 
 def recordings_of(data: Data, plant: AnyPlant) -> Recordings:
@@ -209,6 +211,7 @@ def not_used(recordings: Recordings) -> list[str]:
         f"not used: column {heading!r} in {n} of {len(recordings.experiments)} files" for heading, n in columns.items()
     ]
     said += [f"not used: {name}, which holds no table" for name in recordings.left_out]
+    said += [f"not used: {name}, in which nothing moves" for name in recordings.still]
     for experiment in recordings.experiments:
         if experiment.source:
             said += [f"{experiment.source.path.name}: {remark}" for remark in experiment.source.remarks]

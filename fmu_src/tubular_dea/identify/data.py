@@ -25,6 +25,9 @@ from .start import RESTED, detected
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
 
+# Set by judgement: 200 Pa and 200 V for the tube. Check: `pytest tests/test_reading.py -k nothing_moves`
+AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest
+
 
 @dataclass(frozen=True)
 class Source:
@@ -66,11 +69,15 @@ class Experiment:
         return np.isfinite(self.outputs[output]) if output in self.outputs else np.zeros(self.time.size, bool)
 
 
+class StillError(DataError):
+    """A file in which nothing moves: it says nothing, and harms nothing."""
+
+
 @dataclass(frozen=True)
 class Recordings:
     """All experiments of a folder and what its bench.toml says: `geometry` by parameter name, noise by signal name.
 
-    `left_out` names files that hold no table, such as somebody's notes.
+    `left_out` names files that hold no table, such as somebody's notes, `still` those in which nothing moves.
     """
 
     plant: Plant
@@ -79,6 +86,7 @@ class Recordings:
     noise: dict[str, float] = field(default_factory=dict)
     source: str = ""
     left_out: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
 
 def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Recordings:
@@ -89,7 +97,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     files = _files(folder, plant)
     said = read_bench(folder / "bench.toml", plant, [path.stem for path in files])
     chosen = said.columns | choices(columns, plant)
-    experiments, left_out = [], []
+    experiments, left_out, still = [], [], {}
     for path in files:
         try:
             experiments.append(_placed(read_experiment(path, plant, said.geometry, chosen, said.rate), said, plant))
@@ -97,9 +105,13 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
             if path.suffix.lower() not in NOTES:
                 raise
             left_out.append(path.name)
+        except StillError as finding:
+            still[path.name] = finding
+    if still and not experiments:
+        raise next(iter(still.values()))
     if not experiments:
         raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
-    return Recordings(plant, experiments, said.geometry, said.noise, folder.name, tuple(left_out))
+    return Recordings(plant, experiments, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
 
 
 def of_tables(
@@ -188,12 +200,26 @@ def experiment_of(
         if not output.required and any(checks.constant(_there(values[heading]), heading, lines, "")):
             idle.append(f"{heading} stands still here, and is not used")
             continue
+        if _nothing_moves(inputs, plant) and any(checks.constant(_there(values[heading]), heading, lines, "")):
+            raise StillError(f"{path}: neither an input nor {heading!r} moves in it; expected an experiment")
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
         for finding in checks.output(values[heading], output, plant, lines, heading, zero):
             raise DataError(f"{path}, {finding}")
         outputs[output.name] = values[heading] - zero
     source = _source(table, columns, [*taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _nothing_moves(inputs: Mapping[str, np.ndarray], plant: Plant) -> bool:
+    """Whether every input is a constant and its noise, or moves by next to nothing."""
+
+    def rests(values: np.ndarray, signal: Input) -> bool:
+        little = AT_REST * signal.most if np.isfinite(signal.most) else 0.0
+        return np.ptp(values) <= little or any(
+            checks.constant(values, signal.name, np.zeros(values.size, dtype=int), "")
+        )
+
+    return all(rests(inputs[s.name], s) for s in plant.inputs)
 
 
 def _there(values: np.ndarray) -> np.ndarray:

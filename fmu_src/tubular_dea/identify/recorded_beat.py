@@ -23,6 +23,9 @@ ENDS_ALIKE = 0.15  # [1] of the swing, within which a recording of one beat ends
 SMOOTHED_FOR = 0.02  # [s] over which the slope of the pressure is averaged
 STEEP = 0.4  # [1] of most upstrokes' slope that each has at least
 STEEPEST_SHARE = 0.98  # [1] quantile of the slope that stands for most upstrokes'
+RISES_FOR = 0.15  # [s] before and after its steepest place within which an upstroke rises
+HIGH = 0.5  # [1] of most upstrokes' rise that each has at least
+HIGHEST_SHARE = 0.8  # [1] quantile of the rises that stands for most: every second may be a valve's closure
 BEATS_AGREE = 1.25  # [1] times as many beats as the pressure that an ECG may show, or as few
 LEAST_VALID = 0.5  # [1] share of the samples that have to be numbers
 
@@ -210,11 +213,19 @@ def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np
 
 
 def _upstrokes(pressure: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """The steepest places of the pressure [s]: peaks of its slope, half as high as most, no closer than hearts beat."""
+    """The steepest places of the pressure [s]: peaks of its slope, half as high as most, no closer than hearts beat.
+
+    After each the pressure rises by half of what it does in most beats: the wave after the valve's closure may be as
+    steep, but is small.
+    """
     step = float(np.median(np.diff(time)))
     slope = np.gradient(pressure, time)
     width = max(1, round(SMOOTHED_FOR / step))
     slope = np.convolve(slope, np.ones(width) / width, mode="same")
     apart = max(1, round(60 / FASTEST / step))
     found, _ = find_peaks(slope, height=STEEP * float(np.quantile(slope, STEEPEST_SHARE)), distance=apart)
-    return np.asarray(time[found])
+    if not found.size:
+        return np.empty(0)
+    reach = max(1, round(RISES_FOR / step))
+    rises = np.array([pressure[i : i + reach].max() - pressure[max(0, i - reach) : i + 1].min() for i in found])
+    return np.asarray(time[found[rises >= HIGH * float(np.quantile(rises, HIGHEST_SHARE))]])

@@ -47,6 +47,8 @@ class Understanding:
         yield from self._common("not used", lambda source: ", ".join(map(repr, source.unused)))
         if self.recordings.left_out:
             yield f"no table   {', '.join(self.recordings.left_out)}: left out"
+        if self.recordings.still:
+            yield f"at rest    {', '.join(self.recordings.still)}: nothing moves there, left out"
 
     def _common(self, label: str, says: Callable[[Source], str]) -> Iterator[str]:
         said = {e.name: says(e.source) for e in self.recordings.experiments if e.source}
