@@ -20,6 +20,8 @@ from zipfile import ZipFile
 import fmpy
 import numpy as np
 
+from tubular_dea.export.cache import compiler_environment
+
 Target = Literal["host", "x86_64-windows", "x86-windows", "aarch64-linux"]
 
 SOURCE = Path(__file__).with_name("fmi2_host.c")
@@ -73,9 +75,10 @@ def compile_host(target: Target, out_dir: Path) -> Path:
     out_dir.mkdir(parents=True, exist_ok=True)
     given = ["-target", OTHER_PLATFORMS[target].zig] if target in OTHER_PLATFORMS else []
     zig = [sys.executable, "-m", "ziglang", "cc", *given]
-    flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-O2", "-Wall", "-Wextra", "-Werror"]
+    # zig's cache, -g0 and -s as for the FMUs: else zig compiles its C library for Windows a second time, for a minute.
+    flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-O2", "-g0", "-s", "-Wall", "-Wextra", "-Werror"]
     files = [f"-I{FMI_HEADERS}", "-o", str(executable), str(SOURCE), "-lm", "-ldl"][: -1 if windows else None]
-    subprocess.run([*zig, *flags, *files], check=True)
+    subprocess.run([*zig, *flags, *files], env=compiler_environment(), check=True)
     return executable
 
 
