@@ -18,7 +18,7 @@ from scipy.linalg import solve_toeplitz
 
 from ..identify import hum as hums
 from ..identify.fit import Fit
-from ..identify.noise import UNQUIET, Noise
+from ..identify.noise import Noise
 from ..identify.study import Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_noise_is_no_more_than_a_residual_hides_from_its_past`,
@@ -44,10 +44,10 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
         more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
         left = [_without(list(known.hum), *one) if more else one[1] for one in records]
         bound = prediction_error(left)
-        signal = known.form >= UNQUIET  # the signal cannot be separated from noise of its colour
-        if np.isfinite(known.freedom) and bound > 0 and (signal or known.innovation > TOO_MUCH * bound):
-            form = UNQUIET if signal else known.form
-            known = Noise(bound, 0.0, float(sum(r.size for r in left)), hum=known.hum, form=form)
+        # without a quiet stretch the signal cannot be separated from noise of its colour
+        if np.isfinite(known.freedom) and bound > 0 and (not known.quiet or known.innovation > TOO_MUCH * bound):
+            freedom = float(sum(r.size for r in left))
+            known = Noise(bound, 0.0, freedom, hum=known.hum, form=known.form, quiet=known.quiet)
         elif np.isfinite(known.freedom) and more and known.innovation > bound > 0:
             known = replace(known, rms=known.rms * bound / known.innovation)
         noise[name] = known

@@ -10,7 +10,6 @@ import numpy as np
 from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.misfit import BLOCK, block_sums, parts
-from ..identify.noise import UNQUIET
 from ..identify.study import Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k far`,
@@ -65,7 +64,7 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
         float(excess / uncertainty),
         float(np.sqrt(max(gained, 0.0))),
         float(np.sqrt(max(1 + excess / expected, 0.0))),
-        FAR if level < UNQUIET else FAR_UNQUIET,
+        FAR if all(noise.quiet for noise in study.noise.values()) else FAR_UNQUIET,
     )
 
 

@@ -62,6 +62,7 @@ class Noise:
     correlations (`step` 0: the same at any). `freedom` is the number of degrees of freedom that `rms` was estimated
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
+    `quiet` is False where no stretch was quiet enough to tell it from the signal.
     """
 
     rms: float
@@ -72,6 +73,7 @@ class Noise:
     step: float = 0.0
     white: float = 0.0
     form: float = FORM
+    quiet: bool = True
 
     @property
     def uncertainty(self) -> float:
@@ -166,23 +168,31 @@ class Stretches:
 @one_blas_thread
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
-    quiet, unquiet = stretches(records), False
-    if _freedom(quiet) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
+    chosen, quiet = stretches(records), True
+    if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         other = stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
-        if _freedom(other) > 2 * _freedom(quiet):
-            quiet, unquiet = other, True
-    step = min(s.step for s in quiet)
-    plain, lines = _stripped(quiet, records, Colour(0.0))
+        if _freedom(other) > 2 * _freedom(chosen):
+            chosen, quiet = other, False
+    step = min(s.step for s in chosen)
+    plain, lines = _stripped(chosen, records, Colour(0.0))
     found = _coloured(plain, step)
     if found.phi:
-        plain, lines = _stripped(quiet, records, found.colour(step))
+        plain, lines = _stripped(chosen, records, found.colour(step))
         found = _coloured(plain, step) if lines else found
     colour = found.colour(step)
-    form = max(FORM, found.uncertainty, UNQUIET if unquiet else 0.0)
+    form = max(FORM, found.uncertainty, 0.0 if quiet else UNQUIET)
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
     return Noise(
-        float(np.sqrt(found.variance)), colour.correlation, found.freedom, mains, others, step, colour.white, form
+        float(np.sqrt(found.variance)),
+        colour.correlation,
+        found.freedom,
+        mains,
+        others,
+        step,
+        colour.white,
+        form,
+        quiet,
     )
 
 

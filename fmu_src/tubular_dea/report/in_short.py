@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from ..discover.engine import Discovery
-from ..identify.noise import UNQUIET
 from ..model.effect import Effect
 from .effects import size_words
 from .page import Page
@@ -114,7 +113,7 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
 
 def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
-    if found.study.noise[found.study.plant.outputs[0].name].form >= UNQUIET:
+    if not found.study.noise[found.study.plant.outputs[0].name].quiet:
         return "No part of the recordings is quiet, so that the sensor's noise is not known well: it may be smaller."
     return "No model can have a smaller error than the sensor's noise."
 
