@@ -10,9 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from ..identify.monitor_uncertainty import constant_gains
-from ..identify.study import Study
+from ..identify.study import Piece, Study
+
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
+STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
+BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
 
 def weighted(study: Study, values: Mapping[str, float]) -> Study:
@@ -25,9 +32,29 @@ def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndar
     result = []
     for i, piece in enumerate(study.pieces):
         slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
-        added = sum((study.monitor_noise[name] * gain[i]) ** 2 for name, gain in gains.items())
+        added = sum(
+            (study.monitor_noise[name] ** 2 + _between_samples(study, piece, name) ** 2) * gain[i] ** 2
+            for name, gain in gains.items()
+        )
         result.append(1 / np.sqrt(1 + added / slow**2))
     return result
+
+
+def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
+    """How far an input may be from its line between two samples (N,), at and beside every sample.
+
+    A sixth of the fourth differences: half of a step that fell between two samples, and nothing of a curve that many
+    samples show. Switchings of held inputs are known better.
+    """
+    signal = next(s for s in study.plant.inputs if s.name == name)
+    if signal.held or signal.band_limited:
+        return np.zeros(piece.record.size)
+    found = []
+    for reading in piece.case.readings:
+        line = piece.case.protocol.at(reading.times)[name]
+        jerk = np.abs(np.convolve(np.pad(line, 2, mode="edge"), FOURTH, mode="valid")) / 6
+        found.append(maximum_filter1d(np.where(jerk > STEPS * study.monitor_noise[name], jerk, 0.0), BESIDE_STEP))
+    return np.concatenate(found)
 
 
 def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
