@@ -114,7 +114,8 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
         (2490.0, 0.1, 99e3, True),  # squared distance 25: held-out data can tell, and do
         (2510.0, 0.1, 0.0, False),
         (2510.0, 0.066, 0.0, False),  # squared distance 11: they still can
-        (2490.0, 0.06, 99e3, False),  # 9: they hardly can; experiments left out in turn are asked too
+        (2490.0, 0.06, 99e3, True),  # 9: they hardly can, but by odds of more than 20 to 1 they do
+        (2496.0, 0.06, 99e3, False),  # odds are less; experiments left out in turn are asked too
         (2490.0, 0.06, 0.0, True),
         (2510.0, 0.06, 0.0, False),  # no effect without held-out gain
         (2500.1, 0.01, 0.0, True),  # 0.25: they cannot

@@ -114,9 +114,10 @@ def confirmed(before: Option, after: Option) -> bool:
         return False
     difference = after.unseen - before.unseen
     apart = float(difference @ difference)
-    if apart >= INVISIBLE and after.held_out >= before.held_out:
+    held = before.held_out - after.held_out
+    if apart >= INVISIBLE and held <= 0:
         return False
-    return apart >= VISIBLE or after.across < before.across
+    return apart >= VISIBLE or held > DENIAL or after.across < before.across
 
 
 def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from ..identify.fit import Fit
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, clean, far, no_further_effect
+from .acceptance import FALSE_ALARMS, accept, clean, denied, far, no_further_effect
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .equivalence import CHANCE, error_reach
@@ -34,6 +34,9 @@ AT_BEST = 2.5  # [1] times its score that a further effect may be hoped to gain 
 LEAST_REACH = 500.0  # [squared standard deviations] above the best refit within which others are refitted to the end
 REACH_SHARE = 0.3  # [1] the same as a share of the best refit's gain
 RESTARTED = 3  # [1] best refits that start again from the declared values, where they leave more than noise
+
+# Set by judgement. Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --seed 8000`
+UNDENIED = 0.5  # [1] share of the best one's gain from which on an effect is taken that held-out data do not deny
 
 # Set by measurement: of 24 nulls of mixed conventions, effects that gained 1.1 to 1.7 times the threshold were named in
 # three; none gained more. Check: `python -m blind.score --nulls 24 --seed 7000 --no-identify`
@@ -88,7 +91,7 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     if not options:
         return replace(blank, reason="no candidate could be refitted")
     said = [_said(study, base, chosen, o, threshold) for o in options]
-    good = [i for i, (accepted, _) in enumerate(said) if accepted]
+    good = _undenied(chosen, options, [i for i, (accepted, _) in enumerate(said) if accepted])
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
     return replace(blank, options=options, accepted=said[best][0], reason=said[best][1])
@@ -100,6 +103,16 @@ def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: fl
     if accepted and explained_by_wandering(study, chosen, one, threshold):
         return False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}"
     return accepted, reason
+
+
+def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
+    """Of the options at `good`, those that held-out experiments do not deny, if the best is denied and they gain nearly
+    as much; else all: one of two effects alone may predict worse than none."""
+    if not good or not denied(chosen, options[good[0]]):
+        return good
+    gains = [chosen.fitted.cost - o.fitted.cost for o in options]
+    sound = [i for i in good if not denied(chosen, options[i]) and gains[i] > UNDENIED * gains[good[0]]]
+    return sound or good
 
 
 def _preferred(study: Study, options: Sequence[Option], good: Sequence[int]) -> int:
