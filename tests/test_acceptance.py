@@ -109,22 +109,25 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
 
 
 @pytest.mark.parametrize(
-    ("unseen", "turned", "across", "yes"),
+    ("gain", "unseen", "turned", "across", "yes"),
     [
-        (2490.0, 0.1, 99e3, True),  # squared distance 25: held-out data can tell, and do
-        (2510.0, 0.1, 0.0, False),
-        (2510.0, 0.066, 0.0, False),  # squared distance 11: they still can
-        (2490.0, 0.06, 99e3, True),  # 9: they hardly can, but by odds of more than 20 to 1 they do
-        (2496.0, 0.06, 99e3, False),  # odds are less; experiments left out in turn are asked too
-        (2490.0, 0.06, 0.0, True),
-        (2510.0, 0.06, 0.0, False),  # no effect without held-out gain
-        (2500.1, 0.01, 0.0, True),  # 0.25: they cannot
-        (float("nan"), 0.0, 0.0, False),  # no answer there
+        (100.0, 2490.0, 0.1, 99e3, True),  # squared distance 25: held-out data can tell, and do
+        (100.0, 2510.0, 0.1, 0.0, False),
+        (100.0, 2510.0, 0.066, 0.0, False),  # squared distance 11: they still can
+        (100.0, 2490.0, 0.06, 99e3, True),  # 9: they hardly can, but by odds of more than 20 to 1 they do
+        (100.0, 2496.0, 0.06, 99e3, False),  # odds are less; experiments left out in turn are asked
+        (100.0, 2496.0, 0.06, 0.0, True),
+        (100.0, 2510.0, 0.06, 0.0, True),
+        (99.0, 2510.0, 0.06, 0.0, False),  # what gains little needs both
+        (99.0, 2500.1, 0.01, 0.0, True),  # 0.25: held-out data cannot tell
+        (100.0, float("nan"), 0.0, 0.0, False),  # no answer there
     ],
 )
-def test_unseen_data_are_those_that_can_tell(unseen: float, turned: float, across: float, yes: bool) -> None:
+def test_unseen_data_are_those_that_can_tell(
+    gain: float, unseen: float, turned: float, across: float, yes: bool
+) -> None:
     before = option(excess=500.0, held_out=2500.0)
-    after = option("lag", excess=400.0, held_out=unseen, turned=turned, across=across)
+    after = option("lag", excess=500.0 - gain, held_out=unseen, turned=turned, across=across)
     assert acceptance.confirmed(before, after) is yes
 
 

@@ -45,6 +45,7 @@ FURTHER = 0.25  # [1] share of what is left that a further effect has to explain
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
 STRONG = 3.0  # [1] times the threshold from which on the held-out experiments are asked at the end only
+LITTLE = 100.0  # [squared standard deviations] that an effect gains which has to be supported by both
 INVISIBLE = 1.0  # [1] the same up to which they tell nothing, since chance alone decides
 VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
@@ -108,16 +109,18 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 
 def confirmed(before: Option, after: Option) -> bool:
-    """Whether data that no fit used support `after`: the held-out experiments and, where these hardly distinguish the
-    two, experiments left out in turn; these alone where the two are the same on the held-out ones."""
+    """Whether data that no fit used support `after`: the held-out experiments or, where these hardly distinguish the
+    two, experiments left out in turn. An effect that gains little has to be supported by both."""
     if not np.all(np.isfinite(after.unseen)):
         return False
     difference = after.unseen - before.unseen
-    apart = float(difference @ difference)
-    held = before.held_out - after.held_out
-    if apart >= INVISIBLE and held <= 0:
+    apart, held = float(difference @ difference), before.held_out - after.held_out
+    if apart >= VISIBLE:
+        return held > 0
+    little = before.fitted.cost - after.fitted.cost < LITTLE
+    if little and apart >= INVISIBLE and held <= 0:
         return False
-    return apart >= VISIBLE or held > DENIAL or after.across < before.across
+    return held > DENIAL or after.across < before.across
 
 
 def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from scipy.ndimage import maximum_filter1d
 from ..identify.monitor_uncertainty import constant_gains
 from ..identify.study import Piece, Study
 
+# Set by theory. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
