@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover.law_uncertainty import with_law, with_rivals
+from tubular_dea.discover.law_uncertainty import still_there, with_law, with_rivals
 from tubular_dea.identify.fit import Fit, described
 from tubular_dea.identify.problem import Free
 from tubular_dea.plants.effects import catalogue
@@ -86,3 +86,26 @@ def test_equals_count_with_their_spread() -> None:
     both = with_rivals(best, [other])
     assert both.stderr["stiffness"] == pytest.approx(np.hypot(best.stderr["stiffness"], 3), rel=1e-6)
     assert both.stderr["eps_field"] == pytest.approx(best.stderr["eps_field"], rel=1e-3)
+
+
+def test_another_law_makes_no_effect_vanish() -> None:
+    """A size of 44 standard errors stays off zero however much another form of its law would change it."""
+    lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    study = SimpleNamespace(catalogue={"lag": lag})
+    narrow = Fit(
+        {"base": 1.0, "lag": -0.035},
+        np.array([1.0, -0.035]),
+        0.0,
+        np.empty(0),
+        np.empty((0, 2)),
+        np.diag([1e-6, 0.0008**2]),
+        [Free("base", 1.0), Free("lag", 1.0)],
+        {"base": 1e-3, "lag": 0.0008},
+        True,
+    )
+    wide = narrow.with_covariance(np.diag([4e-6, 0.0208**2]))
+    kept = still_there(study, ("lag",), narrow, wide)
+    assert 0 < -kept.values["lag"] - 1.96 * kept.stderr["lag"] < 1e-3
+    assert kept.stderr["base"] == wide.stderr["base"]
+    faint = narrow.with_covariance(np.diag([1e-6, 0.0208**2]))
+    assert still_there(study, ("lag",), faint, wide).stderr["lag"] == wide.stderr["lag"]

@@ -31,7 +31,7 @@ from . import (
 )
 from .channels import Isolation
 from .held_out import with_held_out
-from .law_uncertainty import with_law, with_rivals
+from .law_uncertainty import still_there, with_law, with_rivals
 from .next_experiment import Proposal
 from .noise_limit import with_noise_of
 from .operating_point import repeats
@@ -266,7 +266,8 @@ def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
-    return replace(option, fitted=with_law(work, problem, option.ids, wider))
+    wider = with_law(work, problem, option.ids, wider)
+    return replace(option, fitted=still_there(work, option.ids, fitted, wider))
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

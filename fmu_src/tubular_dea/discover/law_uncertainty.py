@@ -16,15 +16,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..identify.compiled import Ids
-from ..identify.fit import Fit, inverse
+from ..identify.fit import NORMAL_95, Fit, inverse
 from ..identify.problem import Problem
 from ..identify.study import Study
 from ..model.effect import Effect
+from .acceptance import bounded_away
 from .parameters import switched_off
 
 # Set by judgement: by some per cent, slowly. A factor of four either way changes standard errors by 8 % at most there.
 # Check: `pytest tests/test_law_uncertainty.py::test_another_law_is_within_the_uncertainty`
 LAW = 0.1  # [1] standard deviation of each share by which a law may be another
+
+# Set by convention. Check: `pytest tests/test_law_uncertainty.py`
+CLOSEST = 0.98  # [1] of the way to where an effect is off that the interval of one that is there reaches at most
 
 # Set by judgement. Check: `pytest tests/test_law_uncertainty.py`
 PART = 0.1  # [1] of the effect that is switched off to see its contribution
@@ -57,6 +61,22 @@ def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
     if not apart:
         return best
     return best.with_covariance(best.covariance + np.mean([np.outer(d, d) for d in apart], axis=0))
+
+
+def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit) -> Fit:
+    """The wider fit, but no wider than that effects which are there by the narrower one stay there.
+
+    Another form of a law says that its size means something else, not that there is no such effect.
+    """
+    share = np.ones(len(wide.names))
+    for effect in (study.catalogue[name] for name in ids):
+        if not bounded_away(effect, narrow) or bounded_away(effect, wide):
+            continue
+        for i, name in enumerate(wide.names):
+            if name in effect.off or (name in effect.fit and not any(n in wide.names for n in effect.off)):
+                reach = abs(wide.values[name] - effect.off.get(name, 0.0)) / NORMAL_95
+                share[i] = min(1.0, CLOSEST * reach / wide.stderr[name])
+    return wide.with_covariance(wide.covariance * np.outer(share, share))
 
 
 def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:

@@ -60,6 +60,7 @@ TURN = 0.1  # [samples] by which channels are usually apart that are read in tur
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
+MOST_ZERO = 3.0  # [1] times the usual zero by which those of a monitor differ between files at most
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
@@ -293,7 +294,8 @@ def _spreads(
     few = len({p.source for p, _ in training}) < LEAST_FILES
     variance, later = _estimated(study, kinds, training, fixed, few)
     found = {n: float(np.sqrt(v)) * usual[n] for n, v in zip(kinds, variance, strict=True) if n in usual}
-    return {n: min(v, MOST_GAIN) if n.startswith(GAIN_OF) else v for n, v in found.items()}, later
+    most = {n: MOST_GAIN if n.startswith(GAIN_OF) else MOST_ZERO * usual[n] for n in found}
+    return {n: min(v, most[n]) for n, v in found.items()}, later
 
 
 def _usual(study: Study, piece: Piece, name: str) -> float:

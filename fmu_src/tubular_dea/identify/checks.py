@@ -14,7 +14,7 @@ from .monitors import QUIET, noise_level, resolution
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
-ALIVE = 0.1  # [1] share of samples that differ from those beside them in a record that its noise keeps moving
+ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
 STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
 CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
 NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
@@ -100,6 +100,8 @@ def _standstill(
                 f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
                 f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
             )
+    if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
+        return
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin + 1 >= STANDSTILL:
@@ -113,7 +115,7 @@ def _noisy(values: np.ndarray) -> bool:
     """Where they move, neighbouring values differ by noise: some steps of their resolution and a share of the span."""
     step = np.abs(np.diff(values))
     moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
-    if moving.sum() < max(STANDSTILL, ALIVE * values.size):
+    if moving.sum() < STANDSTILL:
         return False
     noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
     return noise > max(QUIET * float(np.ptp(values)), COARSE_SENSOR * resolution(values))
