@@ -92,6 +92,12 @@ def test_the_spread_of_zeros_between_files_comes_out(spread: float) -> None:
     assert found.spread["reading"] == pytest.approx(spread, rel=0.1)
 
 
+def test_a_zero_takes_up_no_signal() -> None:
+    """Fifty times the usual spread is no zero: it would take up what the parameters explain."""
+    found = adjusted(set_of(drawn(10, 5.0)), (), TRUTH, FREE)
+    assert found.spread["reading"] == pytest.approx(1.0)
+
+
 def test_without_zeros_of_their_own_the_spread_is_about_nothing() -> None:
     found = adjusted(set_of(np.zeros(10)), (), TRUTH, FREE)
     assert found.spread["reading"] < 2 * NOISE / np.sqrt(TIME.size)  # what the mean of a file tells

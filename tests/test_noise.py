@@ -76,6 +76,8 @@ def test_an_oscillation_that_is_not_the_mains_is_neither_noise_nor_hum() -> None
     assert is_hum(50.0, 0.004)
     assert is_hum(10.0, 0.004)  # 240 Hz
     assert not is_hum(7.3, 0.004)
+    assert not is_hum(1.06, 0.005)  # 600 Hz, or a heart
+    assert not is_hum(19.2, 0.002)  # 480 Hz
 
 
 def test_slow_drift_of_a_sensor_is_no_noise() -> None:

@@ -60,7 +60,7 @@ TURN = 0.1  # [samples] by which channels are usually apart that are read in tur
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
-MOST_ZERO = 3.0  # [1] times the usual zero by which those of a monitor differ between files at most
+MOST_ZERO = 10.0  # [1] times the usual zero by which those of a monitor differ between files at most
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`

@@ -16,6 +16,8 @@ from scipy.stats import gamma
 # Set by convention: mains are 50 or 60 Hz. Check: `pytest tests/test_noise.py::test_hum_is_told_apart`
 MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
 HARMONICS = 10  # [1] multiples of these that are
+FOLDED = 4  # [1] the same beyond half the sampling rate: of ten, one comes to lie near anything
+HEARTS = 5.0  # [Hz] up to which an alias of the mains is not told from beats and what they drive
 
 # Set by judgement. Check: `pytest tests/test_noise.py tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions hum --seed 1000`
@@ -69,11 +71,15 @@ def _cut(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float, size: int
 
 
 def is_hum(line: float, step: float) -> bool:
-    """Whether a line is where the mains or one of its harmonics comes to lie when sampled every `step` [s]."""
-    return any(
+    """Whether a line is where the mains or one of its harmonics comes to lie when sampled every `step` [s].
+
+    Harmonics beyond half the sampling rate are looked for up to FOLDED, and none where hearts beat.
+    """
+    return line > HEARTS and any(
         abs(line - _aliased(multiple * mains, 1 / step)) < multiple * OFF + 1.0 / LINE_BLOCK
         for mains in MAINS
         for multiple in range(1, HARMONICS + 1)
+        if multiple <= FOLDED or multiple * mains < 0.5 / step
     )
 
 
