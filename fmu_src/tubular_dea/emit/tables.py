@@ -111,22 +111,21 @@ def _equations(definitions: Iterable[Definition]) -> str:
 
 
 def _derivatives(states: Iterable[State]) -> str:
-    rows = "".join(
-        f"<tr><td>{_math(sympy.Symbol('d' + s.quantity.name + '/dt'), s.derivative)}</td>"
-        f"<td>{html.escape(s.quantity.description)} [{s.quantity.unit}]</td></tr>"
-        for s in states
-    )
-    return _table(rows)
+    return _described((s.quantity, _math(sympy.Symbol(f"d{s.quantity.name}/dt"), s.derivative)) for s in states)
 
 
 def _delays(delays: Iterable[Delay]) -> str:
     """What is another signal some time ago."""
-    rows = "".join(
-        f"<tr><td>{_math(d.quantity.symbol, sympy.Function(d.of)(TIME - sympy.Symbol(d.by)))}</td>"
-        f"<td>{html.escape(d.quantity.description)} [{d.quantity.unit}]</td></tr>"
-        for d in delays
+    return _described(
+        (d.quantity, _math(d.quantity.symbol, sympy.Function(d.of)(TIME - sympy.Symbol(d.by)))) for d in delays
     )
-    return _table(rows)
+
+
+def _described(equations: Iterable[tuple[Quantity, str]]) -> str:
+    """A row an equation: it, and what its quantity is."""
+    return _table(
+        "".join(f"<tr><td>{shown}</td><td>{html.escape(q.description)} [{q.unit}]</td></tr>" for q, shown in equations)
+    )
 
 
 def _samples(model: Model) -> str:

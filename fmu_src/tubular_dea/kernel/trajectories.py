@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import sympy
@@ -21,6 +22,8 @@ from .tangents import TangentLibrary
 
 DEFAULT_TOLERANCE = 1e-6
 MOST_STEPS = 10_000_000
+
+Vector: TypeAlias = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -333,11 +336,7 @@ class Kernel:
         return values
 
     def derivatives(
-        self,
-        x: Sequence[float] | np.ndarray,
-        u: Sequence[float] | np.ndarray,
-        parameters: Mapping[str, float] | None = None,
-        time: float = 0.0,
+        self, x: Vector, u: Vector, parameters: Mapping[str, float] | None = None, time: float = 0.0
     ) -> np.ndarray:
         """The rates of the states at a point.
 
@@ -364,24 +363,12 @@ class Kernel:
         >>> float(abs(at_rest).max())
         0.0
         """
-        dx, du = np.empty(len(self.states)), np.zeros(len(self._driven))
-        x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
-        self._library.kernel_derivatives(
-            ctypes.c_double(time),
-            pointer(x),
-            pointer(u),
-            pointer(du),
-            pointer(self.parameters(parameters)),
-            pointer(dx),
-        )
+        dx = np.empty(len(self.states))
+        self._at_point(self._library.kernel_derivatives, x, u, parameters, time, dx)
         return dx
 
     def jacobian(
-        self,
-        x: Sequence[float] | np.ndarray,
-        u: Sequence[float] | np.ndarray,
-        parameters: Mapping[str, float] | None = None,
-        time: float = 0.0,
+        self, x: Vector, u: Vector, parameters: Mapping[str, float] | None = None, time: float = 0.0
     ) -> np.ndarray:
         """The derivatives of the states' rates to the states, at a point.
 
@@ -396,18 +383,23 @@ class Kernel:
             d(derivatives)/d(states).
         """
         n = len(self.states)
-        J, dx_dt, du = np.empty((n, n)), np.empty(n), np.zeros(len(self._driven))
-        x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
-        self._library.kernel_jacobian(
-            ctypes.c_double(time),
-            pointer(x),
-            pointer(u),
-            pointer(du),
-            pointer(self.parameters(parameters)),
-            pointer(J),
-            pointer(dx_dt),
-        )
+        J, dx_dt = np.empty((n, n)), np.empty(n)
+        self._at_point(self._library.kernel_jacobian, x, u, parameters, time, J, dx_dt)
         return J
+
+    def _at_point(
+        self,
+        function: Callable[..., None],
+        x: Vector,
+        u: Vector,
+        parameters: Mapping[str, float] | None,
+        time: float,
+        *results: np.ndarray,
+    ) -> None:
+        """Call a C function of a point, which writes to `results`; the inputs stand still there."""
+        x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
+        arrays = (x, u, np.zeros(len(self._driven)), self.parameters(parameters), *results)
+        function(ctypes.c_double(time), *map(pointer, arrays))
 
     def curve(
         self, unknown: np.ndarray, inputs: Mapping[str, float], parameters: Mapping[str, float] | None = None

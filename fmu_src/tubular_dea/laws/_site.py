@@ -225,6 +225,24 @@ class SignalSite(Site):
         model, slow = self.state(model, "slow", self.unit, words, rate, signal, self.nominal)
         return model, signal, slow
 
+    def chased(
+        self,
+        model: Model,
+        state: tuple[str, str],
+        quick: tuple[str, float, str],
+        rate: Callable[[sympy.Symbol, sympy.Symbol, sympy.Symbol], sympy.Expr],
+    ) -> tuple[Model, sympy.Symbol, sympy.Symbol]:
+        """The model, the signal as it comes to this law, and a state that goes after it by `rate(signal, z, quick)`.
+
+        `state` is its name and description; `quick` a time too short to matter: name, part of the usual one, words.
+        """
+        model, signal = self.taken(model)
+        name, share, words = quick
+        model, soon = self.constant(model, name, "s", share * self.seconds, words, before=self.name("from"))
+        own = lambda z: rate(signal, z, soon)  # noqa: E731
+        model, z = self.state(model, state[0], self.unit, state[1], own, signal, self.nominal)
+        return model, signal, z
+
     def put(self, model: Model, value: sympy.Expr, inverse: Callable[[sympy.Expr], sympy.Expr] | None = None) -> Model:
         """The model with `value` in the place of the signal that was taken; `inverse` turns it round at rest."""
         model = model.replace(self.signal, value)

@@ -18,6 +18,8 @@ Typical: 5 % of the signal with a width of 2 % of its nominal value; 5 % of the 
 displacement.
 """
 
+import sympy
+
 from ..model.declare import Model
 from ..model.effect import Effect
 from ..model.smooth import magnitude, positive_part
@@ -50,21 +52,13 @@ def _play(at: SignalSite) -> Effect:
         shapes=[w * n for w in (0.005, 0.02, 0.08)],
     )
 
+    def rate(signal: sympy.Symbol, z: sympy.Symbol, follows: sympy.Symbol) -> sympy.Expr:
+        return (positive_part(signal - z - width.symbol) - positive_part(z - signal - width.symbol)) / follows
+
     def apply(model: Model) -> Model:
-        model, signal = at.taken(model)
-        model, follows = at.constant(
-            model, "follows", "s", FOLLOWS * at.seconds, "How fast the follower is dragged", before=at.name("from")
-        )
-        model, follower = at.state(
-            model,
-            "follower",
-            at.unit,
-            f"What follows {at.words} with play",
-            lambda z: (positive_part(signal - z - width.symbol) - positive_part(z - signal - width.symbol)) / follows,
-            signal,
-            n,
-        )
-        return at.put(model, signal - part.symbol * (signal - follower))
+        follower, quick = f"What follows {at.words} with play", "How fast the follower is dragged"
+        model, signal, z = at.chased(model, ("follower", follower), ("follows", FOLLOWS, quick), rate)
+        return at.put(model, signal - part.symbol * (signal - z))
 
     return at.effect(f"Backlash acts on {at.words}", "Krasnosel'skii 1989", apply, part, width)
 

@@ -40,20 +40,12 @@ def law(at: SignalSite) -> Effect:
     )
     share = at.knob("share", "1", "Share of the signal that is limited", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
+    def rate(signal: sympy.Symbol, z: sympy.Symbol, settling: sympy.Symbol) -> sympy.Expr:
+        return limit.symbol * sympy.tanh((signal - z) / (limit.symbol * settling))
+
     def apply(model: Model) -> Model:
-        model, signal = at.taken(model)
-        model, settling = at.constant(
-            model, "settling", "s", SETTLING * at.seconds, "How fast small changes follow", before=at.name("from")
-        )
-        model, reached = at.state(
-            model,
-            "reached",
-            at.unit,
-            f"What {at.words} has reached",
-            lambda z: limit.symbol * sympy.tanh((signal - z) / (limit.symbol * settling)),
-            signal,
-            at.nominal,
-        )
-        return at.put(model, signal + share.symbol * (reached - signal))
+        reached, quick = f"What {at.words} has reached", "How fast small changes follow"
+        model, signal, z = at.chased(model, ("reached", reached), ("settling", SETTLING, quick), rate)
+        return at.put(model, signal + share.symbol * (z - signal))
 
     return at.effect(f"A rate limit acts on {at.words}", "Merritt 1967", apply, limit, share)
