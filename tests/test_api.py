@@ -22,6 +22,7 @@ import pytest
 
 import tubular_dea as td
 from tubular_dea.cli import main
+from tubular_dea.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(td.__file__).parent
@@ -65,6 +66,12 @@ def test_every_argument_is_documented(name: str) -> None:
     }
     assert documented == set(inspect.signature(thing).parameters) - {"self"}
     assert "Raises\n------\n" in text or "." in name
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_calls_a_function(command: str) -> None:
+    text = (PACKAGE / "commands" / f"{command.replace('-', '_')}.py").read_text(encoding="utf-8")
+    assert set(re.findall(r"\btd\.(\w+)\(", text)) & set(FUNCTIONS)
 
 
 def test_every_result_says_what_it_is() -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .api.discover import DiscoveryResult, FoundEffect, discover
     from .api.identify import IdentificationResult, ParameterEstimate, identify
     from .api.models import add_effects, load, load_plant, save, tube
-    from .api.pages import AtlasPage, WebPage, atlas_page, lab_page
+    from .api.pages import AtlasPage, WebPage, atlas_page, handbook_page, lab_page
     from .api.patient import PatientResult, fit_patient, patient
     from .api.pulse import PulseResult, best_pulse
     from .api.recordings import RecordingSet, read_recordings
@@ -78,6 +78,7 @@ _HOME = {
     "compare": "api.compare",
     "discover": "api.discover",
     "fit_patient": "api.patient",
+    "handbook_page": "api.pages",
     "identify": "api.identify",
     "lab_page": "api.pages",
     "load": "api.models",
@@ -119,6 +120,7 @@ __all__ = [
     "compare",
     "discover",
     "fit_patient",
+    "handbook_page",
     "identify",
     "lab_page",
     "load",

@@ -1,7 +1,8 @@
-"""Pages for browsers: the laboratory, and the atlas of residuals."""
+"""Pages for browsers: the laboratory, the atlas of residuals, and the handbook."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -131,6 +132,46 @@ def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage
         found = atlas(chosen, tell)
     html = page(found, f"tubular-dea close-loop DATA{given} --out OUT").document()
     return AtlasPage(html, (f"{len(found.effects)} effects",), atlas=found)
+
+
+def handbook_page(plant: AnyPlant = "tube", *, commands: Mapping[str, str] | None = None) -> WebPage:
+    """A page with all models, effects, laws and these functions, printed from what is declared.
+
+    Parameters
+    ----------
+    plant : Plant, str or Path
+        A plant that comes first, before those of this package: ``"tube"``, ``"aorta"``, or ``"FILE.py[:NAME]"``.
+    commands : mapping of str to str, optional
+        Help texts by name, for one more section: the command line gives its own (default: none).
+
+    Returns
+    -------
+    WebPage
+        Write it with ``page.write("handbook.html")``.
+
+    Raises
+    ------
+    UserError
+        For a plant that cannot be loaded.
+
+    Examples
+    --------
+    >>> import tubular_dea as td
+    >>> page = td.handbook_page("aorta")
+    >>> "What AorticAfterload may lack" in page.html, "tubular_dea.sweep.plan" in page.html
+    (True, True)
+    """
+    import tubular_dea
+
+    from ..cosim.heart_assist import models as heart_models
+    from ..plants.load import SHIPPED, shipped
+    from ..report.handbook import handbook
+
+    chosen = plant_of(plant)
+    plants = [chosen, *(p for p in map(shipped, SHIPPED) if p.name != chosen.name)]
+    models = {m.name: m for m in (*(p.model for p in plants), *heart_models(controlled=True).values())}
+    public = {name: getattr(tubular_dea, name) for name in tubular_dea.__all__}
+    return WebPage(handbook(models.values(), plants, public, commands or {}))
 
 
 def _called(plant: AnyPlant) -> str:

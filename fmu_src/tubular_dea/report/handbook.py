@@ -1,7 +1,7 @@
 """The handbook: models, effects, laws, the Python API and the commands on one page, printed from what is declared.
 
 Nothing is written here that stands elsewhere: equations and parameters come from models, drawings and sources from
-docstrings, usual sizes from effects, options from the commands' parsers.
+docstrings, usual sizes from effects, options from the commands' help.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import html
 import inspect
 import re
-from argparse import ArgumentParser
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..docstrings import inline, paragraph, rendered, signature, summary
@@ -42,12 +41,12 @@ Entry = tuple[str, str]
 
 
 def handbook(
-    models: Iterable[Model],
-    plants: Sequence[Plant],
-    public: Mapping[str, object],
-    commands: Mapping[str, ArgumentParser],
+    models: Iterable[Model], plants: Sequence[Plant], public: Mapping[str, object], commands: Mapping[str, str]
 ) -> str:
-    """The page, as HTML that opens offline; `public` are the names of the Python API with what they stand for."""
+    """The page, as HTML that opens offline; `public` are the names of the Python API with what they stand for.
+
+    `commands` are their help texts by name.
+    """
     sections: dict[str, tuple[str, list[Entry]]] = {"Models": ("", [(m.name, body(m, "h4")) for m in models])}
     for plant in plants:
         index, entries = _catalogue(plant)
@@ -55,7 +54,8 @@ def handbook(
     sections["Laws"] = _laws()
     functions_first = sorted(public.items(), key=lambda item: inspect.isclass(item[1]))
     sections["Python"] = ("", [(name, _documented(name, value)) for name, value in functions_first])
-    sections["Commands"] = ("", [(name, _command(parser)) for name, parser in commands.items()])
+    if commands:
+        sections["Commands"] = ("", [(name, f"<pre>{html.escape(text)}</pre>") for name, text in commands.items()])
     content = "".join(_section(title, *section) for title, section in sections.items())
     lead = "<h1>tubular-dea: handbook</h1><p>Printed from what is declared in the code; it opens offline.</p>"
     return document("tubular-dea: handbook", _STYLE, f"{_contents(sections)}<main>{lead}{content}</main>")
@@ -149,7 +149,3 @@ def _member(name: str, declared: object, found: object) -> str:
         return ""
     head = name if isinstance(declared, property) else signature(name, found)
     return f'<p class="call">.{html.escape(head)}</p>{rendered(inspect.getdoc(declared) or "")}'
-
-
-def _command(parser: ArgumentParser) -> str:
-    return f"<pre>{html.escape(parser.format_help())}</pre>"
