@@ -94,16 +94,26 @@ def test_one_list_of_names() -> None:
     assert set(dir(td)) >= set(seen)
 
 
-def test_a_name_stays_a_function_whatever_is_imported() -> None:
-    code = """
+IMPORTS = """
 import tubular_dea.identify.fit, tubular_dea.sweep.plan, tubular_dea.discover.engine
 import tubular_dea as td
 from tubular_dea.identify import fit
 from tubular_dea.sweep import plan
+import tubular_dea.identify.fit as fit_too, tubular_dea.sweep.plan as plan_too, tubular_dea.discover.engine as engine
+""".strip().splitlines()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_name_stays_a_function_whatever_is_imported(order: int) -> None:
+    code = """
 assert [f.__name__ for f in (td.identify, td.sweep, td.discover)] == ["identify", "sweep", "discover"]
-assert fit.__name__ == "tubular_dea.identify.fit" and plan.__name__ == "tubular_dea.sweep.plan"
+assert [f.__module__ for f in (td.identify, td.sweep)] == ["tubular_dea.api.identify", "tubular_dea.api.sweep"]
+assert "Parameters" in td.identify.__doc__
+assert fit_too is fit and fit.__name__ == "tubular_dea.identify.fit"
+assert plan_too is plan and plan.__name__ == "tubular_dea.sweep.plan"
+assert engine.__name__ == "tubular_dea.discover.engine"
 """
-    subprocess.run([sys.executable, "-c", code], check=True, env=_environment())
+    subprocess.run([sys.executable, "-c", "\n".join(IMPORTS[::order]) + code], check=True, env=_environment())
 
 
 def test_importing_the_package_imports_nothing_else() -> None:

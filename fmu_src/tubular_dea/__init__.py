@@ -137,13 +137,15 @@ __all__ = [
 class _Package(ModuleType):
     """The package, which keeps a public name for its function where a folder of it is called the same.
 
-    When `tubular_dea.identify` (a folder of modules) is imported, Python binds it here; `from tubular_dea.identify.fit
-    import fit` does not need that, and the name stays the function's.
+    When `tubular_dea.identify` (a folder of modules) is imported, Python binds it here; the name stays the function's.
+    `import tubular_dea.identify.fit as fit` looks for `fit` at that name: the function has the folder's attributes.
     """
 
-    def __setattr__(self, name: str, value: object) -> None:
+    def __setattr__(self, name: str, value: Any) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
+        elif name in self.__dict__:
+            self.__dict__[name].__dict__ = value.__dict__
 
     def __getattr__(self, name: str) -> Any:
         if name not in _HOME:
@@ -152,6 +154,9 @@ class _Package(ModuleType):
 
         value = getattr(importlib.import_module(f".{_HOME[name]}", self.__name__), name)
         setattr(self, name, value)
+        folder = sys.modules.get(f"{self.__name__}.{name}")
+        if folder:
+            setattr(self, name, folder)
         return value
 
     def __dir__(self) -> list[str]:
