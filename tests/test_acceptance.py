@@ -23,7 +23,7 @@ BASE = option(excess=LARGE, held_out=12_000.0)
 
 def found(base: Option, chosen: Option, **more: object) -> Search:
     """A search that ended so."""
-    return Search(base, chosen, None, None, **more)  # type: ignore[arg-type]
+    return Search(base, chosen, None, None, **more)
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
     for i, name in enumerate(("lag", "hidden", "creep", "set")):
         quantity = SimpleNamespace(name=name, minimum=None, maximum=None)
         effect = SimpleNamespace(id=name, on={}, off={name: 0.0}, parameters=[quantity], shapes={})
-        listed.append(Candidate(effect, {}, (name,), columns[:, i : i + 1]))  # type: ignore[arg-type]
+        listed.append(Candidate(effect, {}, (name,), columns[:, i : i + 1]))
     null = null_scores(listed, jacobian, draws=20_000)
     sizes = power.detection_limits(listed, jacobian, null)
     assert sizes["hidden"] == {"hidden": None}
@@ -409,7 +409,7 @@ def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> lis
 
 def taken(*options: Option) -> Round:
     """A round in which the first of some options was accepted."""
-    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "", {})  # type: ignore[arg-type]
+    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "", {})
 
 
 def two_effects(**more: object) -> Search:

@@ -22,7 +22,7 @@ class Search:
     moved: float | None = 100.0  # around these
     asked: list[dict] = field(default_factory=list)
 
-    def fit(self, problem: object, start: dict, starts: int = 1, spread: float = 0.0, seed: int = 0, **more: float):  # type: ignore[no-untyped-def]
+    def fit(self, problem: object, start: dict, starts: int = 1, spread: float = 0.0, seed: int = 0, **more: float):
         kind = "moved" if more.get("move") else "again" if "evaluations" in more else "first"
         self.asked.append({"kind": kind, "start": start, "starts": starts, "spread": spread} | more)
         cost = getattr(self, kind)
@@ -37,7 +37,7 @@ def searched(monkeypatch: pytest.MonkeyPatch, search: Search, **plant: object) -
     monkeypatch.setattr(base, "base_parameters", lambda plant: [])
     model = SimpleNamespace(parameter_values=lambda: dict(DECLARED))
     known = SimpleNamespace(**{"model": model, "restart": ("branch",), "safer": ()} | plant)
-    return base.recalibrate(SimpleNamespace(plant=known, problem=lambda *a: None))  # type: ignore[arg-type, return-value]
+    return base.recalibrate(SimpleNamespace(plant=known, problem=lambda *a: None))
 
 
 def test_further_places_confirm_the_first(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def coupled(name: str, voltage: float = 6000.0, **how: object) -> Run:
     values = case(name)
     start = {"tube.lambda_2_start": stretch(values["aortic_pressure_start"]), "tube.start_at_equilibrium": 0.0}
     system = driven_tube(slaves(), values, pulses(BEATS, voltage), start)
-    return simulate(system, BEATS * PERIOD, Options(**how))  # type: ignore[arg-type]
+    return simulate(system, BEATS * PERIOD, Options(**how))
 
 
 def error(run: Run, name: str, voltage: float = 6000.0) -> float:
@@ -195,7 +195,7 @@ def test_wrong_options_are_refused() -> None:
         ({"tolerance": -1.0}, "tolerance: expected a positive number"),
     ):
         with pytest.raises(MasterError, match=text):
-            simulate(system, 1.0, Options(**how))  # type: ignore[arg-type]
+            simulate(system, 1.0, Options(**how))
     with pytest.raises(MasterError, match="stop: expected a time after the start"):
         simulate(system, 0.0)
 

@@ -138,7 +138,7 @@ def test_what_is_wrong_with_a_plant_file_is_said_in_one_line(text: str, line: in
 def test_nothing_may_be_missing_in_a_plant_without_places(tmp_path: Path) -> None:
     bare = load_plant(written(tmp_path, HEAD + PLANT.replace(', places=[Path("pump"), Balance("level")]', "")))
     with pytest.raises(UserError, match=r"Tank: nothing may be missing, as it has no places: expected places="):
-        discover(SimpleNamespace(plant=bare))  # type: ignore[arg-type]
+        discover(SimpleNamespace(plant=bare))
 
 
 @pytest.mark.parametrize("name", ["nothing.py", "tupe", "tank.txt"])

@@ -15,10 +15,7 @@ from tubular_dea.discover.bank import Score
 
 def scored(*statistics: float) -> list[Score]:
     """Candidates c0, c1 ... with these scores."""
-    return [
-        Score(SimpleNamespace(effect=SimpleNamespace(id=f"c{i}")), value, {})  # type: ignore[arg-type]
-        for i, value in enumerate(statistics)
-    ]
+    return [Score(SimpleNamespace(effect=SimpleNamespace(id=f"c{i}")), value, {}) for i, value in enumerate(statistics)]
 
 
 def refitted(*statistics: float, threshold: float = 30.0, most: int = rounds.MOST_REFITS) -> int:
@@ -70,7 +67,7 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     monkeypatch.setattr(rounds, "fitted_option", lambda study, ids, start, fine: again.append(ids))
     model = SimpleNamespace(parameter_values=lambda: {})
     study = SimpleNamespace(plant=SimpleNamespace(model=model))
-    found = rounds._refits(study, option(excess=6000.0), scored(*[100.0] * 5), list(left), lambda what: None)  # type: ignore[arg-type]
+    found = rounds._refits(study, option(excess=6000.0), scored(*[100.0] * 5), list(left), lambda what: None)
     assert [o.ids[-1] for o in found] == ["c0", "c4", "c3", "c1", "c2"]  # best first
     assert sorted(ended) == ["c0", "c1", "c3", "c4"]
     assert sorted(again) == [("c0",), ("c3",), ("c4",)]
@@ -89,7 +86,7 @@ def test_of_equals_a_fault_of_a_monitor_is_taken(behind: float, recording: bool,
         catalogue={"lag": SimpleNamespace(recording=False), "zero": SimpleNamespace(recording=recording)}
     )
     options = [option("lag", excess=0.0), option("zero", excess=behind)]
-    assert rounds._preferred(study, options, [0, 1]) == taken  # type: ignore[arg-type]
+    assert rounds._preferred(study, options, [0, 1]) == taken
 
 
 def test_of_equals_far_from_the_plant_the_usual_size_is_taken() -> None:
@@ -106,9 +103,9 @@ def test_of_equals_far_from_the_plant_the_usual_size_is_taken() -> None:
     }
     best, rival = option("wild", excess=800_000.0), option("usual", excess=900_000.0)
     study = SimpleNamespace(catalogue=effects)
-    assert rounds._preferred(study, [best, rival], [0, 1]) == 1  # type: ignore[arg-type]
+    assert rounds._preferred(study, [best, rival], [0, 1]) == 1
     worse = option("usual", excess=1_000_000.0)
-    assert rounds._preferred(study, [best, worse], [0, 1]) == 0  # type: ignore[arg-type]
+    assert rounds._preferred(study, [best, worse], [0, 1]) == 0
 
 
 @dataclass(frozen=True)
@@ -141,7 +138,7 @@ def test_long_experiments_are_kept_for_fits(
     information = SimpleNamespace(worth=lambda chosen: sum(wanted[i] for i in chosen))
     monkeypatch.setattr(held_out, "_information", lambda study: information)
     study = Pieces([Piece(np.zeros(n)) for n in sizes])
-    chosen = held_out.with_held_out(study)  # type: ignore[arg-type, type-var]
+    chosen = held_out.with_held_out(study)
     assert [i for i, p in enumerate(chosen.pieces) if p.held_out] == held
 
 

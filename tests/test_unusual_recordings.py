@@ -57,7 +57,7 @@ def several(values: Mapping[str, float] | None = None, softer: float = 1.0, seed
 def changed(recordings: Recordings, change: Mapping[str, object]) -> Recordings:
     """The recordings with a function applied to each input that is named."""
     listed = [
-        replace(e, inputs={n: change.get(n, lambda v: v)(v) for n, v in e.inputs.items()})  # type: ignore[operator]
+        replace(e, inputs={n: change.get(n, lambda v: v)(v) for n, v in e.inputs.items()})
         for e in recordings.experiments
     ]
     return replace(recordings, experiments=listed)

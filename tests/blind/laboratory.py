@@ -1,6 +1,6 @@
 """A laboratory drawn by seed: a tube with something hidden in it or nothing, experiments, and recordings of them.
 
-`python -m blind.laboratory --seed 7 --kind none --out /tmp/set` (from tests/) writes one set; what was drawn is kept
+`python -m blind.laboratory --seed 7 --kind none --out set` (from tests/) writes one set; what was drawn is kept
 beside the folder in `set.truth.json`, not in it. The same seed has the same tube, experiments and conventions whatever
 is hidden; `--conventions hum edges` keeps these alone and `--conventions plain` none, for finding out which one it is.
 

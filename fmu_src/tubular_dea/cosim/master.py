@@ -10,10 +10,11 @@ control, exact event times and the check of stability are added here.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -277,8 +278,8 @@ class Simulation:
     def _ints(self, values: list[int]) -> tuple[int, ctypes.Array[ctypes.c_int]]:
         return len(values), self._array(ctypes.c_int, values)
 
-    def _array(self, kind: type, values: object) -> ctypes.Array[ctypes.c_int]:
-        array = (kind * max(1, len(values)))(*values)  # type: ignore[arg-type,misc,operator]
+    def _array(self, kind: Any, values: Collection[Any]) -> ctypes.Array[Any]:
+        array: ctypes.Array[Any] = (kind * max(1, len(values)))(*values)
         self._keep.append(array)
         return array
 

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import sympy
 
@@ -223,7 +223,7 @@ class Build:
             raise DeclarationError(f"{_here()}: rate of {signal}: there is no such input{nearest(str(signal), names)}")
         return rate(self._inputs[names.index(str(signal))])
 
-    def _quantity(self, name: str, unit: str, description: str, **more: float | str | None) -> Quantity:
+    def _quantity(self, name: str, unit: str, description: str, **more: Any) -> Quantity:
         """A quantity with a name that is free and fit for every language, and a unit that can be read."""
         if not name.isidentifier() or not name.isascii():
             raise DeclarationError(f"{_here()}: expected a name of letters, digits and _ but was given {name!r}")
@@ -244,7 +244,7 @@ class Build:
                 f"{_here()}: {name!r}: nominal: expected a usual size above 0 but was given {nominal!r}"
             )
         self._lines[name] = _here()
-        return Quantity(name, unit, description, **more)  # type: ignore[arg-type]
+        return Quantity(name, unit, description, **more)
 
     def _checked(self, name: str, expression: Expression) -> sympy.Expr:
         value = sympy.sympify(expression)

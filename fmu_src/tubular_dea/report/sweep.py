@@ -11,7 +11,7 @@ import numpy as np
 
 from ..files import write_atomically
 from ..model.declare import Model
-from ..sweep.axes import Axis, Joint, Levels, Normal
+from ..sweep.axes import Axis, Joint, Levels, Normal, grid_points
 from ..sweep.plan import Plan
 from ..sweep.rows import failures
 from ..sweep.sensitivity import Distribution, Indices, Tornado, sobol_indices, spread, tornado
@@ -171,7 +171,7 @@ class _View:
         """Label and points of a drawn axis."""
         axis = self.plan.design.axes[self.long[i]]
         shown_as = self.labels[axis.name]
-        values = axis.at(np.arange(axis.count or 1))[axis.name]  # type: ignore[union-attr]
+        values = grid_points(axis)[axis.name]
         return shown_as.label, np.asarray(values, float) * shown_as.scale
 
     def curves(self, name: str, cube: np.ndarray) -> Iterator[Curves]:

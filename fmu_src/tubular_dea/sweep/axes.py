@@ -122,6 +122,12 @@ class Joint:
 Axis = Range | Levels | Normal | Joint
 
 
+def grid_points(axis: Axis, index: np.ndarray | None = None) -> Columns:
+    """Points of an axis of a grid by their number from 0; all of them where no numbers are given."""
+    assert isinstance(axis, Range | Levels)
+    return axis.at(np.arange(axis.count or 1) if index is None else index)
+
+
 def _normal(unit: np.ndarray) -> np.ndarray:
     """Standard normal numbers from uniform ones; never infinite."""
     return ndtri(np.clip(unit, 2.0**-54, 1 - 2.0**-53))

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import qmc
 
-from .axes import Axis, Columns
+from .axes import Axis, Columns, grid_points
 from .expression import PlanError
 from .saltelli import saltelli
 
@@ -61,7 +61,7 @@ class Design:
         if self.kind == "grid":
             indices = np.unravel_index(np.arange(start, stop), self.shape) if self.axes else ()
             pairs = zip(self.axes, indices, strict=True)
-            return {name: values for axis, i in pairs for name, values in axis.at(i).items()}  # type: ignore[union-attr]
+            return {name: values for axis, i in pairs for name, values in grid_points(axis, i).items()}
         columns: Columns = {}
         unit, place = self._unit(start, stop), 0
         for axis in self.axes:

@@ -20,6 +20,7 @@ import numpy as np
 from ..errors import UserError
 from ..extra import load
 from ..files import is_unfinished, write_atomically
+from .axes import grid_points
 from .parts import Part, arrow
 from .plan import Plan
 from .rows import Rows
@@ -153,7 +154,7 @@ def cube(store: Store, plan: Plan) -> Any:
     names = [axis.name for axis in axes]
     coords: dict[str, Any] = {}
     for axis in axes:
-        points = axis.at(np.arange(axis.count or 1))  # type: ignore[union-attr]
+        points = grid_points(axis)
         own = points.pop(axis.name, np.arange(axis.count or 1))
         coords[axis.name] = (axis.name, own.astype(str) if own.dtype == object else own)
         coords |= {name: (axis.name, values) for name, values in points.items()}
