@@ -8,7 +8,16 @@ from scipy.signal import butter, lfilter
 
 from tubular_dea.identify.data import Experiment
 from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.edges import EXPONENTIAL, Transitions, _EdgeSamples, _together, few, transitions
+from tubular_dea.identify.edges import (
+    BENDING,
+    EXPONENTIAL,
+    RISEN,
+    Transitions,
+    _EdgeSamples,
+    _together,
+    few,
+    transitions,
+)
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V
@@ -188,3 +197,39 @@ def test_a_ramp_stands_for_edges_with_few_samples_on_the_way() -> None:
 def test_edges_that_keep_time_with_the_samples_count_as_one(parts: tuple[float, ...], counted: int) -> None:
     looks = [_EdgeSamples(np.arange(5.0), np.array([0, 0, part, 1, 1]), 1, 3, 0.03) for part in parts]
     assert _together(looks) == counted
+
+
+def test_the_corners_of_an_exponential_are_the_best_straight_lines() -> None:
+    """Least squares over the rise, between the corners; the centroid stays where it is."""
+    late = np.linspace(0, BENDING[-1], 5501)
+    rests = np.array([np.interp(late, BENDING, unit) for unit in np.eye(BENDING.size)]).T
+    best = np.linalg.lstsq(rests[:, 1:-1], 1 - np.exp(-late) - rests[:, -1], rcond=None)[0]
+    np.testing.assert_allclose(RISEN[1:-1], best, atol=1e-4)
+    assert np.trapezoid(1 - rests @ RISEN, late) == pytest.approx(1.0, abs=5e-3)
+
+
+@pytest.mark.parametrize(("rate", "tau"), [(200.0, 4e-3), (250.0, 1.5e-3), (100.0, 12e-3), (1000.0, 3e-3)])
+def test_an_exponential_is_drawn_as_one_however_many_samples_caught_it(rate: float, tau: float) -> None:
+    """Straight lines between samples miss what an amplifier of 4 ms does between samples of 5 ms."""
+    experiment, centroids = switched(rate, tau, exponential=True, beats=12)
+    driven = drive(experiment, VOLTAGE)
+    assert {e.shape for e in driven.edges} == {"exponential"}
+    assert [e.time for e in driven.edges] == pytest.approx(centroids, abs=0.1 * max(tau, 0.2 / rate))
+    assert np.median([e.rise for e in driven.edges]) == pytest.approx(EXPONENTIAL * tau, rel=0.05)
+    for edge, centroid in zip(driven.edges[::2], centroids[::2], strict=True):
+        late = np.linspace(0, 6, 200)
+        drawn = driven.protocol.at(centroid - tau + late * tau)["voltage"]
+        missed = drawn - edge.low - (edge.high - edge.low) * (1 - np.exp(-late))
+        assert np.sqrt(np.mean(missed**2)) < 0.04 * 5e3
+
+
+def test_an_edge_cuts_off_the_end_of_the_one_before() -> None:
+    """Pulses of 8 ms through an amplifier of 4 ms."""
+    experiment, _ = switched(1000.0, 4e-3, exponential=True, beats=12)
+    driven = drive(experiment, VOLTAGE)
+    near = driven.edges[0].time - driven.edges[1].time + 8e-3
+    moved = driven.moved(np.where(np.arange(24) % 2 == 1, near, 0.0))
+    assert np.all(np.diff(moved.time) >= 0)
+    second = driven.edges[1].time + near - driven.edges[1].rise / EXPONENTIAL  # its begin
+    assert moved.at(np.array([second - 1e-4]))["voltage"] > 0.5 * 5e3
+    assert moved.at(np.array([second + 5e-3]))["voltage"] < 0.5 * 5e3

@@ -1,11 +1,16 @@
-"""Whether a signal begins off zero: from its first samples, on made-up ones."""
+"""Whether a signal begins off zero, and the zeros of monitors at rest: from first samples, on made-up ones."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tubular_dea.identify.start import _begins_off
+from tubular_dea.identify.data import Experiment
+from tubular_dea.identify.drive import Drive, drives
+from tubular_dea.identify.start import _begins_off, zeroed
+from tubular_dea.plants.tube import PLANT
 
 TIME = 0.004 * np.arange(100)
 LATER = np.where(np.arange(100) < 12, 0.0, 100.0)  # what comes after the first samples
@@ -31,3 +36,45 @@ def test_a_load_stands_out_of_the_noise(errors: float, off: bool) -> None:
 
 def test_a_few_samples_tell_nothing() -> None:
     assert not _begins_off(TIME[:11], np.full(11, 50.0), zero=1.0)
+
+
+def at_rest(zeros: list[float], voltage: float = 0.0) -> tuple[list[Experiment], list[Drive]]:
+    """Files that begin at rest; the pressure rises after half a second and its monitor has a zero in each of them."""
+    time = 0.004 * np.arange(500)
+    experiments = []
+    for number, zero in enumerate(zeros):
+        noise = 20.0 * np.random.default_rng(number).standard_normal(time.size)
+        inputs = {"pressure": zero + noise + np.interp(time, [0.5, 1.0], [0, 8e3]), "voltage": voltage + 0 * time}
+        experiments.append(Experiment(f"file {number}", time, inputs, {}, np.arange(time.size)))
+    return experiments, drives(experiments, PLANT.inputs)
+
+
+def first_pressures(experiments: list[Experiment], driven: list[Drive]) -> np.ndarray:
+    return np.array([d.protocol.inputs["pressure"][0] for d in zeroed(experiments, driven, PLANT)])
+
+
+def test_what_rests_shows_the_zeros_of_its_monitors() -> None:
+    experiments, driven = at_rest([120.0, -90.0, 15.0, -60.0, 40.0])
+    np.testing.assert_allclose(first_pressures(experiments, driven), 0.0, atol=1e-9)
+    later = [z.protocol.inputs["pressure"][-1] for z in zeroed(experiments, driven, PLANT)]
+    np.testing.assert_allclose(later, 8e3, atol=15.0)
+
+
+def test_a_zero_that_all_files_have_in_common_may_be_an_effect_and_stays() -> None:
+    experiments, driven = at_rest([210.0, 190.0, 205.0, 195.0], voltage=7.0)
+    np.testing.assert_allclose(first_pressures(experiments, driven), 200.0, atol=5.0)
+    assert zeroed(experiments, driven, PLANT)[0].protocol.inputs["voltage"][0] == 0.0  # no effect is an offset of it
+
+
+@pytest.mark.parametrize("start", ["unknown", "equilibrium"])
+def test_what_does_not_rest_shows_no_zeros(start: str) -> None:
+    experiments, driven = at_rest([120.0, -90.0, 15.0])
+    moved = [replace(e, start=start) for e in experiments]
+    np.testing.assert_array_equal(first_pressures(moved, driven), [d.protocol.inputs["pressure"][0] for d in driven])
+
+
+def test_a_load_and_few_files_show_no_zeros() -> None:
+    experiments, driven = at_rest([120.0, -90.0, 15.0, 2e3])
+    assert first_pressures(experiments, driven)[3] == pytest.approx(2e3, abs=15.0)
+    experiments, driven = at_rest([120.0, -90.0])
+    assert abs(first_pressures(experiments, driven)[0]) > 100.0

@@ -45,7 +45,7 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
         left = [_without(list(known.hum), *one) if more else one[1] for one in records]
         bound = prediction_error(left)
         # without a quiet stretch the signal cannot be separated from noise of its colour
-        if np.isfinite(known.freedom) and bound > 0 and (not known.quiet or known.innovation > TOO_MUCH * bound):
+        if np.isfinite(known.freedom) and bound > 0 and known.innovation > TOO_MUCH * bound:
             freedom = float(sum(r.size for r in left))
             known = Noise(bound, 0.0, freedom, hum=known.hum, form=known.form, quiet=known.quiet)
         elif np.isfinite(known.freedom) and more and known.innovation > bound > 0:

@@ -61,6 +61,7 @@ TURN = 0.1  # [samples] by which channels are usually apart that are read in tur
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
 MOST_ZERO = 10.0  # [1] times the usual zero by which those of a monitor differ between files at most
+MOST_LEFT = 0.3  # [1] the same where they were seen at rest and taken off
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
@@ -294,7 +295,10 @@ def _spreads(
     few = len({p.source for p, _ in training}) < LEAST_FILES
     variance, later = _estimated(study, kinds, training, fixed, few)
     found = {n: float(np.sqrt(v)) * usual[n] for n, v in zip(kinds, variance, strict=True) if n in usual}
-    most = {n: MOST_GAIN if n.startswith(GAIN_OF) else MOST_ZERO * usual[n] for n in found}
+    seen = [n for n in found if all(n in p.driven.zeros for p, _ in training)]
+    most = {
+        n: MOST_GAIN if n.startswith(GAIN_OF) else (MOST_LEFT if n in seen else MOST_ZERO) * usual[n] for n in found
+    }
     return {n: min(v, most[n]) for n, v in found.items()}, later
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
@@ -60,7 +60,8 @@ class Drive:
     A coloured monitor's `noise` is that of white noise whose averages vary equally. `corners` are the times (k,) [s] at
     which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
-    `shown` is whether edges were recorded on their way: then they are slow, or the monitors are.
+    `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
+    are those of monitors that were taken off.
     """
 
     protocol: Protocol
@@ -70,6 +71,7 @@ class Drive:
     error: dict[str, float] = field(default_factory=dict)
     lines: Mapping[str, HeldLine] = field(default_factory=dict, repr=False)
     shown: bool = False
+    zeros: Mapping[str, float] = field(default_factory=dict)
 
     def moved(self, shifts: np.ndarray, rise: float | None = None) -> Protocol:
         """The protocol with every one of `edges` later by its shift (m,) [s], and as ramps of `rise` [s] if given.
@@ -83,6 +85,14 @@ class Drive:
         widened = np.array([0.0 if rise is None else rise - e.rise for e in self.edges])
         lines = [line.moved(by, widened) for line in self.lines.values()]
         return joined([(line.time, line.values) for line in lines], list(self.lines))
+
+    def without(self, zeros: Mapping[str, float]) -> Drive:
+        """The drive with the zeros (SI, by name) of some monitors taken off."""
+        lines = {n: replace(v, values=v.values - zeros.get(n, 0.0)) for n, v in self.lines.items()}
+        edges = (replace(e, low=e.low - z, high=e.high - z) for e in self.edges for z in [zeros.get(e.input, 0.0)])
+        inputs = {n: v - zeros.get(n, 0.0) for n, v in self.protocol.inputs.items()}
+        protocol = Protocol(self.protocol.time, inputs)
+        return replace(self, protocol=protocol, lines=lines, edges=tuple(edges), zeros=dict(zeros))
 
 
 @dataclass(frozen=True)
@@ -308,8 +318,8 @@ def _missed(
     step = float(np.median(np.diff(time)))
     near = np.zeros(time.size, dtype=bool)
     for edge in edges:
-        reach = edge.rise / 2 + NEAR_EDGE * step
-        near[slice(*np.searchsorted(time, [edge.earliest - reach, edge.latest + reach]))] = True
+        begin, end = edge.corners[0][[0, -1]] * edge.rise / 2 + np.array([-NEAR_EDGE, NEAR_EDGE]) * step
+        near[slice(*np.searchsorted(time, [edge.earliest + begin, edge.latest + end]))] = True
     if near.all():
         return 0.0
     left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]

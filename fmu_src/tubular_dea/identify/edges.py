@@ -4,7 +4,7 @@ If the sample at t_k has the new value and that at t_(k-1) the old one, the inpu
 is then the middle, and the bounds are the two samples. With a slow amplifier, a sample may fall on the edge; if the
 rise is known, the height of this sample determines the instant. The rise is common to all edges of a record (or of a
 set). It follows from the heights of such samples and from how often they occur. Where more samples than `FEW_ON_WAY`
-lie on an edge, its shape is recorded and used as it is.
+lie on an edge, they tell whether it is an exponential one; if not, its shape is recorded and used as it is.
 
 A set point without noise, written by a computer, changes at the sample that first shows the new value: there this
 sample is the best estimate, and both bounds.
@@ -16,13 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
-FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is followed
+FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is told
 STANDS_OUT = 8.0  # [standard deviations] of noise that a step between samples of an edge has at least
 BESIDE = 8  # [samples] on either side whose median step an edge's steps exceed
 CONTRAST = 3.0  # [1] times by which they do
@@ -37,10 +38,16 @@ LEAST_STEP = 1e-3  # [1] of the span of its input: smaller steps are a monitor's
 # `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
 ROUGH_SHAPE = 0.03  # [1] of an edge's height by which amplifiers differ from ramps and exponentials
 LONGEST_EDGE = 0.02  # [s] from sample to sample that an edge takes at most where its shape is followed, else it ramps
+LONGEST_DECAY = 0.1  # [s] that one takes at most which comes to rest as an exponential does
 BLURRED = 2.0  # [standard errors] of an instant by noise and by the shape that its bounds are wider
+NOWHERE = 1e-6  # [1] of the likeliest rise's chance: rises with less need not be tried again
 UNLIKELY = 0.01  # [1] of the likeliest rise's chance: rises with less do not count in an edge's bounds
 TOGETHER = 5  # [1] edges from which on it can be told whether all fall on the same part of the sampling
 SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where instants have nothing to do with samples
+
+# Set by judgement. Check: `pytest tests/test_edges.py -k exponential`
+MOST_ON_WAY = 24  # [samples] on the way up to which an exponential is told apart; with more straight lines follow it
+RESTED = 0.75  # [1] of its height that an exponential has reached when half of its samples on the way are over
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
@@ -63,13 +70,19 @@ ALIASED = 0.25  # [samples] by which the centroid of samples is off that a filte
 # Check: `pytest tests/test_edges.py -k spreads`
 EXPONENTIAL = float(np.sqrt(12.0))  # [1] duration of a ramp over the time constant that it stands for
 
+# Set by theory: least squares over the rise; 9e-3 rms of its height. Chords through an exponential come late.
+# Check: `pytest tests/test_edges.py -k corners_of_an_exponential`
+BENDING = np.array([0.0, 0.5, 1.3, 2.6, 5.5])  # [time constants] from its begin to the corners of an exponential's line
+RISEN = np.array([0.0, 0.417, 0.7488, 0.9472, 1.0])  # [1] of its height that the line has there
+
 
 @dataclass(frozen=True)
 class Edge:
     """One switching of `input`. Times in s, levels in SI units.
 
-    `time` is the best estimate of its centroid, which lies between `earliest` and `latest`; a straight ramp of `rise`
-    stands for it (0: a jump) between the levels `low` before and `high` after it.
+    `time` is the best estimate of its centroid, which lies between `earliest` and `latest`. Between the levels `low`
+    before and `high` after it, its `shape` is that of a straight ramp of `rise` (0: a jump), of an exponential that
+    spreads as this ramp does, or as it was recorded.
     """
 
     input: str
@@ -79,6 +92,14 @@ class Edge:
     rise: float
     low: float
     high: float
+    shape: Literal["ramp", "exponential", "recorded"] = "ramp"
+
+    @property
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of the line that stands for it: times from its centroid over half its rise, parts of its height."""
+        if self.shape == "exponential":
+            return 2 * (BENDING - 1) / EXPONENTIAL, RISEN
+        return np.array([-1.0, 1.0]), np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -193,10 +214,16 @@ def _runs(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
             continue
         least = max(STANDS_OUT / 2 * noise, GOES_ON * abs(values[b] - values[a]))
         first, last = _extended(step * direction[a], a, b, least, listed[-1][1] if listed else 0)
-        if last - first <= FEW_ON_WAY + 1 or time[last] - time[first] <= LONGEST_EDGE:
+        if last - first <= FEW_ON_WAY + 1 or time[last] - time[first] <= _longest(values[first : last + 1]):
             listed.append((first, last))
     before, after = np.array(listed, dtype=int).reshape(-1, 2).T
     return Transitions(before, after)
+
+
+def _longest(values: np.ndarray) -> float:
+    """How long an edge with the samples `values` (n,) may take [s]: what comes to rest by itself is no ramp."""
+    part = (values - values[0]) / (values[-1] - values[0])
+    return LONGEST_DECAY if part[part.size // 2] > RESTED else LONGEST_EDGE
 
 
 def _extended(up: np.ndarray, a: int, b: int, least: float, first: int) -> tuple[int, int]:
@@ -227,7 +254,7 @@ def _beside(size: np.ndarray) -> np.ndarray:
 
 
 def few(found: Transitions) -> np.ndarray:
-    """Those for which a ramp stands, (m,); the others' shape was recorded."""
+    """Those with few samples on the way, (m,)."""
     return found.after - found.before - 1 <= FEW_ON_WAY
 
 
@@ -235,22 +262,50 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
     """How the amplifier behind records of (time, values, noise) of one input rises; None where nothing switches.
 
     The likelihood of a rise, the instant of every edge being anything: samples on the way agree with it, and the
-    longer it is, the more often there is one.
+    longer it is, the more often there is one. Many samples on the way tell by themselves whether it is exponential.
     """
     edges = [edge for record in records for edge in _edge_samples(*record)]
-    if not edges:
+    slow = [e for e in edges if e.on_the_way.size > FEW_ON_WAY]
+    if slow:
+        how, _ = _likeliest(_some(edges), exponential=True)
+        if float(np.median([_misfit(e, how) for e in slow])) < 1:
+            return how
+    fast = _some([e for e in edges if e.on_the_way.size <= FEW_ON_WAY])
+    if not fast:
         return None
-    chosen = [edges[i] for i in np.unique(np.linspace(0, len(edges) - 1, min(SAMPLED, len(edges))).astype(int))]
-    period = float(np.median([e.times[e.first + 1] - e.times[e.first] for e in chosen]))
-    found = []
-    for exponential, longest in ((False, (FEW_ON_WAY + 1.5) * period), (True, FEW_ON_WAY * period)):
-        trials = np.geomspace(SHORTEST * period, longest, TRIALS)
-        odds = np.sum([_likelihood(e, trials, exponential) for e in chosen], axis=0) / _together(chosen)
-        odds += np.log(trials)  # every rise as likely beforehand
-        found.append((float(odds.max() + np.log(np.mean(np.exp(odds - odds.max())))), exponential, trials, odds))
-    _, exponential, trials, odds = max(found, key=lambda f: f[0] - PLAINER * f[1])  # a ramp, where both serve
+    (ramp, odds), (decay, others) = (_likeliest(fast, exponential) for exponential in (False, True))
+    return decay if others - PLAINER > odds else ramp  # a ramp, where both serve
+
+
+def _some(edges: Sequence[_EdgeSamples]) -> list[_EdgeSamples]:
+    """`SAMPLED` of the edges at most, evenly taken."""
+    return [edges[i] for i in np.unique(np.linspace(0, len(edges) - 1, min(SAMPLED, len(edges))).astype(int))]
+
+
+def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, float]:
+    """The rise of this kind that the edges tell, and the logarithm of the chance of the kind."""
+    period = float(np.median([e.times[e.first + 1] - e.times[e.first] for e in edges]))
+    most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else 1.5)
+    trials = np.geomspace(SHORTEST * period, most * period, TRIALS)
+    odds = _odds(edges, trials, exponential)
+    chance = float(odds.max() + np.log(np.mean(np.exp(odds - odds.max()))))
+    likely = np.flatnonzero(odds > odds.max() + np.log(NOWHERE))  # again, in steps as fine as what they tell
+    around = np.clip([likely[0] - 1, likely[-1] + 1], 0, TRIALS - 1)
+    trials = np.geomspace(trials[around[0]], trials[around[1]], TRIALS)
+    odds = _odds(edges, trials, exponential)
     weights = np.exp(odds - odds.max())
-    return Rise(exponential, trials, weights / weights.sum(), any(e.anchor is not None for e in chosen))
+    return Rise(exponential, trials, weights / weights.sum(), any(e.anchor is not None for e in edges)), chance
+
+
+def _odds(edges: Sequence[_EdgeSamples], trials: np.ndarray, exponential: bool) -> np.ndarray:
+    """Logarithm of the chance of every one of the trials (k,)."""
+    odds = np.sum([_likelihood(e, trials, exponential) for e in edges], axis=0) / _together(edges)
+    return np.asarray(odds + np.log(trials))  # every rise as likely beforehand
+
+
+def _misfit(edge: _EdgeSamples, how: Rise) -> float:
+    """The mean square by which the samples of an edge miss the best of the rises, over what is to be expected."""
+    return float(-2 * np.max(_agreement(edge, how)) / edge.times.size)
 
 
 @dataclass(frozen=True)
@@ -277,7 +332,8 @@ class _EdgeSamples:
 def _edge_samples(time: np.ndarray, values: np.ndarray, noise: float) -> list[_EdgeSamples]:
     found = transitions(time, values, noise)
     large = np.abs(values[found.after] - values[found.before]) > MATTERS * np.ptp(values)
-    looks = [_samples_of(time, values, noise, a, b) for a, b in _pairs(found.only(few(found) & large))]
+    short = found.after - found.before - 1 <= MOST_ON_WAY
+    looks = [_samples_of(time, values, noise, a, b) for a, b in _pairs(found.only(short & large))]
     return [look for look in looks if not _rings(look)]
 
 
@@ -355,14 +411,17 @@ def located(
 ) -> list[Edge]:
     """An `Edge` for every transition; `between` its samples (0 to 1) is where it is if nothing on the way tells."""
     listed = []
-    for (before, after), ramp in zip(_pairs(found), few(found), strict=True):
+    for (before, after), short in zip(_pairs(found), few(found), strict=True):
         look = _samples_of(time, values, noise, before, after)
-        if ramp and _rings(look):
+        shape: Literal["ramp", "exponential", "recorded"] = "ramp"
+        if short and _rings(look):
             time_, earliest, latest, lasting = _through_filter(time, values, before, after)
-        elif ramp and how is not None:
+        elif how is not None and (short or (how.exponential and _misfit(look, how) < 1)):
             time_, earliest, latest, lasting = _between(look, how, between)
+            shape = "exponential" if how.exponential else "ramp"
         else:
             time_, earliest, latest, lasting = _followed(time, values, noise, before, after)
+            shape = "recorded"
         listed.append(
             Edge(
                 name,
@@ -372,6 +431,7 @@ def located(
                 float(lasting),
                 float(values[before]),
                 float(values[after]),
+                shape,
             )
         )
     return listed

@@ -1,7 +1,8 @@
 """The line of an input that is held and switches: pieces without noise between its edges, which can be moved.
 
-Between two edges that a ramp stands for, the samples on the way left out, the monitor's noise is taken away by straight
-lines; a piece whose slope is chance is a level. Edges whose shape was recorded are followed like everything else.
+Between two edges that a line of known shape stands for, the samples on the way left out, the monitor's noise is taken
+away by straight lines; a piece whose slope is chance is a level. Edges whose shape was recorded are followed like
+everything else.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .edges import Edge, Transitions, few
+from .edges import Edge, Transitions
 from .monitors import Polyline, polyline
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
@@ -23,8 +24,9 @@ LEVEL = 4.0  # [standard deviations] up to which a piece's slope is chance: then
 class HeldLine:
     """Breakpoints `time` and `values` (k,); `edge` (k,) names the edge that each belongs to, -1 for none.
 
-    `side` (k,) is -1 where a ramp stands for an edge and begins, 1 where it ends and 0 elsewhere; `slope` (k,) is
-    that of the line beside such a point, along which it moves.
+    `side` (k,) is how far from the edge's centroid a point of its shape lies, over half the edge's rise (-1 where a
+    ramp begins, 1 where it ends), and 0 elsewhere; `slope` (k,) is that of the line beside such a point, along which it
+    moves.
     """
 
     time: np.ndarray
@@ -45,11 +47,23 @@ class HeldLine:
         if not mine.any():
             return self
         time = self.time.copy()
+        begins = self.begins[mine]
+        following = np.minimum.accumulate(np.where(begins, times, np.inf)[::-1])[::-1]
+        times = np.where(begins, times, np.minimum(times, following))  # the next edge cuts off what is left of one
         time[mine] = np.maximum.accumulate(np.clip(times, time[0], time[-1]))
         before = np.maximum.accumulate(np.where(mine, time, time[0]))
         after = np.minimum.accumulate(np.where(mine, time, time[-1])[::-1])[::-1]
         time = np.clip(time, before, after)
         return replace(self, time=time, values=self.values + self.slope * (time - self.time))
+
+    @property
+    def begins(self) -> np.ndarray:
+        """Which points (k,) are the first of their edge."""
+        return (self.edge >= 0) & np.append(True, np.diff(self.edge) != 0)
+
+    def in_order(self) -> HeldLine:
+        """With times that never fall."""
+        return self.with_edges_at(self.time[self.edge >= 0])
 
     def numbered(self, numbers: np.ndarray) -> HeldLine:
         """With new `numbers` (m,) for the edges, -1 for what is to stay where it is."""
@@ -64,15 +78,47 @@ def held_line(
 
     What moves between edges does so `late` [s] after it was recorded.
     """
-    ramp = np.flatnonzero(few(found))
+    ramp = np.flatnonzero([e.shape != "recorded" for e in edges])
     kept = np.flatnonzero(~_within(time.size, found.before[ramp] + 1, found.after[ramp]))  # none on a ramp's way
     starts = np.searchsorted(kept, found.after[ramp])
     line = _levelled(polyline(time[kept], values[kept], noise, starts), starts, kept.size, noise)
     whole = _breakpoints(time, kept, line, starts, ramp, late)
-    mine = whole.edge >= 0
-    at, lasting = np.array([[e.time, e.rise] for e in edges]).reshape(-1, 2).T
-    moved = whole.with_edges_at((at[whole.edge] + whole.side * lasting[whole.edge] / 2)[mine]) if edges else whole
-    return _following(moved, time, found), _with_levels(moved, edges)
+    moved = _placed(whole, edges)
+    levelled = _with_levels(moved, edges)
+    return _following(_shaped(moved, levelled), time, found, edges), levelled
+
+
+def _placed(line: HeldLine, edges: Sequence[Edge]) -> HeldLine:
+    """With the first and the last corner of every edge where its shape begins and ends."""
+    mine = line.edge >= 0
+    if not mine.any():
+        return line
+    ends = np.array([e.corners[0][[0, -1]] for e in edges])
+    side = line.side.copy()
+    side[mine] = np.where(side[mine] < 0, ends[line.edge[mine], 0], ends[line.edge[mine], 1])
+    at, lasting = np.array([[e.time, e.rise] for e in edges]).T
+    own = line.edge[mine]
+    return replace(line, side=side).with_edges_at(at[own] + side[mine] * lasting[own] / 2)
+
+
+def _shaped(line: HeldLine, edges: Sequence[Edge]) -> HeldLine:
+    """With the corners between the first and the last one of edges that are no straight ramps."""
+    begins = np.flatnonzero((line.edge >= 0) & (line.side < 0))
+    bent = [(k, edges[line.edge[k]]) for k in begins if edges[line.edge[k]].corners[0].size > 2]
+    if not bent:
+        return line
+    after = np.concatenate([np.full(e.corners[0].size - 2, k + 1) for k, e in bent])
+    inner = np.concatenate([e.corners[0][1:-1] for _, e in bent])
+    part = np.concatenate([e.corners[1][1:-1] for _, e in bent])
+    number = line.edge[after - 1]
+    at, lasting, low, high = np.array([[e.time, e.rise, e.low, e.high] for e in edges])[number].T
+    return HeldLine(
+        np.insert(line.time, after, at + inner * lasting / 2),
+        np.insert(line.values, after, low + part * (high - low)),
+        np.insert(line.edge, after, number),
+        np.insert(line.side, after, inner),
+        np.insert(line.slope, after, 0.0),
+    ).in_order()
 
 
 def _within(n: int, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -121,10 +167,10 @@ def _breakpoints(
     return HeldLine(at, values, edge, side, slope)
 
 
-def _following(line: HeldLine, time: np.ndarray, found: Transitions) -> HeldLine:
+def _following(line: HeldLine, time: np.ndarray, found: Transitions, edges: Sequence[Edge]) -> HeldLine:
     """With the corners of every edge whose shape was recorded assigned to it."""
     edge = line.edge.copy()
-    for number in np.flatnonzero(~few(found)):
+    for number in np.flatnonzero([e.shape == "recorded" for e in edges]):
         a, b = np.searchsorted(line.time, [time[found.before[number]], time[found.after[number]]])
         inside = slice(a, b + 1)
         edge[inside] = np.where(edge[inside] < 0, number, edge[inside])

@@ -3,20 +3,27 @@
 A file that begins with loaded inputs and a moved output was cut from a longer run, or the plant stood under load. Its
 states at the start are then unknown: where the plant has an equilibrium, it starts there, and by how much each state is
 off is one of the record's own numbers (`adjust`), which the record itself determines.
+
+What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
+before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
+the zero describes. A zero that all files have in common may be an effect and stays.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..laws.places import Path
 from ..model.declare import Model, Parameter, Quantity
 from ..plants.plant import Plant
 
 if TYPE_CHECKING:
     from .data import Experiment
+    from .drive import Drive
 
 RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
@@ -25,6 +32,8 @@ STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
 FIRST_SAMPLES = 12  # [samples] through which a straight line tells what a record begins with
 CLEARLY = 5.0  # [standard errors] of it that are a load
 ZEROS = 3.0  # [1] usual zeros of its signal that are one
+SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
+IN_COMMON = 4.0  # [standard errors] by which the mean of zeros differs from zero if they have it in common
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
@@ -52,6 +61,30 @@ def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
     error = np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0])
     least = ZEROS * zero if zero > 0 else FAINT_SIGNAL * float(np.quantile(np.abs(values), 0.99))
     return bool(abs(found[0]) > max(CLEARLY * error, least))
+
+
+def zeroed(experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Plant) -> list[Drive]:
+    """The drives without the zeros of monitors, where experiments begin at rest."""
+    resting = [i for i, e in enumerate(experiments) if e.start == RESTED and e.begins is None]
+    if plant.model.curve is None or len(resting) < SEVERAL:
+        return list(drives)
+    zeros: list[dict[str, float]] = [{} for _ in drives]
+    for signal in plant.inputs:
+        first = {i: float(drives[i].protocol.inputs[signal.name][0]) for i in resting}
+        first = {i: v for i, v in first.items() if abs(v) <= ZEROS * signal.zero}
+        if len(first) < SEVERAL:
+            continue
+        mean, spread = np.mean(list(first.values())), np.std(list(first.values()), ddof=1)
+        shared = _may_be_off(plant, signal.name) and abs(mean) > IN_COMMON * spread / np.sqrt(len(first))
+        common = float(mean) if shared else 0.0
+        for i, value in first.items():
+            zeros[i][signal.name] = value - common
+    return [d.without(z) if z else d for d, z in zip(drives, zeros, strict=True)]
+
+
+def _may_be_off(plant: Plant, name: str) -> bool:
+    """Whether an offset of this input is among the effects."""
+    return any(isinstance(p, Path) and p.name == name and p.asks("offset") for p in plant.places)
 
 
 def loosened(model: Model) -> Model:

@@ -21,7 +21,7 @@ from .marginal import Marginal
 from .noise import Noise
 from .problem import Free, Problem
 from .response import Case, Reading, Response
-from .start import RESTED, UNKNOWN, loosened, unknowns
+from .start import RESTED, UNKNOWN, loosened, unknowns, zeroed
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -161,7 +161,7 @@ class Study:
 def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None) -> Study:
     """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`."""
     plant = recordings.plant
-    drives = all_drives(recordings.experiments, plant.inputs, recordings.noise)
+    drives = zeroed(recordings.experiments, all_drives(recordings.experiments, plant.inputs, recordings.noise), plant)
     names = choose_held_out(recordings) if held_out is None else list(held_out)
     known = [e.name for e in recordings.experiments]
     for name in names:
