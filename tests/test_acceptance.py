@@ -15,6 +15,8 @@ from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.revision import Search
 from tubular_dea.discover.rounds import Round
+from tubular_dea.identify.colour import Colour
+from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free
 
 LARGE = 40_000.0  # what a large effect leaves unexplained
@@ -499,3 +501,13 @@ def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> No
     search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": 1000.0})
     revision.revise(study, search, lambda what: None)
     assert [ids for ids, _ in asked if ids[0] in names] == [(n, "creep") for n in names[:2]]
+
+
+@pytest.mark.parametrize(("correlation", "kept"), [(0.6, True), (0.95, False)])
+def test_noise_that_no_quiet_stretch_shows_keeps_a_colour_that_no_signal_has(correlation: float, kept: bool) -> None:
+    known = Noise(1.0, correlation, 1e4, step=0.004, quiet=False)
+    colour = Colour(correlation, 0.0)
+    left = [colour.sample(4000, np.random.default_rng(seed)) for seed in range(3)]
+    found = noise_limit.limited(known, left)
+    assert found.correlation == (correlation if kept else 0.0)
+    assert found.innovation == pytest.approx(known.innovation, rel=0.03)

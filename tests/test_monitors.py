@@ -152,3 +152,22 @@ def test_hum_of_the_mains_is_no_part_of_a_line(name: str) -> None:
     still = np.abs(np.gradient(level)) < 1e-6
     assert np.std((line - level)[still]) < 0.15 * noise
     assert found.noise[name] < 1.5 * noise
+
+
+def test_a_file_whose_own_signal_hides_the_hum_learns_of_it_from_the_others() -> None:
+    """A pressure that moves at all frequencies up to 100 Hz beside one at rest; both monitors have 45 Pa of hum."""
+    time = np.arange(8000) / 1e3
+    lively = np.random.default_rng(5).standard_normal(time.size)
+    busy = 300.0 * np.sqrt(5) * lfilter(*butter(2, 0.2), lively)
+    wave = np.exp(2j * np.pi * 50.01 * time)
+    files = []
+    for number, level in enumerate((0 * time, busy)):
+        noise = 30.0 * np.random.default_rng(number).standard_normal(time.size)
+        files.append(recorded(time, "pressure", level + noise + 45.0 * wave.imag))
+    monitor = [Input("pressure", least=400.0)]
+    calm, among = (d.protocol.at(time)["pressure"] for d in drives(files, monitor))
+    (alone,) = (d.protocol.at(time)["pressure"] for d in drives(files[1:], monitor))
+    assert np.std(calm) < 5.0
+    humming = [2 * abs(np.mean((line - busy) * wave)) for line in (alone, among)]
+    assert humming[0] > 35.0
+    assert humming[1] < 20.0

@@ -15,8 +15,9 @@ def test_the_shipped_levels_of_the_mock_loop_name_its_resistance(tmp_path: Path)
     plant = str(PLANTS / "mock_loop.py")
     assert main(["close-loop", str(LOOP), "--plant", plant, "--hold-out", "level_10", "--out", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "result.json").read_text())
-    (effect,) = result["effects"]
-    named = [effect["id"], *effect["equivalent"]]
-    assert named == ["power(outflow)", "quadratic_resistance(outflow)", "power(pressure)"]
+    outflow, wave = result["effects"]
+    assert [outflow["id"], *outflow["equivalent"]] == ["power(outflow)", "quadratic_resistance(outflow)"]
+    assert outflow["explained"] > 0.85
+    assert wave["id"] == "echo(flow)"
     before, after = (result["error"][k]["held_out_rmse"] for k in ("recalibrated", "after"))
     assert after < 0.25 * before

@@ -25,6 +25,9 @@ from ..identify.study import Study
 # `python -m measured.table`
 TOO_MUCH = 1.25  # [1] times the bound: noise below that is left as it was estimated
 
+# Set by judgement. Check: `pytest tests/test_acceptance.py -k quiet`, `python -m measured.table`
+BRIEF = 5.0  # [samples] of memory that noise may have where no stretch is quiet: what lasts longer may be the signal
+
 # Set by judgement: no unit test tells a factor of four. Check: `python -m measured.table`
 ORDER = 20  # [samples] that the autoregression looks back
 
@@ -43,15 +46,22 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
         known = replace(study.noise[name], hum=_hum(study.noise[name], records))
         more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
         left = [_without(list(known.hum), *one) if more else one[1] for one in records]
-        bound = prediction_error(left)
-        # without a quiet stretch the signal cannot be separated from noise of its colour
-        if np.isfinite(known.freedom) and bound > 0 and known.innovation > TOO_MUCH * bound:
-            freedom = float(sum(r.size for r in left))
-            known = Noise(bound, 0.0, freedom, hum=known.hum, form=known.form, quiet=known.quiet)
-        elif np.isfinite(known.freedom) and more and known.innovation > bound > 0:
-            known = replace(known, rms=known.rms * bound / known.innovation)
-        noise[name] = known
+        noise[name] = limited(known, left, more)
     return replace(study, noise=noise)
+
+
+def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise:
+    """Noise, limited to what the residuals `left` (each (n,)) allow; `hummed`: its level was estimated with hum."""
+    bound = prediction_error(left)
+    if not np.isfinite(known.freedom) or bound <= 0:
+        return known
+    # without a quiet stretch the signal cannot be separated from noise of its colour
+    if known.innovation > TOO_MUCH * bound or (not known.quiet and known.tau > BRIEF * known.step):
+        freedom = float(sum(r.size for r in left))
+        return Noise(bound, 0.0, freedom, hum=known.hum, form=known.form, quiet=known.quiet)
+    if hummed and known.innovation > bound:
+        return replace(known, rms=known.rms * bound / known.innovation)
+    return known
 
 
 def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, ...]:

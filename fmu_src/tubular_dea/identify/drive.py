@@ -7,15 +7,17 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from ..plants.plant import Input
 from ..protocol import Protocol
+from . import hum as hums
 from .band import band_limited, noise_floor
 from .data import DataError, Experiment
 from .edges import MATTERS, Edge, Rise, Transitions, located, transitions
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
-from .hum import within
+from .hum import MAINS, within
 from .monitors import (
     COLOURED,
     LARGEST,
@@ -44,6 +46,11 @@ STAIR = 5.0  # [1] times the noise that the median step of a staircase has: a ra
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k band_limited`
 CLOCK_JITTER = 0.05  # [1] of the time between samples: jitter of a clock that prints few digits
+
+# Set by judgement. Check: `pytest tests/test_monitors.py -k hum`,
+# `python -m blind.score --nulls 12 --conventions hum --seed 1000`
+HUM_PASSES = 6  # [1] times that hum and the line that it is no part of are told from each other, at most
+HUM_LEFT = 0.05  # [1] of the noise: a smaller change of the hum is none
 
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_hum_of_the_mains_is_no_part_of_a_line`
 SLOPES = 50  # [samples] over which a held signal that moves runs straight, for its hum to be seen
@@ -114,39 +121,41 @@ def drive(
     trigger: np.ndarray | None = None,
     rises: Mapping[str, Rise | None] | None = None,
     between: float = 0.5,
+    mains: Mapping[str, Sequence[float]] | None = None,
 ) -> Drive:
     """The protocol behind the recorded monitors.
 
     `noise` gives levels that bench.toml states; `trigger` (n,) is a logical signal of the switching. `rises` says how
-    each held input rises where a set of records tells it (`drives`); else this record alone does. `between` two samples
-    (0 to 1) is where an edge is if nothing tells.
+    each held input rises where a set of records tells it (`drives`), `mains` what lines [Hz] of hum each continuous one
+    has; else this record alone does. `between` two samples (0 to 1) is where an edge is if nothing tells.
     """
     levels = _levels(experiment, inputs, noise)
     drawn: dict[str, _Drawn] = {}
-    lines: dict[str, HeldLine] = {}
+    numbered: dict[str, HeldLine] = {}
     edges: list[Edge] = []
     for signal in inputs:
         name, values = signal.name, experiment.inputs[signal.name]
         if signal.band_limited:
             drawn[name] = _band_limited(experiment, signal, levels[name])
         elif not signal.held:
-            drawn[name] = _continuous(experiment, name, levels[name])
+            lines = _mains([experiment], name) if mains is None else mains[name]
+            drawn[name] = _continuous(experiment, signal, levels[name], lines)
         elif _staircase(values, levels[name]):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
             how = rises[name] if rises is not None else rise_of([(experiment.time, values, levels[name])])
             drawn[name] = _held(experiment, name, levels[name], how, between, trigger)
         large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
-        lines[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
+        numbered[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
         edges += [e for e, matters in zip(drawn[name].edges, large, strict=True) if matters]
-    protocol = joined([(line.time, line.values) for line in lines.values()], list(lines))
+    protocol = joined([(line.time, line.values) for line in numbered.values()], list(numbered))
     return Drive(
         protocol,
         {n: d.noise for n, d in drawn.items()},
         {s.name: drawn[s.name].corners for s in inputs if not s.held},
         tuple(edges),
         {n: d.error for n, d in drawn.items()},
-        lines,
+        numbered,
         any(d.shown for d in drawn.values()),
     )
 
@@ -166,7 +175,8 @@ def drives(
         for s in inputs
         if s.held
     }
-    return [drive(e, inputs, n, e.trigger, rises) for e, n in zip(experiments, levels, strict=True)]
+    mains = {s.name: _mains(experiments, s.name) for s in inputs if not s.held and not s.band_limited}
+    return [drive(e, inputs, n, e.trigger, rises, mains=mains) for e, n in zip(experiments, levels, strict=True)]
 
 
 def _memory(experiment: Experiment, signal: Input) -> tuple[float, float]:
@@ -212,18 +222,36 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
     return _Drawn(_unmoved(times, fine), noise, error, experiment.time)
 
 
-def _continuous(experiment: Experiment, name: str, noise: float) -> _Drawn:
-    """The line of a continuous input; hum of the mains in its monitor is taken away."""
-    _check_sampling(experiment, name, noise)
+def _continuous(experiment: Experiment, signal: Input, noise: float, mains: Sequence[float]) -> _Drawn:
+    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away."""
+    name = signal.name
+    if float(np.abs(experiment.inputs[name]).max()) > signal.least:  # else nothing but noise is in it
+        _check_sampling(experiment, name, noise)
     time, values = experiment.time, experiment.inputs[name]
-    drawn, noise = _smoothed(time, values, noise)
-    hum = within(time, values - np.interp(time, time[drawn.corners], drawn.values))
-    if hum.any():
-        known = max(level(values - hum), resolution(values) / float(np.sqrt(12.0)))
-        drawn, noise = _smoothed(time, values - hum, min(noise, known))
+    hum = hums.at(mains, time, _within_a_turn(time, values))
+    for _ in range(HUM_PASSES):  # the line follows what is left of the hum
+        if hum.any():
+            known = max(level(values - hum), resolution(values) / float(np.sqrt(12.0)))
+            noise = min(noise, known)
+        drawn, noise = _smoothed(time, values - hum, noise)
+        before, hum = hum, hums.at(mains, time, values - np.interp(time, time[drawn.corners], drawn.values))
+        if float(np.std(hum - before)) <= HUM_LEFT * noise:
+            break
     drawn = halved(time, values - hum, drawn)
     line = _unmoved(time[drawn.corners], drawn.values)
     return _Drawn(line, noise, _missed(experiment, name, line, noise, hum=hum), line.time)
+
+
+def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (n,) less their average over a turn of the slowest mains, which holds no hum."""
+    turn = max(1, round(1 / min(MAINS) / float(np.median(np.diff(time)))))
+    return np.asarray(values - uniform_filter1d(values, turn))
+
+
+def _mains(experiments: Sequence[Experiment], name: str) -> list[float]:
+    """The lines [Hz] of hum in a continuous monitor: where some records show them, it is in all of them."""
+    found = [hums.lines_of(e.time, _within_a_turn(e.time, e.inputs[name])) for e in experiments]
+    return max(found, key=len)
 
 
 def _smoothed(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[Polyline, float]:

@@ -99,22 +99,31 @@ def waves(lines: Sequence[float], time: np.ndarray) -> np.ndarray:
 
 
 def within(time: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """The hum (n,) in what is `left` (n,) of a record without its signal; 0 where none stands out.
+    """The hum (n,) in what is `left` (n,) of a record without its signal; 0 where none stands out."""
+    return at(lines_of(time, left), time, left)
+
+
+def lines_of(time: np.ndarray, left: np.ndarray) -> list[float]:
+    """The lines [Hz] of hum that stand out of what is `left` (n,) of a record.
 
     Below twice the mains' frequency everything may be hum that comes to lie there, and nothing is said to be.
     """
-    step, found = float(np.median(np.diff(time))), np.zeros(left.size)
-    if step > 0.5 / max(MAINS):
-        return found
+    step = float(np.median(np.diff(time)))
     lines: list[float] = []
-    for _ in range(MOST_HUM):
-        line = strongest([(time, left - found)], step)
+    while step <= 0.5 / max(MAINS) and len(lines) < MOST_HUM:
+        line = strongest([(time, left - at(lines, time, left))], step)
         if line is None or not is_hum(line, step):
             break
         lines.append(line)
-        shapes = waves(lines, time)
-        found = shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
-    return found
+    return lines
+
+
+def at(lines: Sequence[float], time: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """The part (n,) at some `lines` [Hz] of what is `left` (n,) of a record."""
+    if not lines:
+        return np.zeros(left.size)
+    shapes = waves(lines, time)
+    return np.asarray(shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0])
 
 
 def columns(lines: Sequence[float], time: np.ndarray) -> np.ndarray:
