@@ -161,9 +161,9 @@ def test_a_file_whose_own_signal_hides_the_hum_learns_of_it_from_the_others() ->
     busy = 300.0 * np.sqrt(5) * lfilter(*butter(2, 0.2), lively)
     wave = np.exp(2j * np.pi * 50.01 * time)
     files = []
-    for number, level in enumerate((0 * time, busy)):
+    for number, pressure in enumerate((0 * time, busy)):
         noise = 30.0 * np.random.default_rng(number).standard_normal(time.size)
-        files.append(recorded(time, "pressure", level + noise + 45.0 * wave.imag))
+        files.append(recorded(time, "pressure", pressure + noise + 45.0 * wave.imag))
     monitor = [Input("pressure", least=400.0)]
     calm, among = (d.protocol.at(time)["pressure"] for d in drives(files, monitor))
     (alone,) = (d.protocol.at(time)["pressure"] for d in drives(files[1:], monitor))
