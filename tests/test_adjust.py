@@ -18,6 +18,7 @@ from tubular_dea.identify.problem import Free, whitened
 from tubular_dea.identify.study import Study, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.declare import Quantity
+from tubular_dea.plants import Build
 from tubular_dea.plants.plant import Input, Output, Plant
 from tubular_dea.protocol import Protocol
 
@@ -243,3 +244,20 @@ def test_gains_that_differ_between_files_come_out() -> None:
         listed = [recorded(i, ramps(i), gain=1 + float(g)) for i, g in enumerate(drawn(10, spread))]
         found = adjusted(study_of(listed, plant), (), TRUTH, FREE).spread["gain of load"]
         assert found == pytest.approx(known, abs=2e-4)
+
+
+def test_where_a_record_starts_is_estimated_before_any_fit() -> None:
+    """The declared start of a position is 0.5 m, the carriage was at 3 m: the declared value is no knowledge."""
+    m = Build("Carriage")
+    speed, gain = m.input("speed", "m/s"), m.parameter("gain", "1", 1.0)
+    x = m.state("x", "m", start="free", nominal=1.0)
+    m.derivative(x, gain * speed)
+    m.output("position", "m", x)
+    plant = Plant(m.model(), [Input("speed")], [Output("position")])
+    random, drive = np.random.default_rng(8), Protocol.of([0, 2, 4, TIME[-1]], speed=[0, 1, 0, 0])
+    true = Kernel(plant.model).simulate(drive, TIME, {"x_start": 3.0})["position"]
+    read = {"position": true + NOISE * random.standard_normal(TIME.size)}
+    record = Experiment("one", TIME, {"speed": drive.at(TIME)["speed"]}, read, np.arange(TIME.size))
+    work = study(Recordings(plant, [record]), held_out=())
+    found = adjusted(work, (), plant.model.parameter_values()).pieces[0].case.own["x_start"]
+    assert found == pytest.approx(3.0, abs=0.01)

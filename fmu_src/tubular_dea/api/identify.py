@@ -208,6 +208,8 @@ def identify(
         work = study(recordings, held_out=())
         if staged or isinstance(start, str):
             values = procedure.staged(work, values, tell)
+        if any(p.unknown for p in work.pieces):  # a fit needs a first estimate of where the plant starts
+            work = adjusted(work, (), values)
         tell("all parameters jointly")
         _, first = procedure.joint(work, values, starts, seed, free)
         tell("switching instants and zeros")

@@ -137,7 +137,9 @@ def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence
 
     `free` are the parameters that are fitted while spreads are estimated.
     """
-    fixed = study.geometry | dict(values)
+    own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
+    values = {n: v for n, v in values.items() if n not in own}
+    fixed = study.geometry | values
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=owned)
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
