@@ -51,7 +51,8 @@ def sensor() -> Model:
     m = Build("Sensor", "A bridge and its supply")
     load, supply = m.input("load", "N", nominal=100.0), m.input("supply", "V", nominal=10.0)
     gain = m.parameter("gain", "1/N", 1e-5)
-    m.output("bridge", "V", gain * load * supply)
+    strain = m.define("strain", "1", gain * load)
+    m.output("bridge", "V", strain * supply)
     return m.model()
 
 
@@ -76,7 +77,7 @@ PLACES = {
             Path("level"),
         ),
     ),
-    "sensor": (sensor, (Path("load", of="supply"), Path("bridge", of="load"))),
+    "sensor": (sensor, (Path("load", of="supply"), Coefficient("strain", of="supply"), Path("bridge", of="load"))),
 }
 DRIVES = {
     "oscillator": Protocol.of([0, 0.3, 0.5, 0.7, 1.2, 1.4, 3], force=[0, 2.5, 2.5, -2, -2, 1, 3]),
@@ -141,6 +142,13 @@ def test_declaration(case: tuple[str, int, int]) -> None:
             assert q.minimum <= value <= q.maximum, f"{q.name} = {value} is outside its own bounds"
     assert any(effect.typical[n] != value for n, value in effect.off.items()), f"{effect.id} is off where it is typical"
     assert mismatches(model) == []
+
+
+def test_a_law_is_only_where_it_can_be_told_from_others() -> None:
+    """What a state drives has its relaxing branch in the balance, and no valve in front of it."""
+    model, place = tanks(), Coefficient("flow_1", of="upper")
+    assert not {"relaxation(flow_1)", "orifice(flow_1)"} & {e.id for e in effects_at(model, place)}
+    assert {"relaxation(strain)", "orifice(strain)"} <= {e.id for e in at("sensor", 1)}
 
 
 def test_the_check_of_dimensions_can_fail() -> None:

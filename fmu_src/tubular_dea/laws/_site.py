@@ -177,12 +177,30 @@ class SignalSite(Site):
             return True
         if self.is_input:
             return False
-        model, reached = self.model, {self.quantity.symbol}
-        for d in reversed(model.definitions):
+        fixed = {
+            *(d.quantity.symbol for d in self.model.definitions),
+            *(p.quantity.symbol for p in self.model.parameters),
+        }
+        return self._reached <= fixed
+
+    @property
+    def is_steered(self) -> bool:
+        """Whether an input moves it at once."""
+        return bool(self._reached & {q.symbol for q in self.model.inputs})
+
+    @property
+    def is_static(self) -> bool:
+        """Whether no state moves it: it follows the inputs alone."""
+        return not self._reached & {s.quantity.symbol for s in self.model.states}
+
+    @property
+    def _reached(self) -> set[sympy.Symbol]:
+        """Everything that it is made of, definitions in between too."""
+        reached = {self.quantity.symbol}
+        for d in reversed(self.model.definitions):
             if d.quantity.symbol in reached:
                 reached |= sympy.sympify(d.expression).free_symbols
-        fixed = {*(d.quantity.symbol for d in model.definitions), *(p.quantity.symbol for p in model.parameters)}
-        return reached <= fixed
+        return reached
 
     @property
     def is_load(self) -> bool:

@@ -23,6 +23,9 @@ from .places import Coefficient, Path
 
 KINDS = (Path, Coefficient)
 MOST = 0.25  # of the nominal value
+MOST_WITHIN = (
+    5.0  # of that of a definition: what opens above a threshold (a collapsible tube, a relief valve) flows more
+)
 NEEDS = "a quantity that is not constant; not the load of an equilibrium curve"
 
 
@@ -31,7 +34,8 @@ def law(at: SignalSite) -> Effect | None:
     if at.is_load or at.is_constant:
         return None
     n = at.nominal
-    width = at.knob("width", at.unit, f"Largest {at.words} that does nothing", 0.05 * n, 0.0, MOST * n, off=0.0)
+    most = (MOST_WITHIN if isinstance(at.place, Coefficient) else MOST) * n
+    width = at.knob("width", at.unit, f"Largest {at.words} that does nothing", 0.05 * n, 0.0, most, off=0.0)
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)

@@ -7,6 +7,7 @@
                                      o
 
 Equation: d(slow)/dt = (x - slow) / tau; der(state) -= stiffness (x - slow), x the displacement (in a store, the state).
+Of a stress that inputs alone move: stress' = stress + part (stress - slow), x the stress itself.
 
 Source: J. C. Maxwell, "On the dynamical theory of gases", Phil. Trans. R. Soc. 157 (1867) 49-88; R. M. Christensen,
 "Theory of Viscoelasticity", 2nd ed., Academic Press 1982.
@@ -16,17 +17,43 @@ Typical: a tenth of the balance, within 0.1 to 10 of the usual times there.
 
 from ..model.declare import Model
 from ..model.effect import Effect
-from ._site import BalanceSite
-from .places import Balance
+from ._site import BalanceSite, SignalSite
+from .places import Balance, Coefficient
 
-KINDS = (Balance,)
-NEEDS = "nothing else"
+KINDS = (Balance, Coefficient)
+NEEDS = "a balance, or a definition that inputs alone move"
 TIMES = (0.1, 1.0, 10.0)  # of the usual time there
 LONGEST = 20.0  # longer, and it holds the plant at its start
+STRESS_TIMES = (1.0, 10.0, 100.0)  # of the usual time of a stress without a balance
 
 
-def law(at: BalanceSite) -> Effect:
+def law(at: SignalSite | BalanceSite) -> Effect | None:
     """A term that follows changes and then relaxes."""
+    if isinstance(at, BalanceSite):
+        return _branch(at)
+    return _stress(at) if at.is_static and not at.is_constant else None
+
+
+def _stress(at: SignalSite) -> Effect:
+    part = at.knob("part", "1", f"Branch over {at.words} at rest", 0.1, 0.0, 100.0, off=0.0)
+    tau = at.knob(
+        "tau",
+        "s",
+        "Time within which it relaxes",
+        10 * at.seconds,
+        5e-2 * at.seconds,
+        500 * at.seconds,
+        shapes=[share * at.seconds for share in STRESS_TIMES],
+    )
+
+    def apply(model: Model) -> Model:
+        model, stress, slow = at.followed(model, tau, "relaxed")
+        return at.put(model, stress + part.symbol * (stress - slow))
+
+    return at.effect(f"A relaxing branch stiffens {at.words}", "Christensen 1982", apply, part, tau)
+
+
+def _branch(at: BalanceSite) -> Effect:
     x = at.coordinate
     unit, size = at.per((at.rate_unit, 1), (x.unit, -1)), at.rate_size / x.nominal
     stiffness = at.knob("stiffness", unit, f"Branch on {x.name}", 0.1 * size, -0.2 * size, 1e4 * size, off=0.0)
