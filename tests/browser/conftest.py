@@ -26,7 +26,7 @@ def downloads(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def browser(lab_file: Path, downloads: Path) -> Iterator[Page]:
+def chromium(lab_file: Path, downloads: Path) -> Iterator[Page]:
     """One browser for all tests."""
     pytest.importorskip("selenium", reason="the test extra brings selenium")
     if not BROWSER or not DRIVER:
@@ -35,6 +35,13 @@ def browser(lab_file: Path, downloads: Path) -> Iterator[Page]:
     page.size(1280)
     yield page
     page.driver.quit()
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: Page) -> Iterator[Page]:
+    """The browser with whatever page the last test left; an open one plays on, which takes half a processor."""
+    yield chromium
+    chromium.close()
 
 
 @pytest.fixture

@@ -42,14 +42,21 @@ class Page:
 
     def open(self, fragment: str = "") -> Page:
         """The page, loaded anew, with its first plot drawn."""
-        self.driver.get("about:blank")
+        self.close()
         self.driver.get(f"{self.path.as_uri()}{fragment}")
         self.wait("window.lab && lab.firstPlot")
         return self
 
+    def close(self) -> None:
+        """Leave the page; the browser stays."""
+        self.driver.get("about:blank")
+
     def ready(self) -> Page:
-        """The page as it is, opened if it is not."""
-        return self if self.driver.current_url.startswith("file:") else self.open()
+        """The page as it is; if there is none, one that stands still."""
+        if not self.driver.current_url.startswith("file:"):
+            self.open()
+            self.show("data")
+        return self
 
     def run(self, script: str, *arguments: object) -> object:
         """The value of a JavaScript function's body; promises are waited for."""

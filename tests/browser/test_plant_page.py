@@ -64,4 +64,3 @@ def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
         assert browser.messages() == [] and browser.requests() == []
     finally:
         browser.path = own
-        browser.open()  # others of this session go on there

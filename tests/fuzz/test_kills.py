@@ -8,6 +8,7 @@ the package writes goes through `files.write_atomically`, which is killed in the
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import shutil
@@ -15,6 +16,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,23 +27,46 @@ from tubular_dea.plants.saved import as_json
 SOURCES = Path(__file__).parents[2]
 BENCH = SOURCES / "cosim_examples" / "data" / "bench"
 
-KILLED = """
-import os, signal, sys
-below, at = sys.argv[1], int(sys.argv[2])
-count = 0
+SERVER = """
+import importlib, json, os, signal, sys, traceback
 
-def watch(event, arguments):
-    global count
-    if event.split(".")[0] in ("open", "os", "shutil") and any(str(a).startswith(below) for a in arguments[:2]):
-        count += 1
-        if count == at:
-            os.kill(os.getpid(), signal.SIGKILL)
+def carried_out(below, at, arguments, told):
+    count = 0
 
-from tubular_dea.cli import main
-sys.addaudithook(watch)
-code = main(sys.argv[3:])
-print("operations", count)
-sys.exit(code)
+    def watch(event, arguments):
+        nonlocal count
+        if event.split(".")[0] in ("open", "os", "shutil") and any(str(a).startswith(below) for a in arguments[:2]):
+            count += 1
+            if count == at:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    from tubular_dea.cli import main
+    sys.addaudithook(watch)
+    code = main(arguments)
+    with open(told, "w") as file:
+        json.dump({"operations": count, "modules": list(sys.modules)}, file)
+    return code
+
+for line in sys.stdin:
+    *given, told = json.loads(line)
+    child = os.fork()
+    if not child:
+        said = os.open(told + ".said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(said, 1), os.dup2(said, 2)
+        try:
+            code = carried_out(*given, told)
+        except BaseException:
+            traceback.print_exc()
+            code = 1
+        sys.stderr.flush()
+        os._exit(code)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    for name in json.load(open(told))["modules"] if code == 0 else ():
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            pass  # made by another module
+    print(code, flush=True)
 """
 
 SWEEP = """name = "kills"
@@ -74,13 +99,35 @@ def commands(name: str, folder: Path) -> tuple[list[str], list[str]]:
     return [*start, "4 kV"], [*start, "5 kV"]
 
 
-def call(arguments: list[str], out: Path, at: int = 0) -> tuple[int, int]:
-    """Exit code (negative: the signal), and how many file operations there were below `out`."""
-    command = [sys.executable, "-c", KILLED, str(out), str(at), *arguments, "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode in (0, -signal.SIGKILL), done.stderr
-    last = done.stdout.strip().rpartition("\n")[2]
-    return done.returncode, int(last.split()[1]) if last.startswith("operations") else 0
+class Calls:
+    """Commands, each in a process of its own: a fork of one that has imported what those before it imported.
+
+    Imports take longer than most of these commands.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.told = folder / "told.json"
+        command = [sys.executable, "-c", SERVER]
+        self.server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __call__(self, arguments: list[str], out: Path, at: int = 0) -> tuple[int, int]:
+        """Exit code (negative: the signal), and how many file operations there were below `out`."""
+        assert self.server.stdin and self.server.stdout
+        self.told.unlink(missing_ok=True)
+        given = [str(out), at, [*arguments, "--out", str(out)], str(self.told)]
+        self.server.stdin.write(json.dumps(given) + "\n")
+        self.server.stdin.flush()
+        code = int(self.server.stdout.readline())
+        assert code in (0, -signal.SIGKILL), self.told.with_suffix(".json.said").read_text()
+        return code, json.loads(self.told.read_text())["operations"] if code == 0 else 0
+
+
+@pytest.fixture(scope="module")
+def call(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Calls]:
+    """Carries out commands."""
+    calls = Calls(tmp_path_factory.mktemp("calls"))
+    yield calls
+    calls.server.communicate()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -95,7 +142,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX's")
 @pytest.mark.parametrize("name", ["build", "simulate", "assist", "identify"])
 def test_files_are_old_or_new(
-    name: str, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+    name: str, call: Calls, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = commands(name, tmp_path)
     out, kept = tmp_path / "out", tmp_path / "kept"
@@ -123,7 +170,7 @@ def test_files_are_old_or_new(
 
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX's")
 def test_a_killed_sweep_goes_on_wherever_it_was(
-    tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+    call: Calls, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pyarrow")
     pytest.importorskip("zarr")
