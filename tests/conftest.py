@@ -1,11 +1,16 @@
-"""What the tests share: the FMUs, built once a session for this machine, and the compiled model."""
+"""What the tests share: FMUs for this machine, the compiled model, results of long commands; made once a session."""
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tubular_dea.cli import main
 from tubular_dea.export.compile import PLATFORMS, host
 from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
@@ -20,6 +25,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz-lifecycles", type=int, default=300, help="create-run-free cycles of the leak test (300)")
     parser.addoption("--fuzz-kills", type=int, default=2, help="kills of each writing command (2)")
     parser.addoption("--fuzz-seed", type=int, default=1, help="seed of the fuzzers (1)")
+
+
+@pytest.fixture(scope="session")
+def carried_out(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The OUT of a long command, which only the first test that asks carries out, whichever worker it is in."""
+    root = tmp_path_factory.getbasetemp()
+    root = root.parent if "PYTEST_XDIST_WORKER" in os.environ else root
+
+    def out(*words: str) -> Path:
+        name = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
+        with (root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (root / f"{name}.done").exists():
+                assert main([*words, "--out", str(root / name)]) == 0
+                (root / f"{name}.done").touch()
+        return root / name
+
+    return out
 
 
 @pytest.fixture(scope="session")

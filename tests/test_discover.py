@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -33,11 +34,9 @@ FEW = ["02_step_4kV", "03_step_6kV", "04_ramp_7kV", "05_pressure_steps", "08_hea
 
 
 @pytest.fixture(scope="module")
-def closed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def closed(carried_out: Callable[..., Path]) -> Path:
     """OUT of `tubular-dea close-loop` on the example's recordings."""
-    out = tmp_path_factory.mktemp("closed") / "out"
-    assert main(["close-loop", str(EXAMPLE), "--out", str(out)]) == 0
-    return out
+    return carried_out("close-loop", str(EXAMPLE))
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,8 @@ def test_ten_beats_are_steady(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def optimised(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("optimum")
-    assert main(["assist", "--patient", "failing", "--optimise", "--out", str(out)]) == 0
-    return out
+def optimised(carried_out: Callable[..., Path]) -> Path:
+    return carried_out("assist", "--patient", "failing", "--optimise")
 
 
 def test_the_optimum_is_where_it_should_be(optimised: Path) -> None:
