@@ -105,6 +105,14 @@ class Site:
         q = Quantity(self.name(part), unit, description, start, "", low, high, nominal=abs(typical) or 1.0)
         return Knob(q, typical, off, on, tuple(shapes), trade, refine, tuple(strengths))
 
+    def time_constant(
+        self, description: str, typical: float, low: float, high: float, times: Sequence[float], trade: float = 0.0
+    ) -> Knob:
+        """The time constant of the law; its sizes are parts of the usual time."""
+        shapes = [part * self.seconds for part in times]
+        usual, least, most = (part * self.seconds for part in (typical, low, high))
+        return self.knob("tau", "s", description, usual, least, most, shapes=shapes, trade=trade)
+
     def effect(
         self, summary: str, source: str, apply: Callable[[Model], Model], *knobs: Knob, exact: bool = False
     ) -> Effect:

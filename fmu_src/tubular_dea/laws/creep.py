@@ -25,15 +25,7 @@ TIMES = (1.0, 10.0, 100.0)  # of the usual time there
 def law(at: SignalSite) -> Effect:
     """A part of the signal follows slowly."""
     part = at.knob("part", "1", f"Part of {at.words} that is slow", 0.05, -0.2, 0.5, off=0.0)
-    tau = at.knob(
-        "tau",
-        "s",
-        "Time within which it follows",
-        10 * at.seconds,
-        5e-2 * at.seconds,
-        300 * at.seconds,
-        shapes=[share * at.seconds for share in TIMES],
-    )
+    tau = at.time_constant("Time within which it follows", 10.0, 5e-2, 300.0, TIMES)
 
     def apply(model: Model) -> Model:
         model, signal, slow = at.followed(model, tau, "as it creeps")

@@ -25,16 +25,7 @@ def law(at: SignalSite) -> Effect | None:
     """The signal follows with a time constant."""
     if at.is_constant:
         return None
-    tau = at.knob(
-        "tau",
-        "s",
-        f"Time constant of {at.words}",
-        0.5 * at.seconds,
-        5e-3 * at.seconds,
-        500 * at.seconds,
-        shapes=[share * at.seconds for share in TIMES],
-        trade=1,
-    )
+    tau = at.time_constant(f"Time constant of {at.words}", 0.5, 5e-3, 500.0, TIMES, trade=1)
     share = at.knob("share", "1", "Share of the signal that lags", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
     def apply(model: Model) -> Model:

@@ -36,15 +36,7 @@ def law(at: SignalSite | BalanceSite) -> Effect | None:
 
 def _stress(at: SignalSite) -> Effect:
     part = at.knob("part", "1", f"Branch over {at.words} at rest", 0.1, 0.0, 100.0, off=0.0)
-    tau = at.knob(
-        "tau",
-        "s",
-        "Time within which it relaxes",
-        10 * at.seconds,
-        5e-2 * at.seconds,
-        500 * at.seconds,
-        shapes=[share * at.seconds for share in STRESS_TIMES],
-    )
+    tau = at.time_constant("Time within which it relaxes", 10.0, 5e-2, 500.0, STRESS_TIMES)
 
     def apply(model: Model) -> Model:
         model, stress, slow = at.followed(model, tau, "relaxed")
@@ -57,15 +49,7 @@ def _branch(at: BalanceSite) -> Effect:
     x = at.coordinate
     unit, size = at.per((at.rate_unit, 1), (x.unit, -1)), at.rate_size / x.nominal
     stiffness = at.knob("stiffness", unit, f"Branch on {x.name}", 0.1 * size, -0.2 * size, 1e4 * size, off=0.0)
-    tau = at.knob(
-        "tau",
-        "s",
-        "Time within which it relaxes",
-        at.seconds,
-        1e-2 * at.seconds,
-        LONGEST * at.seconds,
-        shapes=[share * at.seconds for share in TIMES],
-    )
+    tau = at.time_constant("Time within which it relaxes", 1.0, 1e-2, LONGEST, TIMES)
 
     def apply(model: Model) -> Model:
         model, slow = at.state(
