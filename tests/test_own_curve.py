@@ -16,6 +16,7 @@ from tubular_dea.model.alone import alone
 from tubular_dea.model.declare import DeclarationError, Model
 from tubular_dea.model.effect import Effect
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.report.parts import percent
 
 SPREAD = 0.1  # standard deviation of every parameter, in the solver's numbers
 
@@ -160,3 +161,10 @@ def test_effects_of_the_tube(name: str, kind: str, shown: str, over: str | None)
     curve = own_curve(isolated, [Excitation(times, given)])
     assert curve is not None
     assert (curve.kind, curve.shown.name, curve.over.name if curve.over else None) == (kind, shown, over)
+
+
+@pytest.mark.parametrize(
+    ("share", "words"), [(0.0, "0%"), (0.003, "less than 1%"), (0.42, "42%"), (0.997, "more than 99%"), (1.0, "100%")]
+)
+def test_a_share_that_is_not_all_is_not_called_so(share: float, words: str) -> None:
+    assert percent(share) == words

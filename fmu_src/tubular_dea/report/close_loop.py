@@ -15,7 +15,7 @@ from .effects import effects
 from .in_short import in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
-from .parts import POINTS, bars, parameter_row, readable, record_and_residuals
+from .parts import POINTS, bars, parameter_row, percent, readable, record_and_residuals
 from .residuals import answered
 
 WORDS = {
@@ -59,7 +59,7 @@ def headline(found: Discovery) -> str:
     others = ", ".join(dict.fromkeys(i for group in found.equivalent.values() for i in group))
     nearest = f" (nearest: {', '.join(found.chosen.ids)})" if found.chosen.ids else ""
     left = remainder(found)
-    what = "" if left is None else f"{_size(found, left['rms'])} rms, {left['share']:.0%} of what was not noise"
+    what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
     return WORDS[found.verdict].format(names=names, others=others, nearest=nearest, remainder=what)
 
 

@@ -19,14 +19,14 @@ from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
 from ..model.units import factor
 from .page import Page
-from .parts import AFTER, BEFORE, readable, shown_unit, usual_scale
+from .parts import AFTER, BEFORE, percent, readable, shown_unit, usual_scale
 from .residuals import Answered, answered
 from .svg import QUIET, Plot, span
 
 SMALL = 0.05  # of the range of what an effect changes: a change that is smaller is drawn by itself
 BINS, LEAST, PART = 16, 25, 1e-3  # places along an axis at which the residual is averaged; samples at each, and share
 TURNS = 1.3  # times as much that is explained if rising and falling are kept apart, where they are
-LITTLE = 0.3  # of the largest weight: samples that fits gave less are left out
+LITTLE = 0.3  # of the usual weight: samples that fits gave less are left out
 BETTER = 1.5  # times as much that another axis has to explain than one before it
 TURNING = {0: "", 1: ", rising", -1: ", falling"}
 KINDS = {
@@ -52,7 +52,7 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         effect = found.study.catalogue[entry["id"]]
         isolated = IsolatedEffect(found.study.plant.model, effect, found.named.fitted, held)
         page.heading(f"What was found: {effect.id}")
-        page.text(f"{effect.summary}. It explains {entry['explained']:.0%} of the residual beyond noise.")
+        page.text(f"{effect.summary}. It explains {percent(entry['explained'])} of the residual beyond noise.")
         page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry, found.study.plant.model))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
@@ -181,9 +181,10 @@ def _over(isolated: IsolatedEffect, excitations: Sequence[Excitation], records: 
     to_si = factor(records[0].unit, records[0].quantity.unit)
     left = {n: to_si * np.concatenate([r.record - r.models[n] for r in records]) for n in ("before", "after")}
     weight = np.concatenate([r.weight for r in records])
+    weight = np.minimum(weight / np.median(weight), 1.0)  # at rest a few samples may have by far the largest
     axis, apart = _chosen(list(_axes(isolated, excitations)), left["before"] * weight)
     averages = {
-        (name, turn): _averages(axis, residual, turn, weight > LITTLE * weight.max())
+        (name, turn): _averages(axis, residual, turn, weight > LITTLE)
         for name, residual in left.items()
         for turn in ((1, -1) if apart else (0,))
     }

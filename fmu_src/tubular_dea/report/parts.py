@@ -37,6 +37,13 @@ def record_and_residuals(
     return drawn.update_xaxes(title="time [s]", row=2).update_layout(height=460)
 
 
+def percent(share: float) -> str:
+    """A share (0 to 1) in words: only nothing is 0 %, only all of it is 100 %."""
+    if 0 < share < 0.005:
+        return "less than 1%"
+    return "more than 99%" if 0.995 <= share < 1 else f"{share:.0%}"
+
+
 def thinned(values: np.ndarray) -> np.ndarray:
     """Averages over as many equal blocks as are drawn."""
     size = max(1, values.size // POINTS)
