@@ -47,6 +47,7 @@ SYNCHRONOUS = 0.1  # [1] spread of the parts below which they do: 0.29 where ins
 
 # Set by judgement. Check: `pytest tests/test_edges.py -k exponential`
 MOST_ON_WAY = 24  # [samples] on the way up to which an exponential is told apart; with more straight lines follow it
+FAITHFUL = 0.01  # [1] of its height by which samples miss an exponential: others miss it by 0.04 and more
 RESTED = 0.75  # [1] of its height that an exponential has reached when half of its samples on the way are over
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -268,7 +269,7 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
     slow = [e for e in edges if e.on_the_way.size > FEW_ON_WAY]
     if slow:
         how, _ = _likeliest(_some(edges), exponential=True)
-        if float(np.median([_misfit(e, how) for e in slow])) < 1:
+        if np.mean([_has_shape(e, how) for e in slow]) > 0.5:
             return how
     fast = _some([e for e in edges if e.on_the_way.size <= FEW_ON_WAY])
     if not fast:
@@ -303,9 +304,12 @@ def _odds(edges: Sequence[_EdgeSamples], trials: np.ndarray, exponential: bool) 
     return np.asarray(odds + np.log(trials))  # every rise as likely beforehand
 
 
-def _misfit(edge: _EdgeSamples, how: Rise) -> float:
-    """The mean square by which the samples of an edge miss the best of the rises, over what is to be expected."""
-    return float(-2 * np.max(_agreement(edge, how)) / edge.times.size)
+def _has_shape(edge: _EdgeSamples, how: Rise) -> bool:
+    """Whether the samples of an edge lie on one of the rises."""
+    centroids, _ = _instants(edge, how.trials, how.exponential)
+    missed = edge.parts[:, None] - _shape(edge.times[:, None] - centroids[:, 0], how.trials, how.exponential)
+    least = float(np.min(np.mean(missed**2, axis=0)))
+    return least < CONTRAST * (FAITHFUL**2 + max(edge.error**2 - ROUGH_SHAPE**2, 0.0))
 
 
 @dataclass(frozen=True)
@@ -416,7 +420,7 @@ def located(
         shape: Literal["ramp", "exponential", "recorded"] = "ramp"
         if short and _rings(look):
             time_, earliest, latest, lasting = _through_filter(time, values, before, after)
-        elif how is not None and (short or (how.exponential and _misfit(look, how) < 1)):
+        elif how is not None and (short or (how.exponential and _has_shape(look, how))):
             time_, earliest, latest, lasting = _between(look, how, between)
             shape = "exponential" if how.exponential else "ramp"
         else:
