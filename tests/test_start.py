@@ -73,8 +73,17 @@ def test_what_does_not_rest_shows_no_zeros(start: str) -> None:
     np.testing.assert_array_equal(first_pressures(moved, driven), [d.protocol.inputs["pressure"][0] for d in driven])
 
 
-def test_a_load_and_few_files_show_no_zeros() -> None:
+def test_a_load_is_no_zero_and_few_files_show_only_usual_ones() -> None:
     experiments, driven = at_rest([120.0, -90.0, 15.0, 2e3])
     assert first_pressures(experiments, driven)[3] == pytest.approx(2e3, abs=15.0)
-    experiments, driven = at_rest([120.0, -90.0])
-    assert abs(first_pressures(experiments, driven)[0]) > 100.0
+    experiments, driven = at_rest([180.0, 170.0])
+    np.testing.assert_allclose(first_pressures(experiments, driven), 175.0, atol=3.0)
+    experiments, driven = at_rest([120.0])
+    assert first_pressures(experiments, driven) == 0.0
+
+
+def test_what_noise_leaves_of_a_line_at_rest_does_not_drive_the_plant() -> None:
+    experiments, driven = at_rest([120.0, -90.0, 15.0])
+    for one in zeroed(experiments, driven, PLANT):
+        line = one.protocol.at(np.linspace(0, 0.4, 101))["pressure"]
+        np.testing.assert_array_equal(line, 0.0)

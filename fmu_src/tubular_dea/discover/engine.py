@@ -238,7 +238,7 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
 def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
     """The base fitted, and refitted with nuisance parameters estimated and samples weighted for the monitors' noise."""
     if any(p.unknown for p in work.pieces):  # a fit needs a first estimate of where the plant starts
-        work = adjusted(work, (), work.plant.model.parameter_values())
+        work = adjusted(work, (), work.plant.model.parameter_values(), base_parameters(work.plant), started=False)
     fitted = base.recalibrate(work, seed=seed)
     work = with_noise_of(work, fitted)
     for number in range(MOST_SETTLES):

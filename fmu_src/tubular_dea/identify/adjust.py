@@ -31,6 +31,7 @@ from .marginal import Marginal, marginal
 from .monitor_uncertainty import shifted
 from .problem import Free, whitened
 from .response import Case, Response
+from .start import ZEROS
 from .study import Nuisances, Piece, Study
 from .threads import side_by_side
 
@@ -60,8 +61,8 @@ TURN = 0.1  # [samples] by which channels are usually apart that are read in tur
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
-MOST_ZERO = 10.0  # [1] times the usual zero by which those of a monitor differ between files at most
-MOST_LEFT = 0.3  # [1] the same where they were seen at rest and taken off
+MOST_ZERO = 10.0  # [1] times the usual zero by which those of a sensor differ between files at most
+ZERO_LEFT = 0.1  # [1] of a zero that is usually left where it was seen at rest and taken off
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
@@ -132,10 +133,14 @@ class _EdgeResponse:
         return np.asarray(CubicSpline(self.grid, self.answers)(shift, 1))
 
 
-def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = ()) -> Study:
+def adjusted(
+    study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = (), started: bool = True
+) -> Study:
     """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
 
-    `free` are the parameters that are fitted while spreads are estimated.
+    `free` are the parameters that are fitted while spreads are estimated. Unless `started`, the unknown states at the
+    start stay where they are, and only their uncertainty is integrated out: at a model that is far off they would make
+    up for it.
     """
     own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
     values = {n: v for n, v in values.items() if n not in own}
@@ -144,7 +149,7 @@ def adjusted(study: Study, ids: Ids, values: Mapping[str, float], free: Sequence
     work = replace(study, pieces=owned)
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
     spread, later = _spreads(work, ids, fixed, linear, free)
-    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
+    pieces = [_settled(work, p, s, spread, later, started) for p, s in zip(work.pieces, linear, strict=True)]
     return replace(work, pieces=pieces, spread=spread, late=later)
 
 
@@ -282,7 +287,7 @@ def _spreads(
     ]
     if not study.filtered:
         kinds = [n for n in kinds if not n.startswith(LATE_OF)]
-    usual = {n: _usual(study, first, n) for n in kinds if not n.startswith(LATE_OF)}
+    usual = {n: GAIN if n.startswith(GAIN_OF) else study.zero(n) for n in kinds if not n.startswith(LATE_OF)}
     training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
     if not kinds or not training:
         return usual, {}
@@ -297,9 +302,9 @@ def _spreads(
     few = len({p.source for p, _ in training}) < LEAST_FILES
     variance, later = _estimated(study, kinds, training, fixed, few)
     found = {n: float(np.sqrt(v)) * usual[n] for n, v in zip(kinds, variance, strict=True) if n in usual}
-    seen = [n for n in found if all(n in p.driven.zeros for p, _ in training)]
+    monitors = {s.name for s in study.plant.inputs}
     most = {
-        n: MOST_GAIN if n.startswith(GAIN_OF) else (MOST_LEFT if n in seen else MOST_ZERO) * usual[n] for n in found
+        n: MOST_GAIN if n.startswith(GAIN_OF) else (ZEROS if n in monitors else MOST_ZERO) * usual[n] for n in found
     }
     return {n: min(v, most[n]) for n, v in found.items()}, later
 
@@ -308,7 +313,12 @@ def _usual(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain or a delay (SI); 0 for the other nuisance parameters."""
     if name.startswith(GAIN_OF):
         return GAIN
-    return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name)
+    return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name) * _left(piece, name)
+
+
+def _left(piece: Piece, name: str) -> float:
+    """The share of a zero that is left in a piece."""
+    return ZERO_LEFT if name in piece.driven.zeros else 1.0
 
 
 def _estimated(
@@ -374,7 +384,12 @@ def _alike(late: np.ndarray) -> np.ndarray:
 
 
 def _settled(
-    study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
+    study: Study,
+    piece: Piece,
+    linear: _Linearised,
+    spread: Mapping[str, float],
+    later: Mapping[str, float],
+    started: bool,
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
@@ -391,12 +406,12 @@ def _settled(
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
-    if piece.unknown:
+    if piece.unknown and started:
         local = Marginal(made.windows)
         mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
         found = dict(zip(piece.nuisances.names, mean, strict=True))
-        started = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
-        case = replace(case, own=dict(case.own) | _inside(study, started))
+        begins = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
+        case = replace(case, own=dict(case.own) | _inside(study, begins))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
 
 
@@ -432,7 +447,7 @@ def _windows(piece: Piece, linear: _Linearised, shifts: np.ndarray) -> list[tupl
 def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -> float:
     """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
     if name in spread:
-        return spread[name]
+        return spread[name] * _left(piece, name)
     if name.startswith(LATE_OF):
         return TURN * _step_of(piece)
     if name.startswith("start "):

@@ -93,13 +93,18 @@ class Drive:
         lines = [line.moved(by, widened) for line in self.lines.values()]
         return joined([(line.time, line.values) for line in lines], list(self.lines))
 
-    def without(self, zeros: Mapping[str, float]) -> Drive:
-        """The drive with the zeros (SI, by name) of some monitors taken off."""
-        lines = {n: replace(v, values=v.values - zeros.get(n, 0.0)) for n, v in self.lines.items()}
-        edges = (replace(e, low=e.low - z, high=e.high - z) for e in self.edges for z in [zeros.get(e.input, 0.0)])
-        inputs = {n: v - zeros.get(n, 0.0) for n, v in self.protocol.inputs.items()}
-        protocol = Protocol(self.protocol.time, inputs)
-        return replace(self, protocol=protocol, lines=lines, edges=tuple(edges), zeros=dict(zeros))
+    def without(self, zeros: Mapping[str, float], still: Mapping[str, int], levels: Mapping[str, float]) -> Drive:
+        """The drive without the zeros (SI, by name) of some monitors, and with the first `still` points at a level."""
+
+        def rested(name: str, line: HeldLine) -> HeldLine:
+            values = line.values - zeros.get(name, 0.0)
+            values[: still.get(name, 0)] = levels.get(name, 0.0)
+            return replace(line, values=values)
+
+        lines = {name: rested(name, line) for name, line in self.lines.items()}
+        edges = tuple(replace(e, low=e.low - z, high=e.high - z) for e in self.edges for z in [zeros.get(e.input, 0.0)])
+        protocol = joined([(line.time, line.values) for line in lines.values()], list(lines))
+        return replace(self, protocol=protocol, lines=lines, edges=edges, zeros=dict(zeros))
 
 
 @dataclass(frozen=True)

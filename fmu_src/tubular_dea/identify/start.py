@@ -33,6 +33,7 @@ FIRST_SAMPLES = 12  # [samples] through which a straight line tells what a recor
 CLEARLY = 5.0  # [standard errors] of it that are a load
 ZEROS = 3.0  # [1] usual zeros of its signal that are one
 SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
+MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
 IN_COMMON = 4.0  # [standard errors] by which the mean of zeros differs from zero if they have it in common
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
@@ -66,20 +67,38 @@ def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
 def zeroed(experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Plant) -> list[Drive]:
     """The drives without the zeros of monitors, where experiments begin at rest."""
     resting = [i for i, e in enumerate(experiments) if e.start == RESTED and e.begins is None]
-    if plant.model.curve is None or len(resting) < SEVERAL:
+    if plant.model.curve is None:
         return list(drives)
     zeros: list[dict[str, float]] = [{} for _ in drives]
+    still: list[dict[str, int]] = [{} for _ in drives]
+    levels: dict[str, float] = {}
     for signal in plant.inputs:
-        first = {i: float(drives[i].protocol.inputs[signal.name][0]) for i in resting}
-        first = {i: v for i, v in first.items() if abs(v) <= ZEROS * signal.zero}
-        if len(first) < SEVERAL:
-            continue
-        mean, spread = np.mean(list(first.values())), np.std(list(first.values()), ddof=1)
-        shared = _may_be_off(plant, signal.name) and abs(mean) > IN_COMMON * spread / np.sqrt(len(first))
-        common = float(mean) if shared else 0.0
-        for i, value in first.items():
-            zeros[i][signal.name] = value - common
-    return [d.without(z) if z else d for d, z in zip(drives, zeros, strict=True)]
+        seen = {i: _at_rest(drives[i], signal.name) for i in resting}
+        seen = {i: (zero, points) for i, (zero, points) in seen.items() if abs(zero) <= ZEROS * signal.zero}
+        found = np.array([zero for zero, _ in seen.values()])
+        levels[signal.name] = _in_common(found, signal.zero) if _may_be_off(plant, signal.name) else 0.0
+        for i, (zero, points) in seen.items():
+            zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
+    return [d.without(z, s, levels) if z else d for d, z, s in zip(drives, zeros, still, strict=True)]
+
+
+def _in_common(zeros: np.ndarray, usual: float) -> float:
+    """What zeros (k,) of a monitor have in common, if more than chance gives, or in few files more than `usual`."""
+    if zeros.size < SEVERAL:
+        return float(zeros.mean()) if zeros.size and abs(zeros.mean()) > usual else 0.0
+    error = float(np.std(zeros, ddof=1)) / float(np.sqrt(zeros.size))
+    return float(zeros.mean()) if abs(zeros.mean()) > IN_COMMON * error else 0.0
+
+
+def _at_rest(driven: Drive, name: str) -> tuple[float, int]:
+    """What a monitor shows before anything moves, and how many points its line has there: within noise about it."""
+    line = driven.lines[name]
+    moved = np.abs(line.values - line.values[0]) > MOVED * driven.noise[name]
+    points = int(np.argmax(moved)) if moved.any() else line.time.size
+    time, values = line.time[:points], line.values[:points]
+    if time[-1] == time[0]:
+        return float(values[0]), points
+    return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
 
 
 def _may_be_off(plant: Plant, name: str) -> bool:
