@@ -38,6 +38,7 @@ from .trigger import triggered
 # Set by judgement. Check: `pytest tests/test_edges.py tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
 NEAR_EDGE = 2  # [samples] from an edge within which a record is no measure of the line's error
+HARMLESS = 1e-3  # [1] of its span by which a line may miss its record, whatever the noise is
 COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between its samples
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -358,7 +359,8 @@ def _missed(
     left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]
     error = float(np.sqrt(np.mean(left**2)))
     coarse = resolution(experiment.inputs[name])
-    if error > WRONG * float(np.hypot(noise, coarse / 2)):  # a coarse monitor may toggle
+    small = HARMLESS * float(np.ptp(values))  # what a filter that rings leaves
+    if error > max(WRONG * float(np.hypot(noise, coarse / 2)), small):  # a coarse monitor may toggle
         raise DataError(
             f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI), but "
             f"its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"

@@ -73,8 +73,8 @@ def zeroed(experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Pl
     still: list[dict[str, int]] = [{} for _ in drives]
     levels: dict[str, float] = {}
     for signal in plant.inputs:
-        seen = {i: _at_rest(drives[i], signal.name) for i in resting}
-        seen = {i: (zero, points) for i, (zero, points) in seen.items() if abs(zero) <= ZEROS * signal.zero}
+        shown = {i: _at_rest(experiments[i], drives[i], signal.name) for i in resting}
+        seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.zero}
         found = np.array([zero for zero, _ in seen.values()])
         levels[signal.name] = _in_common(found, signal.zero) if _may_be_off(plant, signal.name) else 0.0
         for i, (zero, points) in seen.items():
@@ -90,14 +90,17 @@ def _in_common(zeros: np.ndarray, usual: float) -> float:
     return float(zeros.mean()) if abs(zeros.mean()) > IN_COMMON * error else 0.0
 
 
-def _at_rest(driven: Drive, name: str) -> tuple[float, int]:
-    """What a monitor shows before anything moves, and how many points its line has there: within noise about it."""
+def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, int] | None:
+    """What a monitor shows before anything moves, and how many points its line has there: within noise about it.
+
+    None where it moves before enough samples.
+    """
     line = driven.lines[name]
     moved = np.abs(line.values - line.values[0]) > MOVED * driven.noise[name]
     points = int(np.argmax(moved)) if moved.any() else line.time.size
     time, values = line.time[:points], line.values[:points]
-    if time[-1] == time[0]:
-        return float(values[0]), points
+    if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:
+        return None
     return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
 
 
