@@ -103,8 +103,8 @@ def _heading_gone(file: File, luck: Luck) -> list[str]:
 
 
 def _heading_other(file: File, luck: Luck) -> list[str]:
-    file.lines[file.heading] = file.lines[file.heading].lower().replace("voltage", "spannung")
-    return [f"line {file.heading + 1}: column 'voltage [V]' is missing", "spannung", "--columns voltage="]
+    file.lines[file.heading] = file.lines[file.heading].lower().replace("radius", "weg")
+    return [f"line {file.heading + 1}: expected one column 'radius [m]' or", "weg", "--columns radius="]
 
 
 def _heading_twice(file: File, luck: Luck) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -200,9 +201,18 @@ def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
         read_experiment(path)
 
 
+def test_an_input_is_read_from_the_only_column_in_a_unit_of_its_kind(tmp_path: Path) -> None:
+    path = written(tmp_path, rows(), HEADER.replace("pressure [Pa]", "P_lumen (Pa)"))
+    found = read_experiment(path)
+    assert any("pressure is read from" in remark and "only column" in remark for remark in found.source.remarks)
+    np.testing.assert_array_equal(
+        found.inputs["pressure"], read_experiment(written(tmp_path, rows())).inputs["pressure"]
+    )
+
+
 def test_missing_columns_and_too_few_samples_are_refused(tmp_path: Path) -> None:
     for column in ("pressure", "voltage"):
-        path = written(tmp_path, rows(), HEADER.replace(column, "something"))
+        path = written(tmp_path, rows(), re.sub(rf"{column} \[\w+\]", "something [s]", HEADER))
         with pytest.raises(DataError, match=rf"line 1: column '{column} .* is missing"):
             read_experiment(path)
     with pytest.raises(DataError, match="too few samples: 20 lines"):

@@ -18,6 +18,7 @@ from tubular_dea.plants.tube import PLANT
 from tubular_dea.recordings import NoTableError, ReadError, Table, read
 from tubular_dea.recordings.cells import decimal_mark, numbers
 from tubular_dea.recordings.heading import parts
+from tubular_dea.recordings.text import read_text
 
 SI = {"time": "s", "pressure": "Pa", "voltage": "V", "radius": "m", "current": "A"}
 NAMES = ("time", "pressure", "voltage", "radius")
@@ -148,6 +149,9 @@ def test_thousands_that_look_like_decimals_are_told_by_the_other_columns() -> No
     assert numbers(["12,345", "13,456"], ",").values[0] == 12.345
     assert numbers(["12,345", "13,456"], ".").values[0] == 12345
     assert numbers(["1.234", "12"], ",").values[0] == 1234
+    rows = [f"0,0{i};15,0{i};0,006" for i in range(10, 90)]  # all of one column look like thousands
+    table = read_text(Path("a.csv"), "\n".join(["time [s];radius [mm];voltage [kV]", *rows]).encode())
+    np.testing.assert_allclose(table.columns[1].values[:2], [15.010, 15.011])
     for cell in ("1_000", "inf", "1.5.2", "0x1F", "12 mV", "1e"):
         assert numbers([cell, "1.5", "2.5"]).bad.tolist() == [0], cell
 

@@ -212,7 +212,9 @@ def not_used(recordings: Recordings) -> list[str]:
     ]
     said += [f"not used: {name}, which holds no table" for name in recordings.left_out]
     said += [f"not used: {name}, in which nothing moves" for name in recordings.still]
-    for experiment in recordings.experiments:
-        if experiment.source:
-            said += [f"{experiment.source.path.name}: {remark}" for remark in experiment.source.remarks]
+    remarks: dict[str, list[str]] = {}
+    for source in (e.source for e in recordings.experiments):
+        for remark in source.remarks if source else ():
+            remarks.setdefault(remark, []).append(source.path.name)
+    said += [f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {r}" for r, names in remarks.items()]
     return said

@@ -96,6 +96,9 @@ def assigned(
         column = _headed(table, name, units[name], [c.number for c in columns.values()])
         if column is not None:
             columns[name] = column
+    for signal in plant.inputs:
+        if signal.name not in columns and (column := _only(table, units[signal.name], columns)):
+            columns[signal.name] = column
     if "time" not in columns and rate is not None:
         columns["time"] = Column("time", "s", f"{rate:g} Hz (bench.toml)", np.arange(table.lines.size) / rate, 0)
     _complete(table, plant, columns, units)
@@ -144,6 +147,22 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
             f"--columns {name}={found[1].number}"
         )
     return found[0] if found else None
+
+
+def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | None:
+    """The only column left that is in a unit of an input's kind, whatever its heading."""
+    taken = {c.number for c in columns.values()}
+    alike = [c for c in table.columns if c.number not in taken and c.unit and not c.problem and _is_in(c.unit, unit)]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _is_in(unit: str, expected: str) -> bool:
+    """Whether a unit can be converted to the expected one."""
+    try:
+        converted(np.ones(1), unit, expected)
+    except UnitError:
+        return False
+    return True
 
 
 def _times(columns: Sequence[Column]) -> list[Column]:

@@ -206,7 +206,12 @@ def experiment_of(
         for finding in checks.output(values[heading], output, plant, lines, heading, zero):
             raise DataError(f"{path}, {finding}")
         outputs[output.name] = values[heading] - zero
-    source = _source(table, columns, [*taken.remarks, *idle])
+    told = [
+        f"{s.name} is read from {columns[s.name].column.shown}, the only column in a unit of its kind"
+        for s in plant.inputs
+        if s.name not in chosen and columns[s.name].column.name != s.name
+    ]
+    source = _source(table, columns, [*told, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
 
 

@@ -170,9 +170,9 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
     cells = list(zip(*body.cells, strict=True))
     found = [numbers(c) for c in cells]
     if any(n.decimal == "," for n in found):
-        found = [numbers(c, ",") if n.decimal in (".", "?") else n for c, n in zip(cells, found, strict=True)]
+        found = [n if n.decimal == "," else numbers(c, ",") for c, n in zip(cells, found, strict=True)]
     elif any(n.decimal == "." for n in found):
-        found = [numbers(c, ".") if n.decimal == "?" else n for c, n in zip(cells, found, strict=True)]
+        found = [n if n.decimal == "." else numbers(c, ".") for c, n in zip(cells, found, strict=True)]
     filled = np.any([np.isfinite(n.values) for n in found], axis=0)
     if np.count_nonzero(filled) < LEAST or all(filled[n.bad].sum() > PROSE * filled.sum() for n in found):
         raise NoTableError(f"{path}, line {above.first}: expected rows of numbers but found text")
