@@ -213,8 +213,8 @@ def not_used(recordings: Recordings) -> list[str]:
     said += [f"not used: {name}, which holds no table" for name in recordings.left_out]
     said += [f"not used: {name}, in which nothing moves" for name in recordings.still]
     remarks: dict[str, list[str]] = {}
-    for source in (e.source for e in recordings.experiments):
-        for remark in source.remarks if source else ():
+    for source in [e.source for e in recordings.experiments if e.source]:
+        for remark in source.remarks:
             remarks.setdefault(remark, []).append(source.path.name)
     said += [f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {r}" for r, names in remarks.items()]
     return said
