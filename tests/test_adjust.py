@@ -261,3 +261,13 @@ def test_where_a_record_starts_is_estimated_before_any_fit() -> None:
     work = study(Recordings(plant, [record]), held_out=())
     found = adjusted(work, (), plant.model.parameter_values()).pieces[0].case.own["x_start"]
     assert found == pytest.approx(3.0, abs=0.01)
+
+
+def test_zeros_that_were_taken_off_count_in_what_is_told_of_them() -> None:
+    work = adjusted(set_of(drawn(6, 0.2)), (), TRUTH, FREE)
+    taken = [
+        replace(p, driven=replace(p.driven, zeros={"load": z})) for p, z in zip(work.pieces, (1, -1) * 3, strict=True)
+    ]
+    known = replace(work, pieces=taken, spread={"load": 0.5})
+    assert adjust.zero_spread(known, "load") == pytest.approx(np.hypot(1.0, 0.5 * adjust.ZERO_LEFT))
+    assert adjust.zero_spread(work, "reading") == pytest.approx(work.spread["reading"])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..identify.adjust import with_nuisances
+from ..identify.adjust import with_nuisances, zero_spread
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, goodness, interval, rmse
 from ..identify.study import Piece, Study
@@ -77,8 +77,8 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
         for name, noise in study.noise.items()
     }
     monitors = {name: {"rms": level, "unit": _unit(found, name)} for name, level in study.monitor_noise.items()}
-    spreads = {name: spread for name, spread in study.spread.items() if study.zero(name) > 0}
-    zeros = {name: {"spread": spread, "unit": _unit(found, name)} for name, spread in spreads.items()}
+    known = [name for name in study.spread if study.zero(name) > 0]
+    zeros = {name: {"spread": zero_spread(study, name), "unit": _unit(found, name)} for name in known}
     return {"sensors": sensors, "monitors": monitors, "zeros": zeros}
 
 

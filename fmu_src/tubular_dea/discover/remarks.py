@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..identify.adjust import zero_spread
 from ..identify.fit import Fit
 from ..model.effect import Effect
 from ..model.units import factor
@@ -134,8 +135,8 @@ def _starts(found: Discovery) -> list[str]:
 def _spread(found: Discovery) -> list[str]:
     """Zeros that differ from file to file by more than what is usual on the bench."""
     said = []
-    for name, spread in found.study.spread.items():
-        if 0 < found.study.zero(name) < spread:
+    for name in found.study.spread:
+        if 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
             unit = found.study.plant.quantity(name).unit
             said.append(f"The zero of {name} differs by {spread:.2g} {unit} from file to file.")
     return said

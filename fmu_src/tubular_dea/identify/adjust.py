@@ -321,6 +321,14 @@ def _left(piece: Piece, name: str) -> float:
     return ZERO_LEFT if name in piece.driven.zeros else 1.0
 
 
+def zero_spread(study: Study, name: str) -> float:
+    """By how much zeros of a signal differ between files (SI, rms): what was taken off at rest, and what is left."""
+    files = list({p.source: p for p in study.pieces}.values())
+    taken = [p.driven.zeros[name] for p in files if name in p.driven.zeros]
+    left = study.spread[name] * np.array([_left(p, name) for p in files])
+    return float(np.hypot(np.std(taken) if taken else 0.0, np.sqrt(np.mean(left**2))))
+
+
 def _estimated(
     study: Study,
     kinds: Sequence[str],
