@@ -271,3 +271,11 @@ def test_zeros_that_were_taken_off_count_in_what_is_told_of_them() -> None:
     known = replace(work, pieces=taken, spread={"load": 0.5})
     assert adjust.zero_spread(known, "load") == pytest.approx(np.hypot(1.0, 0.5 * adjust.ZERO_LEFT))
     assert adjust.zero_spread(work, "reading") == pytest.approx(work.spread["reading"])
+
+
+def test_a_zero_that_a_file_at_rest_lacks_is_not_common_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    zeros = drawn(10, 0.02, 0.3)
+    common = adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"]
+    assert common < 0.1
+    monkeypatch.setattr(adjust, "_shown", lambda piece, name: name == "reading")
+    assert adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"] == pytest.approx(0.3, rel=0.3)

@@ -363,7 +363,8 @@ def _estimated(
     late = np.array([n.startswith(LATE_OF) for n in kinds])
     known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
-    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, 1e-6)
+    seen = np.array([any(_shown(piece, n) for piece, _ in training) for n in kinds])
+    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, 1e6, 1e-6))
     alike = _alike(late)
     information[p : p + k, p : p + k] += alike
     target[p : p + k] -= known + alike @ known
@@ -380,6 +381,11 @@ def _estimated(
     means = np.clip((known + solved[p : p + k]) * LATE, 0.0, LATEST)
     later = {n.removeprefix(LATE_OF): float(v) for n, v, is_late in zip(kinds, means, late, strict=True) if is_late}
     return variance, later
+
+
+def _shown(piece: Piece, name: str) -> bool:
+    """Whether a piece shows at rest that a monitor is not off: then others have no zero in common that it lacks."""
+    return name in piece.driven.zeros and float(piece.driven.protocol.inputs[name][0]) == 0.0
 
 
 def _alike(late: np.ndarray) -> np.ndarray:
