@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..identify.adjust import zero_spread
-from ..identify.fit import Fit
+from ..identify.fit import Fit, interval
 from ..model.effect import Effect
 from ..model.units import factor
 from .acceptance import size_interval
@@ -31,10 +31,11 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
 
 
 def implausible(found: Discovery, fitted: Fit) -> list[str]:
-    """The plant's own parameters whose fitted values are implausible, by name."""
+    """The plant's own parameters that are implausible all over their intervals, by name."""
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
-    return [n for n in judged if not 1 / IMPLAUSIBLE < fitted.values[n] / declared[n] < IMPLAUSIBLE]
+    times = {n: sorted(end / declared[n] for end in interval(fitted, n)) for n in judged}
+    return [n for n, (low, high) in times.items() if low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE]
 
 
 def _one_point(found: Discovery) -> list[str]:
@@ -99,10 +100,9 @@ def _implausible(found: Discovery) -> list[str]:
     for name in implausible(found, found.named.fitted):
         value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
         unit = found.study.plant.quantity(name).unit
-        said.append(
-            f"{name} was fitted to {value:.3g} {unit} (declared: {usual:.3g} {unit}): it compensates "
-            "for something that the model lacks."
-        )
+        lacks = "it compensates for something that the model lacks"
+        why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
+        said.append(f"{name} was fitted to {value:.3g} {unit} (declared: {usual:.3g} {unit}): {why}.")
     return said
 
 
