@@ -47,12 +47,20 @@ def column(place: int, change: object) -> str:
     return lines(edit)
 
 
+def _german(row: str) -> str:
+    """A row with decimal commas and three decimals of a radius in mm."""
+    *cells, last = row.split(",")
+    number = "radius [mm]" if last.startswith("radius") else f"{1e3 * float(last):.3f}"
+    return ";".join([*cells, number]).replace(".", ",")
+
+
 REFUSED = {
     "empty": "",
     "blank": "\n\n\n",
     "prose": "dear diary,\ntoday the tube burst\n",
     "headings alone": "time [s],pressure [Pa]\n",
-    "no pressure": GOOD.replace("pressure", "druck"),
+    "no pressure": GOOD.replace("pressure [Pa]", "druck"),
+    "two that may be": GOOD.replace("pressure [Pa]", "druck [Pa]").replace("radius [m]", "soll [Pa]"),
     "no unit": GOOD.replace("pressure [Pa]", "pressure"),
     "wrong unit": GOOD.replace("[Pa]", "[V]"),
     "unknown unit": GOOD.replace("[Pa]", "[mmgH]"),
@@ -85,6 +93,8 @@ REFUSED = {
 }
 UNDERSTOOD = {
     "good": GOOD,
+    "another heading": GOOD.replace("pressure [Pa]", "P_lumen (Pa)").replace("voltage [V]", "HV [V]"),
+    "decimals like thousands": lines(lambda rows: [_german(row) for row in rows]),
     "semicolons": GOOD.replace(",", ";"),
     "tabs": GOOD.replace(",", "\t"),
     "capitals": GOOD.replace("time [s]", "TIME (S)"),

@@ -29,8 +29,9 @@ function readExperiment(path, raw, geometry = {}) {
     refuse(path, outputFindings(recorded, o, lines, heading, rest));
     outputs[o.name] = recorded.map((v) => v - rest);
   }
+  const told = bench.inputs.filter((s) => columns[s.name].column.name !== s.name).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
-  return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...taken.remarks] };
+  return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks] };
 }
 
 function refuse(path, findings) {
@@ -43,6 +44,10 @@ function assigned(table) {
   const units = benchSignals(), columns = {};
   for (const name of Object.keys(units)) {
     const column = headed(table, name);
+    if (column) columns[name] = column;
+  }
+  for (const { name } of bench.inputs) {
+    const column = columns[name] ?? onlyIn(table, units[name], columns);
     if (column) columns[name] = column;
   }
   for (const name of ["time", ...bench.inputs.map((s) => s.name)])
@@ -60,6 +65,22 @@ function headed(table, name) {
   if (!found.length && name === "time") found = timesOf(table.columns);
   if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: say which with --columns ${name}=${found[1].number}`);
   return found[0];
+}
+
+/* The only column left that is in a unit of an input's kind, whatever its heading. */
+function onlyIn(table, unit, columns) {
+  const taken = new Set(Object.values(columns).map((c) => c.number));
+  const alike = table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem && isIn(c.unit, unit));
+  return alike.length === 1 ? alike[0] : undefined;
+}
+
+function isIn(unit, expected) {
+  try {
+    convertedUnit([1], unit, expected);
+  } catch {
+    return false;
+  }
+  return true;
 }
 
 /* The column that must be the time: by another usual name, as the only one with it in its name, or a clock's. */

@@ -103,8 +103,8 @@ function bodyOf(lines, head, layout) {
 function columnsOf(path, body, head, layout) {
   const width = body.cells[0]?.length ?? 0, cells = Array.from({ length: width }, (_, k) => body.cells.map((row) => row[k]));
   let found = cells.map((c) => numbersIn(c));
-  if (found.some((n) => n.decimal === ",")) found = found.map((n, k) => n.decimal === "." || n.decimal === "?" ? numbersIn(cells[k], ",") : n);
-  else if (found.some((n) => n.decimal === ".")) found = found.map((n, k) => n.decimal === "?" ? numbersIn(cells[k], ".") : n);
+  if (found.some((n) => n.decimal === ",")) found = found.map((n, k) => n.decimal === "," ? n : numbersIn(cells[k], ","));
+  else if (found.some((n) => n.decimal === ".")) found = found.map((n, k) => n.decimal === "." ? n : numbersIn(cells[k], "."));
   const kept = body.cells.map((_, i) => found.some((n) => Number.isFinite(n.values[i]))), total = kept.filter(Boolean).length;
   if (total < words.least || found.every((n) => n.bad.filter((i) => kept[i]).length > words.prose * total)) throw new NoTableError(`${path}, line ${head.first}: expected rows of numbers but found text`);
   const remarks = leftOut(body, kept, head), filled = [...kept], last = kept.lastIndexOf(true);
