@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
-from ..identify.adjust import adjusted, with_nuisances
+from ..identify.adjust import SETTLES, adjusted, with_nuisances
 from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
 from ..identify.misfit import misfit
 from ..identify.problem import Problem
@@ -206,15 +206,17 @@ def identify(
     with steps(progress, 6) as tell:
         tell("monitors and noise")
         work = study(recordings, held_out=())
+        if any(p.unknown for p in work.pieces):  # a fit must not depend on where the plant starts
+            sought = procedure.free_parameters(known.model, values, free)
+            work = adjusted(work, (), values, sought, started=False)
         if staged or isinstance(start, str):
             values = procedure.staged(work, values, tell)
-        if any(p.unknown for p in work.pieces):  # a fit needs a first estimate of where the plant starts
-            work = adjusted(work, (), values)
         tell("all parameters jointly")
-        _, first = procedure.joint(work, values, starts, seed, free)
+        problem, best = procedure.joint(work, values, starts, seed, free)
         tell("switching instants and zeros")
-        work = adjusted(work, (), first.values, first.free)
-        problem, best = procedure.joint(work, first.values, 1, seed, free)
+        for _ in range(SETTLES):
+            work = adjusted(work, (), best.values, best.free)
+            problem, best = procedure.joint(work, best.values, 1, seed, free)
         content = _content(work, problem, best, profile)
     names = known.model.parameter_values()
     identified = {n: v for n, v in (work.geometry | best.values).items() if n in names}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import UserError
-from ..identify.adjust import adjusted
+from ..identify.adjust import SETTLES, adjusted
 from ..identify.data import Recordings
 from ..identify.fit import Fit
 from ..identify.monitor_uncertainty import with_monitor_noise
@@ -51,7 +51,6 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
 MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
-SETTLES = 2  # [1] times that the base is fitted and the records' own numbers are taken there, at least
 MOST_SETTLES = 5  # [1] the same at most, while monitors are found later or earlier each time
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`

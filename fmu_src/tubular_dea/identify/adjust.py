@@ -43,6 +43,9 @@ LEAST_FILES = 3  # [1] files from which on a spread between them can be told
 # `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
 ITERATIONS = 40  # [1] of expectation and maximisation
 
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions monitor_zeros start --seed 1000`
+SETTLES = 2  # [1] times that a model is fitted and the records' own numbers are taken there, at least
+
 # Set by judgement. Check: `pytest tests/test_adjust.py -k instant`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
@@ -138,13 +141,11 @@ def adjusted(
 ) -> Study:
     """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
 
-    `free` are the parameters that are fitted while spreads are estimated. Unless `started`, the unknown states at the
-    start stay where they are, and only their uncertainty is integrated out: at a model that is far off they would make
-    up for it.
+    `free` are the parameters that are fitted while spreads are estimated. Unless `started`, states that are off an
+    equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
+    would make up for it.
     """
-    own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
-    values = {n: v for n, v in values.items() if n not in own}
-    fixed = study.geometry | values
+    fixed = study.geometry | study.shared(values)
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=owned)
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
@@ -420,11 +421,12 @@ def _settled(
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
-    if piece.unknown and started:
+    sought = piece.unknown if started else study.plant.each_start
+    if sought:
         local = Marginal(made.windows)
         mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
         found = dict(zip(piece.nuisances.names, mean, strict=True))
-        begins = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in piece.unknown}
+        begins = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in sought}
         case = replace(case, own=dict(case.own) | _inside(study, begins))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
 

@@ -124,6 +124,11 @@ class Study:
         """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
         return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
 
+    def shared(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of parameters without those of which each record has its own."""
+        own = {name for p in self.pieces for name in (*p.case.own, *p.unknown)}
+        return {n: v for n, v in values.items() if n not in own}
+
     def zero(self, name: str) -> float:
         """The usual zero error of a signal (SI); 0 for a name that is no signal."""
         zeros = {s.name: s.zero for s in self.plant.inputs} | {s.name: s.zero for s in self.plant.outputs}
@@ -147,7 +152,7 @@ class Study:
             [p.record for p in pieces],
             self.noise,
             free,
-            dict(fixed) | self.geometry,
+            self.shared(fixed) | self.geometry,
             [p.weight for p in pieces],
             self.prior if free else None,
             [p.marginal for p in pieces],
