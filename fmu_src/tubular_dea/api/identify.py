@@ -208,7 +208,7 @@ def identify(
         work = study(recordings, held_out=())
         if any(p.unknown for p in work.pieces):  # a fit must not depend on where the plant starts
             sought = procedure.free_parameters(known.model, values, free)
-            work = adjusted(work, (), values, sought, started=False)
+            work = adjusted(work, (), work.shared(values), sought, started=False)
         if staged or isinstance(start, str):
             values = procedure.staged(work, values, tell)
         tell("all parameters jointly")

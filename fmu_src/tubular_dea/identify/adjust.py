@@ -145,7 +145,8 @@ def adjusted(
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
     would make up for it.
     """
-    fixed = study.geometry | study.shared(values)
+    own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
+    fixed = study.geometry | {n: v for n, v in values.items() if n not in own}
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=owned)
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
