@@ -236,7 +236,9 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
 
 def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
     """The base fitted, and refitted with nuisance parameters estimated and samples weighted for the monitors' noise."""
-    if any(p.unknown for p in work.pieces):  # a fit needs a first estimate of where the plant starts
+    if any(p.unknown for p in work.pieces):
+        # A fit needs a first estimate of where the plant starts. The declared values are passed whole, with the switch
+        # of the start: without it the base of lab-4 ends in a wrong optimum.
         work = adjusted(work, (), work.plant.model.parameter_values(), base_parameters(work.plant), started=False)
     fitted = base.recalibrate(work, seed=seed)
     work = with_noise_of(work, fitted)

@@ -113,6 +113,11 @@ class Transitions:
     def __len__(self) -> int:
         return int(self.before.size)
 
+    @property
+    def on_the_way(self) -> np.ndarray:
+        """How many samples lie between the levels of each, (m,)."""
+        return self.after - self.before - 1
+
     def only(self, chosen: np.ndarray) -> Transitions:
         """Some of them."""
         return Transitions(self.before[chosen], self.after[chosen])
@@ -256,7 +261,7 @@ def _beside(size: np.ndarray) -> np.ndarray:
 
 def few(found: Transitions) -> np.ndarray:
     """Those with few samples on the way, (m,)."""
-    return found.after - found.before - 1 <= FEW_ON_WAY
+    return found.on_the_way <= FEW_ON_WAY
 
 
 def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None:
@@ -336,8 +341,8 @@ class _EdgeSamples:
 def _edge_samples(time: np.ndarray, values: np.ndarray, noise: float) -> list[_EdgeSamples]:
     found = transitions(time, values, noise)
     large = np.abs(values[found.after] - values[found.before]) > MATTERS * np.ptp(values)
-    short = found.after - found.before - 1 <= MOST_ON_WAY
-    looks = [_samples_of(time, values, noise, a, b) for a, b in _pairs(found.only(short & large))]
+    told = large & (found.on_the_way <= MOST_ON_WAY)
+    looks = [_samples_of(time, values, noise, a, b) for a, b in _pairs(found.only(told))]
     return [look for look in looks if not _rings(look)]
 
 
