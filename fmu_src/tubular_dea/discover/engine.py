@@ -14,8 +14,9 @@ from ..identify.fit import Fit
 from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
-from ..identify.study import Study, study
+from ..identify.study import Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
+from ..kernel import KernelError
 from . import (
     acceptance,
     base,
@@ -123,7 +124,7 @@ def discover(
             f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
         )
     tell("recalibrate the base model")
-    work, fitted = _recalibrated(work, seed)
+    work, fitted = _recalibrated(work, seed, held_out is None)
     numeric = numerics.numeric_gain(work, fitted.values)
     found = selection.search(work, fitted, numeric, seed, tell)
     work, fitted = found.study, found.base.fitted
@@ -234,13 +235,21 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
     return found.base
 
 
-def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
-    """The base fitted, and refitted with nuisance parameters estimated and samples weighted for the monitors' noise."""
+def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
+    """The base fitted, and refitted with nuisance parameters estimated and samples weighted for the monitors' noise.
+
+    `chosen`: the held-out experiments are not the user's choice. Those at which the base then has no answer (a start
+    beyond its fold) take part in the fit.
+    """
     if any(p.unknown for p in work.pieces):
         # A fit needs a first estimate of where the plant starts. The declared values are passed whole, with the switch
         # of the start: without it the base of lab-4 ends in a wrong optimum.
         work = adjusted(work, (), work.plant.model.parameter_values(), base_parameters(work.plant), started=False)
     fitted = base.recalibrate(work, seed=seed)
+    if chosen and not all(followed := [not p.held_out or _follows(work, fitted, p) for p in work.pieces]):
+        kept = [replace(p, held_out=p.held_out and f) for p, f in zip(work.pieces, followed, strict=True)]
+        work = replace(work, pieces=kept)
+        fitted = base.recalibrate(work, seed=seed)
     work = with_noise_of(work, fitted)
     for number in range(MOST_SETTLES):
         before = work.late
@@ -251,6 +260,15 @@ def _recalibrated(work: Study, seed: int) -> tuple[Study, Fit]:
         if number + 1 >= SETTLES and moved < SAME_DELAY:
             break
     return work, fitted
+
+
+def _follows(work: Study, fitted: Fit, piece: Piece) -> bool:
+    """Whether the base model has an answer at a piece."""
+    try:
+        work.asked((), [piece.case]).outputs_alone(work.shared(fitted.values))
+    except KernelError:
+        return False
+    return True
 
 
 def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:

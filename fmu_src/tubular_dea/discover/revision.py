@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..identify.study import Study
@@ -16,6 +16,7 @@ from .rounds import AT_BEST, Progress, Round
 # `python -m blind.score --pairs 20 --seed 1000`
 FINER_GAIN = 10.0  # [log evidence] that a finer form must bring
 MOST_FINER = 4  # [1] rivals that are refined with the choice
+PROMISING = 0.5  # [1] share of the choice's gain that a rival may lose whose finer form is tried
 EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
 
 
@@ -96,7 +97,7 @@ def _drop(study: Study, found: Search) -> None:
 
 
 def _refine(study: Study, found: Search, tell: Progress) -> None:
-    """Use finer forms of the chosen effects where the recordings support them; then of close rivals too."""
+    """Use finer forms of the chosen effects where the recordings support them; then of promising rivals too."""
     if clean(found.chosen.lack_of_fit):
         return
     coarse = found.chosen
@@ -106,13 +107,12 @@ def _refine(study: Study, found: Search, tell: Progress) -> None:
         finer = _finer(study, found.chosen, (name,), tell)
         if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
             found.chosen = finer
-    if found.chosen is not coarse:
-        _refine_rivals(study, found, coarse, tell)
+    _refine_rivals(study, found, coarse, tell)
 
 
 def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
-    """Refine the rivals close to the coarse form of the choice as it was refined; choose the best."""
-    near = [r for r in found.rivals if stands_in(r, coarse, found.gains)]
+    """Refine the rivals that may pass the choice in a finer form, as it was refined; choose the best."""
+    near = [r for r in found.rivals if stands_in(r, coarse, found.gains) or _promising(r, coarse, found.gains)]
 
     def refined(rival: Option) -> Option:
         finest = [i for i in rival.ids if i in found.chosen.refined or i not in coarse.ids]
@@ -127,6 +127,12 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
     if pair:
         found.gains[pair[1]] = found.gains.pop(pair[0])
     found.chosen, found.rivals = best, [o for o in everyone if o is not best]
+
+
+def _promising(rival: Option, coarse: Option, gains: Mapping[str, float]) -> bool:
+    """Whether a rival brought a good part of what the last effect of the choice did, in their coarse forms."""
+    alike = rival.ids[:-1] == coarse.ids[:-1] and rival.ids[-1] not in coarse.ids
+    return alike and rival.misfit - coarse.misfit < PROMISING * gains.get(coarse.ids[-1], 0.0)
 
 
 def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:

@@ -8,8 +8,10 @@ from dataclasses import replace
 from ..identify.adjust import adjusted
 from ..identify.fit import Fit, FitError
 from ..identify.study import Study
-from .acceptance import far, finished, settled
+from ..identify.threads import side_by_side
+from .acceptance import clean, far, finished, settled
 from .base import AGREE
+from .equivalence import CHANCE
 from .options import Option, fitted_option, option
 from .refit import fit_effects, further
 from .revision import Search, revise
@@ -22,6 +24,8 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 # Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
 # `python -m blind.score --singles 2 --seed 1000`
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
+MOST_SETTLES = 6  # [1] times at most that a model is fitted and the records' own numbers are taken there
+SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 
 
@@ -52,13 +56,56 @@ def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progres
 
 
 def _settle(found: Search, tell: Progress) -> None:
-    """Estimate the nuisance parameters again with the chosen effects, and refit the choice."""
-    chosen = found.chosen
+    """Estimate the nuisance parameters again with the chosen effects and refit the choice; then the same for rivals
+    that were behind by no more than the choice gains by it."""
     tell("switching instants and zeros")
-    study = adjusted(found.study, chosen.ids, chosen.fitted.values, chosen.fitted.free)
-    again = fitted_option(study, chosen.ids, chosen.fitted.values, chosen.refined)
-    if again is not None:
-        found.study, found.chosen = study, again
+    before, name = found.chosen, found.chosen.ids[-1]
+    found.study, found.chosen = _own_nuisances(found.study, before)
+    gained = before.misfit - found.chosen.misfit
+    if gained < AGREE:
+        return
+    near = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and r.misfit - before.misfit < gained]
+    near = [r for r in near if not r.pinned][:SETTLED_RIVALS]
+    settled = side_by_side(lambda r: _own_nuisances(found.study, r), near)
+    others = [r for r in found.rivals if not any(r is n for n in near)]
+    found.gains[name] = found.gains.get(name, 0.0) + gained
+    everyone = sorted([(found.study, found.chosen), *settled], key=lambda s: -s[1].evidence)
+    study, best = everyone[0]
+    if 2 * (best.evidence - found.chosen.evidence) > CHANCE:
+        found.gains[best.ids[-1]] = found.gains.pop(name) + found.chosen.misfit - best.misfit
+        found.study, found.chosen = study, best
+    rest = [o for _, o in everyone if o is not found.chosen]
+    found.rivals = sorted([*rest, *others], key=lambda o: -o.evidence)
+
+
+def _own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
+    """An option with nuisance parameters as it makes them likely itself, and the study that has these.
+
+    A start under load and the parameters that it is estimated with change together, in several steps. Where more than
+    noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values.
+    """
+    study, one = _iterated(study, one)
+    if clean(one.lack_of_fit):
+        return study, one
+    declared = {n: v for n, v in study.plant.model.parameter_values().items() if n in study.plant.restart}
+    again = fitted_option(study, one.ids, one.fitted.values | declared, one.refined) if declared else None
+    if again is None:
+        return study, one
+    return min((study, one), _iterated(study, again), key=lambda settled: settled[1].misfit)
+
+
+def _iterated(study: Study, one: Option) -> tuple[Study, Option]:
+    """An option and its nuisance parameters, each taken anew until the option gains no more."""
+    for _ in range(MOST_SETTLES):
+        moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
+        again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
+        if again is None:
+            break
+        gained = one.misfit - again.misfit
+        study, one = moved, again
+        if abs(gained) < AGREE:
+            break
+    return study, one
 
 
 def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:

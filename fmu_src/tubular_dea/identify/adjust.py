@@ -73,6 +73,7 @@ GAIN = 2e-3  # [1] by which they usually do
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
 START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient
+START_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start that are tried in turn
 START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
 
 # Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
@@ -151,8 +152,10 @@ def adjusted(
     work = replace(study, pieces=owned)
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
     spread, later = _spreads(work, ids, fixed, linear, free)
-    pieces = [_settled(work, p, s, spread, later, started) for p, s in zip(work.pieces, linear, strict=True)]
-    return replace(work, pieces=pieces, spread=spread, late=later)
+    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
+    work = replace(work, pieces=pieces, spread=spread, late=later)
+    begun = side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces)))
+    return replace(work, pieces=begun)
 
 
 def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
@@ -400,12 +403,7 @@ def _alike(late: np.ndarray) -> np.ndarray:
 
 
 def _settled(
-    study: Study,
-    piece: Piece,
-    linear: _Linearised,
-    spread: Mapping[str, float],
-    later: Mapping[str, float],
-    started: bool,
+    study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
@@ -422,14 +420,39 @@ def _settled(
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
-    sought = piece.unknown if started else study.plant.each_start
-    if sought:
-        local = Marginal(made.windows)
-        mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
-        found = dict(zip(piece.nuisances.names, mean, strict=True))
-        begins = {n: case.own.get(n, 0.0) + float(found[f"start {n}"]) for n in sought}
-        case = replace(case, own=dict(case.own) | _inside(study, begins))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _begun(
+    study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, linear: _Linearised, started: bool
+) -> Piece:
+    """The piece with its own start at the most likely one: a Gauss-Newton step, or the part of it that fits better.
+
+    Far from the model's optimum a whole step may lead to where the plant has no rest, or moves quite differently.
+    """
+    sought = piece.unknown if started else study.plant.each_start
+    if not sought:
+        return piece
+    local = Marginal(piece.marginal.windows)
+    mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), piece.nuisances.sd)
+    found = dict(zip(piece.nuisances.names, mean, strict=True))
+    others = np.array([not n.startswith("start ") for n in piece.nuisances.names])
+    left = marginal(_windows(piece, linear, piece.shifts), linear.columns, piece.nuisances.sd * others)
+
+    def cost(case: Case) -> float:
+        try:
+            answer = study.asked(ids, [case]).outputs_alone(values)[0]
+        except KernelError:
+            return np.inf
+        return float(np.sum(left.apply(whitened(case, answer - piece.record, study.noise, piece.weight)) ** 2))
+
+    least, own = cost(piece.case), piece.case.own
+    for part in START_PARTS:
+        begins = {n: own.get(n, 0.0) + part * float(found[f"start {n}"]) for n in sought}
+        case = replace(piece.case, own=dict(own) | _inside(study, begins))
+        if cost(case) < least:
+            return replace(piece, case=case)
+    return piece
 
 
 def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The permittivity changes with the field: saturation, or more polarisation near breakdown.
 
-Equation: eps = eps_r (1 + eps_field x^2 / (1 + eps_saturation x^2)), x = E / (100 V/um): the secant D / E, so that
-the Maxwell stress stays E D.
+Equation: eps = eps_r (1 + eps_field x^2 (1 + eps_saturation) / (1 + eps_saturation x^2)), x = E / (100 V/um): the
+secant D / E, so that the Maxwell stress stays E D. However soon it levels off, eps_field is the change at 100 V/um.
 
 Source: Tagarielli, Hildick-Smith, Huber, "Electro-mechanical properties and electrostriction response of a rubbery
 polymer for EAP applications", Int. J. Solids Struct. 49 (2012) 3409.
@@ -18,9 +18,7 @@ from ._signals import dielectric
 
 REFERENCE = sympy.Float(1e8)  # V/m
 PARAMETERS = (
-    Quantity(
-        "eps_field", "1", "Change of the permittivity with (E / 100 V/um)^2", 0.0, "Tagarielli 2012", -0.8, 3.0, 0.1
-    ),
+    Quantity("eps_field", "1", "Change of the permittivity at 100 V/um", 0.0, "Tagarielli 2012", -0.8, 3.0, 0.1),
     Quantity("eps_saturation", "1", "Levelling off of that change", 0.0, "Tagarielli 2012", 0.0, 20.0),
 )
 
@@ -28,13 +26,14 @@ PARAMETERS = (
 def _apply(model: Model) -> Model:
     model = dielectric(model)
     x = model["active_field"] / REFERENCE
-    levelled = 1 + model["eps_saturation"] * x**2
+    levelled = (1 + model["eps_saturation"] * x**2) / (1 + model["eps_saturation"])
     factor = 1 + model["eps_field"] * x**2 / levelled
     model = scaled(model, "eps_effective", factor)
     growth = (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
     area_over_thickness = model["lambda_1"] * model["lambda_2"] / model["h_ao"]
     field_rate = model["active_field"] * growth + model["electrode_voltage_rate"] * area_over_thickness
-    change = 2 * model["eps_field"] * x / levelled**2 * field_rate / REFERENCE
+    slope = 2 * model["eps_field"] * x / (levelled**2 * (1 + model["eps_saturation"]))
+    change = slope * field_rate / REFERENCE
     return added(model, "capacitance_rate", model["capacitance"] * change / factor)
 
 
