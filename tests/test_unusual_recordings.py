@@ -16,7 +16,7 @@ from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.checks import mislabelled
 from tubular_dea.identify.data import Experiment, Recordings, read_experiment
 from tubular_dea.identify.drive import drive, joined
-from tubular_dea.identify.fit import fit, goodness
+from tubular_dea.identify.fit import AGREE, fit, goodness
 from tubular_dea.identify.study import Study, sensor_noise, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
@@ -132,7 +132,7 @@ def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
     work = study(several(truth, softer=0.6, seed=20), prior=engine.PRIOR)
     for seed in (0, 3):  # without the declared branches among the starts, both end in a poorer place
         found = base.recalibrate(work, seed=seed)
-        assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + base.AGREE
+        assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + AGREE
 
 
 def test_the_level_of_noise_is_as_uncertain_as_the_record_is_short(plain: Recordings) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
-from ..identify.adjust import SETTLES, adjusted, with_nuisances
+from ..identify.adjust import adjusted, with_nuisances
 from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
 from ..identify.misfit import misfit
 from ..identify.problem import Problem
@@ -212,11 +212,7 @@ def identify(
         if staged or isinstance(start, str):
             values = procedure.staged(work, values, tell)
         tell("all parameters jointly")
-        problem, best = procedure.joint(work, values, starts, seed, free)
-        tell("switching instants and zeros")
-        for _ in range(SETTLES):
-            work = adjusted(work, (), best.values, best.free)
-            problem, best = procedure.joint(work, best.values, 1, seed, free)
+        work, problem, best = procedure.settled(work, values, starts, seed, free)
         content = _content(work, problem, best, profile)
     names = known.model.parameter_values()
     identified = {n: v for n, v in (work.geometry | best.values).items() if n in names}

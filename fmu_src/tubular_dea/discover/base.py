@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..identify.fit import Fit, FitError, fit
+from ..identify.fit import AGREE, Fit, FitError, fit
 from ..identify.problem import Problem
 from ..identify.study import Study
 from ..identify.threads import side_by_side
@@ -20,7 +20,6 @@ from .parameters import base_parameters
 # `python -m blind.score --nulls 60 --seed 1000`
 BASE_STARTS = 3  # [1] places from which the base is searched
 MOVE = 0.1  # [1] relative distance of the further ones
-AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 
 # Set by judgement: no unit test tells a factor of four. Check: `python -m blind.score --nulls 60 --seed 1000`
 CONFIRM = 15  # [evaluations] that they have
@@ -41,10 +40,8 @@ def recalibrate(
     problem = study.problem((), base_parameters(study.plant), {})
     best = _somewhere(study, problem, study.plant.model.parameter_values() if start is None else start, seed)
 
-    declared = {n: v for n, v in study.plant.model.parameter_values().items() if n in study.plant.restart}
-
     def confirm(number: int) -> Fit:
-        begin, move = (best.values | declared, 0.0) if number == 1 else (best.values, MOVE)
+        begin, move = (best.values | study.plant.restarts, 0.0) if number == 1 else (best.values, MOVE)
         try:
             return fit(problem, begin, 1, evaluations=CONFIRM, move=move, seed=seed + number)
         except FitError:  # no answer there: no better place

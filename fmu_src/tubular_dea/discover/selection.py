@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..identify.adjust import adjusted
-from ..identify.fit import Fit, FitError
+from ..identify.fit import AGREE, Fit, FitError
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .acceptance import clean, far, finished, settled
-from .base import AGREE
 from .equivalence import CHANCE
 from .options import Option, fitted_option, option
 from .refit import fit_effects, further
@@ -87,9 +86,8 @@ def _own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     study, one = _iterated(study, one)
     if clean(one.lack_of_fit):
         return study, one
-    declared = {n: v for n, v in study.plant.model.parameter_values().items() if n in study.plant.restart}
-    again = fitted_option(study, one.ids, one.fitted.values | declared, one.refined) if declared else None
-    if again is None:
+    again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
+    if again is None or not study.plant.restart:
         return study, one
     return min((study, one), _iterated(study, again), key=lambda settled: settled[1].misfit)
 

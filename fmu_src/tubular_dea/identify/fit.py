@@ -26,6 +26,7 @@ NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that 
 # Set by judgement. Check: `pytest tests/test_identify.py::test_joint_fit_finds_the_tube_and_its_intervals_hold`
 PRECISION = 1e-5  # [1] relative change of cost or parameters at which a search ends, less than chance changes them
 EVALUATIONS = 60  # [evaluations] after which it ends
+AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
 # Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`

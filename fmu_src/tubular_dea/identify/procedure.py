@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import UserError
 from ..model.declare import Model
 from ..plants.plant import Plant
-from .fit import Fit, FitError, fit
+from .adjust import SETTLES, adjusted
+from .fit import AGREE, Fit, FitError, fit
 from .monitor_uncertainty import with_monitor_noise
 from .problem import Free, Problem
 from .study import Study
@@ -23,6 +24,7 @@ from .study import Study
 ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
 STAGE_EVALUATIONS = 40  # [evaluations] of a stage
 NEAR_START = 0.1  # [1] distance of the joint fit's further starts, in the solver's numbers
+MOST_SETTLES = 6  # [1] times at most that a model is fitted and the records' own numbers are taken there
 SAMPLES_EACH = 10  # [samples] that every parameter needs at least
 
 Progress = Callable[[str], None]
@@ -82,14 +84,19 @@ def ordered_fit(plant: Plant, problem: Problem, best: Fit) -> Fit:
 
 
 def joint(
-    work: Study, start: Mapping[str, float], starts: int = 3, seed: int = 0, names: Sequence[str] | None = None
+    work: Study,
+    start: Mapping[str, float],
+    starts: int = 3,
+    seed: int = 0,
+    names: Sequence[str] | None = None,
+    usual: Mapping[str, float] | None = None,
 ) -> tuple[Problem, Fit]:
     """All parameters (or `names`) from all experiments at once, from several starts around `start`.
 
     Exchangeable parameters are ordered (`ordered_fit`); their uncertainty includes the monitors' noise
-    (`with_monitor_noise`).
+    (`with_monitor_noise`). `usual` are values whose sizes the parameters have, by default `start`.
     """
-    problem = work.problem((), free_parameters(work.plant.model, start, names), start)
+    problem = work.problem((), free_parameters(work.plant.model, usual or start, names), start)
     samples = sum(r.size for r in problem.records)
     if samples < SAMPLES_EACH * len(problem.free):
         raise UserError(
@@ -98,6 +105,40 @@ def joint(
         )
     best = ordered_fit(work.plant, problem, fit(problem, start, starts, NEAR_START, seed))
     return problem, with_monitor_noise(problem, best, [p.driven for p in work.training])
+
+
+def settled(
+    work: Study, start: Mapping[str, float], starts: int = 3, seed: int = 0, names: Sequence[str] | None = None
+) -> tuple[Study, Problem, Fit]:
+    """The joint fit and the records' own numbers (switching instants, zeros, starts), each taken anew at the other.
+
+    Until neither gains; then once more with the parameters that a fit may lose (`Plant.restart`) at their declared
+    values.
+    """
+    first = _taken_in_turn(work, joint(work, start, starts, seed, names), start, seed, names)
+    fitted = first[2]
+    again = fitted.values | {n: v for n, v in work.plant.restarts.items() if n in fitted.names}
+    if again == fitted.values:
+        return first
+    try:
+        restarted = joint(first[0], again, 1, seed, names, start)
+    except FitError:
+        return first
+    return min(first, _taken_in_turn(first[0], restarted, start, seed, names), key=lambda s: s[2].cost)
+
+
+def _taken_in_turn(
+    work: Study, found: tuple[Problem, Fit], start: Mapping[str, float], seed: int, names: Sequence[str] | None
+) -> tuple[Study, Problem, Fit]:
+    """A joint fit and the records' own numbers, in turn until the cost changes no more."""
+    problem, best = found
+    for number in range(MOST_SETTLES):
+        work = adjusted(work, (), best.values, best.free)
+        before = best.cost
+        problem, best = joint(work, best.values, 1, seed, names, start)
+        if number + 1 >= SETTLES and abs(before - best.cost) < AGREE:
+            break
+    return work, problem, best
 
 
 def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -> dict[str, float]:

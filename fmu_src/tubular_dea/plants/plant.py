@@ -196,6 +196,11 @@ class Plant:
         }
 
     @property
+    def restarts(self) -> dict[str, float]:
+        """The declared values of the parameters that a search does not bring back by itself."""
+        return {n: v for n, v in self.model.parameter_values().items() if n in self.restart}
+
+    @property
     def free_starts(self) -> dict[str, str]:
         """The parameters that are unknown start values: "each" recording has its own, or they are "shared" by all."""
         return {p.quantity.name: p.start for p in self.model.parameters if p.start}
