@@ -104,8 +104,10 @@ def test_another_law_makes_no_effect_vanish() -> None:
         True,
     )
     wide = narrow.with_covariance(np.diag([4e-6, 0.0208**2]))
-    kept = still_there(study, ("lag",), narrow, wide)
+    kept = still_there(study, ("lag",), narrow, wide, {})
     assert 0 < -kept.values["lag"] - 1.96 * kept.stderr["lag"] < 1e-3
     assert kept.stderr["base"] == wide.stderr["base"]
     faint = narrow.with_covariance(np.diag([1e-6, 0.0208**2]))
-    assert still_there(study, ("lag",), faint, wide).stderr["lag"] == wide.stderr["lag"]
+    assert still_there(study, ("lag",), faint, wide, {"lag": 10.0}).stderr["lag"] == wide.stderr["lag"]
+    profile = still_there(study, ("lag",), faint, wide, {"lag": 100.0})  # ten standard deviations by the likelihood
+    assert profile.stderr["lag"] == pytest.approx(kept.stderr["lag"])

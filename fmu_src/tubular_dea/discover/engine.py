@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import UserError
-from ..identify.adjust import SETTLES, adjusted
+from ..identify.adjust import MOST_SETTLES, SETTLES, adjusted
 from ..identify.data import Recordings
 from ..identify.fit import Fit
 from ..identify.monitor_uncertainty import with_monitor_noise
@@ -52,7 +52,6 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
 MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
-MOST_SETTLES = 5  # [1] the same at most, while monitors are found later or earlier each time
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`
 SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
@@ -171,7 +170,7 @@ def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[
     form = equivalence.form_share(found.chosen, repeated)
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains, form)
     equivalent = second_output.distinguished(work, found, equivalent)
-    return equivalent, _described(work, found.chosen, _equals(found, equivalent))
+    return equivalent, _described(work, found.chosen, _equals(found, equivalent), found.gains)
 
 
 def _wandering(work: Study, chosen: Option) -> tuple[str, float] | None:
@@ -271,7 +270,7 @@ def _follows(work: Study, fitted: Fit, piece: Piece) -> bool:
     return True
 
 
-def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
+def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Mapping[str, float]) -> Option:
     """The option as reported: branches in order, intervals that include the monitors' noise and other forms of laws."""
 
     def in_order(one: Option) -> tuple[Problem, Fit]:
@@ -286,7 +285,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option]) -> Option:
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
-    return replace(option, fitted=still_there(work, option.ids, fitted, wider))
+    return replace(option, fitted=still_there(work, option.ids, fitted, wider, gains))
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

@@ -11,7 +11,7 @@ spread between equivalent effects counts as uncertainty too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ..identify.fit import NORMAL_95, Fit, inverse
 from ..identify.problem import Problem
 from ..identify.study import Study
 from ..model.effect import Effect
-from .acceptance import bounded_away
+from .acceptance import EARNS, bounded_away
 from .parameters import switched_off
 
 # Set by judgement: by some per cent, slowly. A factor of four either way changes standard errors by 8 % at most there.
@@ -63,14 +63,17 @@ def with_rivals(best: Fit, rivals: Sequence[Fit]) -> Fit:
     return best.with_covariance(best.covariance + np.mean([np.outer(d, d) for d in apart], axis=0))
 
 
-def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit) -> Fit:
-    """The wider fit, but no wider than that effects which are there by the narrower one stay there.
+def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit, gains: Mapping[str, float]) -> Fit:
+    """The wider fit, but no wider than that effects stay there which are there by the narrower one or their `gains`.
 
-    Another form of a law says that its size means something else, not that there is no such effect.
+    Another form of a law says that its size means something else, not that there is no such effect. And where a size
+    and other parameters make up for each other along a bent valley, an interval from the covariance may reach to where
+    the effect is off, though the misfit rises far by then: the gain is the profile of the likelihood there.
     """
     share = np.ones(len(wide.names))
     for effect in (study.catalogue[name] for name in ids):
-        if not bounded_away(effect, narrow) or bounded_away(effect, wide):
+        there = bounded_away(effect, narrow) or gains.get(effect.id, 0.0) > EARNS
+        if not there or bounded_away(effect, wide):
             continue
         for i, name in enumerate(wide.names):
             if name in effect.off or (name in effect.fit and not any(n in wide.names for n in effect.off)):

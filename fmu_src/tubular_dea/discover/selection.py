@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..identify.adjust import adjusted
+from ..identify.adjust import MOST_SETTLES, adjusted
 from ..identify.fit import AGREE, Fit, FitError
 from ..identify.study import Study
 from ..identify.threads import side_by_side
@@ -23,7 +23,6 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 # Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
 # `python -m blind.score --singles 2 --seed 1000`
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
-MOST_SETTLES = 6  # [1] times at most that a model is fitted and the records' own numbers are taken there
 SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 

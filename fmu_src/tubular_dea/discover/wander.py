@@ -26,13 +26,16 @@ CURVES = 4  # [1] curves over a file's time: Legendre polynomials from a straigh
 
 
 def explained_by_wandering(study: Study, before: Option, after: Option, threshold: float) -> bool:
-    """Whether, with a wandering zero, the last effect of `after` gains less than `threshold` over `before`.
+    """Whether a wandering zero has more evidence than the last effect of `after`, which gains less than `threshold`
+    over `before` beside it.
 
     An effect of the sensor's own channel may be such a fault, and is not checked.
     """
     if study.catalogue[after.ids[-1]].channel in {o.channel for o in study.plant.outputs}:
         return False
-    return _misfit(study, before) - _misfit(study, after) < threshold
+    wandering = before.fitted.cost - _misfit(study, before) - _complexity(study, before)
+    gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
+    return _misfit(study, before) - _misfit(study, after) < threshold and wandering > gained
 
 
 def without(study: Study, option: Option) -> LackOfFit:
@@ -60,6 +63,11 @@ def _misfit(study: Study, option: Option) -> float:
     for rows, columns, found in _found(study, option):
         squares -= float(option.fitted.residual[rows] @ columns @ found)
     return squares
+
+
+def _complexity(study: Study, option: Option) -> float:
+    """What wandering costs, in units of `_misfit`: the logarithm of how much wider it makes the likelihood."""
+    return float(sum(np.linalg.slogdet(np.eye(c.shape[1]) + c.T @ c)[1] for _, c, _ in _found(study, option)))
 
 
 def _found(study: Study, option: Option) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:

@@ -45,6 +45,7 @@ ITERATIONS = 40  # [1] of expectation and maximisation
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions monitor_zeros start --seed 1000`
 SETTLES = 2  # [1] times that a model is fitted and the records' own numbers are taken there, at least
+MOST_SETTLES = 6  # [1] the same at most
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k instant`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import UserError
 from ..model.declare import Model
 from ..plants.plant import Plant
-from .adjust import SETTLES, adjusted
+from .adjust import MOST_SETTLES, SETTLES, adjusted
 from .fit import AGREE, Fit, FitError, fit
 from .monitor_uncertainty import with_monitor_noise
 from .problem import Free, Problem
@@ -24,7 +24,6 @@ from .study import Study
 ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
 STAGE_EVALUATIONS = 40  # [evaluations] of a stage
 NEAR_START = 0.1  # [1] distance of the joint fit's further starts, in the solver's numbers
-MOST_SETTLES = 6  # [1] times at most that a model is fitted and the records' own numbers are taken there
 SAMPLES_EACH = 10  # [samples] that every parameter needs at least
 
 Progress = Callable[[str], None]
