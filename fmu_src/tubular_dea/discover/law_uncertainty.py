@@ -71,8 +71,8 @@ def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit, gains: Mapping[s
     the effect is off, though the misfit rises far by then: the gain is the profile of the likelihood there.
     """
     share = np.ones(len(wide.names))
-    for effect in (study.catalogue[name] for name in ids):
-        there = bounded_away(effect, narrow) or gains.get(effect.id, 0.0) > EARNS
+    for effect_id, effect in ((name, study.catalogue[name]) for name in ids):
+        there = bounded_away(effect, narrow) or gains.get(effect_id, 0.0) > EARNS
         if not there or bounded_away(effect, wide):
             continue
         for i, name in enumerate(wide.names):
