@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import UserError
 from ..identify.adjust import MOST_SETTLES, SETTLES, adjusted
 from ..identify.data import Recordings
-from ..identify.fit import Fit
+from ..identify.fit import AGREE, Fit
 from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
@@ -249,7 +249,15 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
         kept = [replace(p, held_out=p.held_out and f) for p, f in zip(work.pieces, followed, strict=True)]
         work = replace(work, pieces=kept)
         fitted = base.recalibrate(work, seed=seed)
-    work = with_noise_of(work, fitted)
+    work, fitted = _base_settled(with_noise_of(work, fitted), fitted, seed)
+    again = base.recalibrate(work, 2, seed, fitted.values)
+    if again.cost < fitted.cost - AGREE:  # a branch that was lost on the way
+        return _base_settled(work, again, seed)
+    return work, fitted
+
+
+def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
+    """The base and the records' own numbers, each taken anew at the other until delays of monitors have settled."""
     for number in range(MOST_SETTLES):
         before = work.late
         work = adjusted(work, (), fitted.values, base_parameters(work.plant))
