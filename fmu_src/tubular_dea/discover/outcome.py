@@ -87,8 +87,9 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if found.verdict not in ("partly_explained", "unexplained"):
         return None
     state, before = found.named.lack_of_fit, found.base.lack_of_fit
+    left = errors(found.study, found.named.ids, found.named.fitted.values)["rmse"]
     return {
-        "rms": state.structure,
+        "rms": state.structure if left is None else min(state.structure, left),
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, max(state.excess, 0.0) / max(before.excess, 1.0)),
         "channel": channel(found),

@@ -43,7 +43,8 @@ COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between 
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
-STAIR = 5.0  # [1] times the noise that the median step of a staircase has: a ramp in a noisy monitor has far less
+STAIR = 5.0  # [1] times the noise that a staircase steps by: a ramp in a noisy monitor moves far less
+STEPPING = 0.25  # [1] share of samples at which a staircase steps by more: a controller rests too, an edge is brief
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k band_limited`
 CLOCK_JITTER = 0.05  # [1] of the time between samples: jitter of a clock that prints few digits
@@ -177,7 +178,13 @@ def drives(
     kept = {s.name: _middle([_memory(e, s) for e in experiments]) for s in inputs if not s.band_limited}
     levels = [_levels(e, inputs, noise, kept) for e in experiments]
     rises = {
-        s.name: rise_of([(e.time, e.inputs[s.name], n[s.name]) for e, n in zip(experiments, levels, strict=True)])
+        s.name: rise_of(
+            [
+                (e.time, e.inputs[s.name], n[s.name])
+                for e, n in zip(experiments, levels, strict=True)
+                if not _staircase(e.inputs[s.name], n[s.name])  # its steps are not on their way
+            ]
+        )
         for s in inputs
         if s.held
     }
@@ -278,12 +285,12 @@ def _unmoved(time: np.ndarray, values: np.ndarray) -> HeldLine:
 
 
 def _staircase(values: np.ndarray, noise: float) -> bool:
-    """Whether a held signal steps at most samples, by more than noise: then it was as it stands."""
-    return float(np.median(np.abs(np.diff(values)))) > STAIR * noise
+    """Whether a held signal steps at many samples, by more than noise: then it was as it stands."""
+    return float(np.quantile(np.abs(np.diff(values)), 1 - STEPPING)) > STAIR * noise
 
 
 def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise | None) -> _Drawn:
-    """A held signal that steps at most samples: as it stands, or straight from sample to sample where other records of
+    """A held signal that steps at many samples: as it stands, or straight from sample to sample where other records of
     the set caught its edges on their way, and so were sampled from what moves by itself."""
     time = experiment.time
     if how is not None and how.seen:
