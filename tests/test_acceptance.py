@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import acceptance, engine, equivalence, held_out, noise_limit, parameters, power, revision
+from tubular_dea.discover import acceptance, engine, equivalence, held_out, parameters, power, revision
 from tubular_dea.discover.bank import Candidate, scores
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.revision import Search
 from tubular_dea.discover.rounds import Round
+from tubular_dea.identify import noise_limit
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free

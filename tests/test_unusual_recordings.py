@@ -11,7 +11,7 @@ import pytest
 
 from tubular_dea.cli import main
 from tubular_dea.discover import base, engine, input_noise, outcome, residuals
-from tubular_dea.identify import procedure
+from tubular_dea.identify import checks, procedure
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.checks import mislabelled
 from tubular_dea.identify.data import Experiment, Recordings, read_experiment
@@ -86,6 +86,19 @@ def test_a_coarse_monitor_is_neither_frozen_nor_saturated(tmp_path: Path, name: 
         table[:, column] = np.round(table[:, column] / step) * step
         np.savetxt(tmp_path / source.name, table, delimiter=",", header=header, comments="")
         assert read_experiment(tmp_path / source.name, PLANT).time.size == len(lines)
+
+
+def test_short_pulses_on_a_coarse_monitor_are_no_noise() -> None:
+    """Between pulses the monitor reads zero for long, which a noisy one would not."""
+    pulses = np.zeros(1400)
+    for begin in range(0, 1360, 68):
+        pulses[begin : begin + 5] = [1640.6, 6234.4, 6187.5, 656.3, -234.4]
+        pulses[begin + 12 : begin + 30 : 6] = 46.9
+    lines = np.arange(pulses.size) + 2
+    voltage = {"voltage": pulses, "pressure": np.random.default_rng(1).normal(5e3, 30, pulses.size)}
+    assert not [fault for fault in checks.inputs(voltage, PLANT, lines) if "voltage" in fault]
+    stuck = np.where(np.arange(pulses.size) < 1300, np.random.default_rng(2).normal(5e3, 30, pulses.size), 5e3)
+    assert "frozen" in next(checks.inputs(voltage | {"pressure": stuck}, PLANT, lines))
 
 
 def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:

@@ -58,6 +58,7 @@ EARNS = 10.8  # [squared standard deviations] that an effect gains, over what th
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
 CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess is noise
+COLOURED = 16.0  # [1] times the variance of white noise that slow noise may have where no stretch tells
 
 
 def far(option: Option) -> bool:
@@ -68,6 +69,11 @@ def far(option: Option) -> bool:
 def clean(state: LackOfFit) -> bool:
     """Whether the residual is consistent with noise."""
     return state.z_slow < SLOW_CHANCE and state.z_total < CLEAN_TOTAL
+
+
+def noise_alone(state: LackOfFit) -> bool:
+    """Whether the residual may be noise alone: where no stretch is quiet, noise with a colour too."""
+    return clean(state) or (1 < state.coloured < COLOURED and state.z_total < CLEAN_TOTAL)
 
 
 def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
@@ -90,8 +96,11 @@ def finished(base: Option, chosen: Option) -> bool:
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
     """Whether `best` is accepted over `before`, and why (not), in words."""
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
-    if gain < threshold:
-        return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold:.1f})"
+    if gain < threshold * best.lack_of_fit.coloured:  # slow effects gain that much more from slow noise
+        return (
+            False,
+            f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold * best.lack_of_fit.coloured:.1f})",
+        )
     if name in best.pinned:
         return False, f"{name} would need an implausible strength"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing

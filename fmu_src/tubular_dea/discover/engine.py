@@ -12,6 +12,7 @@ from ..identify.adjust import MOST_SETTLES, SETTLES, adjusted
 from ..identify.data import Recordings
 from ..identify.fit import AGREE, Fit
 from ..identify.monitor_uncertainty import with_monitor_noise
+from ..identify.noise_limit import quieter, with_noise_of
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
 from ..identify.study import Piece, Study, study
@@ -34,7 +35,6 @@ from .channels import Isolation
 from .held_out import with_held_out
 from .law_uncertainty import still_there, with_law, with_rivals
 from .next_experiment import Proposal
-from .noise_limit import with_noise_of
 from .operating_point import repeats
 from .options import Option, fitted_option
 from .parameters import base_parameters
@@ -52,6 +52,9 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
 MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
+
+# Set by judgement: bounds the cost. Check: `pytest tests/test_discover.py -k noise_is_less`
+MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned out to be less
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`
 SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
@@ -125,7 +128,7 @@ def discover(
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed, held_out is None)
     numeric = numerics.numeric_gain(work, fitted.values)
-    found = selection.search(work, fitted, numeric, seed, tell)
+    found = _searched(work, fitted, numeric, seed, tell)
     work, fitted = found.study, found.base.fitted
     isolated = None
     if found.chosen.ids or not acceptance.clean(found.base.lack_of_fit):
@@ -164,6 +167,22 @@ def discover(
     )
 
 
+def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progress) -> Search:
+    """The search; once more where its choice shows that the noise is less than the base's residual allowed.
+
+    Without quiet stretches a residual is all that limits the noise, and what the base lacks adds to it.
+    """
+    found = selection.search(work, fitted, numeric, seed, tell)
+    for _ in range(MOST_QUIETER):
+        limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)
+        if acceptance.far(found.chosen) or not quieter(found.study, limited):
+            break
+        tell("the noise is less")
+        work, fitted = _base_settled(replace(found.base_study, noise=limited.noise), found.base.fitted, seed)
+        found = selection.search(work, fitted, numeric, seed, tell)
+    return found
+
+
 def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:
     """What would do in place of each effect of the choice, and the choice as it is reported; `repeated`: all records
     repeat one course."""
@@ -186,7 +205,7 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]], w
     `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do.
     """
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
-    noise = wanders or acceptance.clean(state)
+    noise = wanders or acceptance.noise_alone(state)
     if not found.chosen.ids:
         return "no_effect" if noise else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
@@ -205,7 +224,8 @@ def supported(work: Study, found: Search, described: Option) -> bool:
 def _vague(work: Study, found: Search, described: Option) -> list[str]:
     """The effects with too small a gain, with an interval that includes the value at which they are off, or with a
     strength at a bound."""
-    slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else 1.0
+    state = described.lack_of_fit
+    slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else state.coloured
     return [
         n
         for n in described.ids
@@ -249,7 +269,7 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
         kept = [replace(p, held_out=p.held_out and f) for p, f in zip(work.pieces, followed, strict=True)]
         work = replace(work, pieces=kept)
         fitted = base.recalibrate(work, seed=seed)
-    work, fitted = _base_settled(with_noise_of(work, fitted), fitted, seed)
+    work, fitted = _base_settled(work, fitted, seed)
     again = base.recalibrate(work, 2, seed, fitted.values)
     if again.cost < fitted.cost - AGREE:  # a branch that was lost on the way
         return _base_settled(work, again, seed)
@@ -260,7 +280,7 @@ def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
     """The base and the records' own numbers, each taken anew at the other until delays of monitors have settled."""
     for number in range(MOST_SETTLES):
         before = work.late
-        work = adjusted(work, (), fitted.values, base_parameters(work.plant))
+        work = adjusted(with_noise_of(work, fitted), (), fitted.values, base_parameters(work.plant))
         work = input_noise.weighted(work, fitted.values)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
         moved = max((abs(by - before.get(name, 0.0)) for name, by in work.late.items()), default=0.0)

@@ -7,7 +7,8 @@ that of the monitors times the squared static gain, both at low frequencies, whe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -24,8 +25,14 @@ BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
 
 def weighted(study: Study, values: Mapping[str, float]) -> Study:
-    """The study with every sample weighted by the sensor's share of its standard deviation."""
-    return study.weighted(weights(study, input_gains(study, values)))
+    """The study with every sample weighted by the sensor's share of its standard deviation.
+
+    A sensor whose noise is slow has little that is new in a sample: there the monitors' fast noise counts by itself.
+    """
+    gains = input_gains(study, values)
+    driven = _fast_rms(study, gains)
+    noise = {name: replace(n, driven=driven[name] if n.quiet and n.tau > 0 else 0.0) for name, n in study.noise.items()}
+    return replace(study, noise=noise).weighted(weights(study, gains))
 
 
 def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:
@@ -60,12 +67,28 @@ def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
 
 def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
     """The rms that the monitors' noise causes in every output [SI], up to the plant's own bandwidth."""
+    return _caused(study, gains, lambda piece, name: study.monitor_noise[name])
+
+
+def _fast_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
+    """The same of the noise that changes from sample to sample: lines with few corners follow little of it."""
+
+    def level(piece: Piece, name: str) -> float:
+        corners = piece.driven.corners.get(name, np.empty(0)).size
+        return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
+
+    return _caused(study, gains, level)
+
+
+def _caused(
+    study: Study, gains: Mapping[str, list[np.ndarray]], level: Callable[[Piece, str], float]
+) -> dict[str, float]:
     total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             step = float(np.median(np.diff(reading.times)))
             share = min(1.0, 2 * study.plant.bandwidth * step)
-            squares = sum(float(np.sum((study.monitor_noise[n] * g[i][rows]) ** 2)) for n, g in gains.items())
+            squares = sum(float(np.sum((level(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
             total[reading.output][0] += share * squares
             total[reading.output][1] += reading.times.size
     return {name: float(np.sqrt(squares / max(count, 1))) for name, (squares, count) in total.items()}

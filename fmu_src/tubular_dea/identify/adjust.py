@@ -9,6 +9,10 @@ Gains of monitors are treated in the same way, about 1. The filters of monitors 
 equally in all files. This delay is estimated with the fit, up to the longest plausible one, and corrected. As channels
 are sampled in turn, each also has a small unknown delay or lead.
 
+The mean of neighbouring samples has less noise than each. A delay of half a sample takes such a mean, and a lag another
+one, so both explain noise of a monitor that drives the model. How far the mean of a sample's neighbours replaces it is
+therefore a nuisance parameter, too: what it leaves to a delay is odd in time.
+
 Where an input switched between two samples, the instant within its bounds that best explains the following samples is
 used, and its uncertainty is integrated out. The first of these samples decides: the plant has responded for a part of
 the sampling interval, whatever the model lacks.
@@ -77,10 +81,14 @@ START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotien
 START_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start that are tried in turn
 START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
 
+# Set by theory: the mean of neighbours has less noise, so that a third of a sample is best replaced by it.
+# Check: `pytest tests/test_adjust.py -k noise_of_a_monitor`
+SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces a sample
+
 # Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
 HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
 
-GAIN_OF, LATE_OF = "gain of ", "late "  # names of what a monitor has of its own beside its zero
+GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
 
 
 @dataclass(frozen=True)
@@ -175,6 +183,7 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     cases = [(name, *shifted(piece.case, name)) for name in monitors]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
     cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
+    cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in piece.unknown.items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -205,6 +214,15 @@ def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
     """The case with one of its inputs earlier by the longest plausible delay, and that delay [s]."""
     by = LATE * _step_of(piece)
     return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
+
+
+def _smoothed(piece: Piece, name: str) -> Case:
+    """The case with one of its inputs replaced by the mean of what it is a sample before and after."""
+    protocol, by = piece.case.protocol, _step_of(piece)
+    beside = protocol.delayed({"before": (name, by), "after": (name, -by)})
+    mean = 0.5 * (beside.inputs["before"] + beside.inputs["after"])
+    inputs = {n: mean if n == name else beside.inputs[n] for n in protocol.inputs}
+    return replace(piece.case, protocol=Protocol(beside.time, inputs))
 
 
 def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
@@ -319,6 +337,8 @@ def _usual(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain or a delay (SI); 0 for the other nuisance parameters."""
     if name.startswith(GAIN_OF):
         return GAIN
+    if name.startswith(SMOOTH_OF):
+        return 0.0
     return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name) * _left(piece, name)
 
 
@@ -491,6 +511,8 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
         return spread[name] * _left(piece, name)
     if name.startswith(LATE_OF):
         return TURN * _step_of(piece)
+    if name.startswith(SMOOTH_OF):
+        return SMOOTHER
     if name.startswith("start "):
         return START_SPREAD * piece.unknown[name.removeprefix("start ")]
     if not name.startswith("hum "):

@@ -15,6 +15,7 @@ STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
 ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
+LIVELY = 0.7  # [1] the same of a record whose noise is some steps of its resolution, where it does not stand still
 STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
 CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
 NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
@@ -102,18 +103,28 @@ def _standstill(
             )
     if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
         return
+    for begin, end in _still(values):
+        yield (
+            f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
+            f"values {values[begin]:g}; empty these cells or leave the experiment out"
+        )
+
+
+def _still(values: np.ndarray) -> list[tuple[int, int]]:
+    """The first and the last sample of every run of STANDSTILL equal values or more."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - begin + 1 >= STANDSTILL:
-            yield (
-                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
-                f"values {values[begin]:g}; empty these cells or leave the experiment out"
-            )
+    return [(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True) if b - a + 1 >= STANDSTILL]
 
 
 def _noisy(values: np.ndarray) -> bool:
-    """Where they move, neighbouring values differ by noise: some steps of their resolution and a share of the span."""
+    """Neighbouring values differ by noise, some steps of their resolution and a share of the span; nearly all of them
+    do, but where the sensor stands still or has run into a stop."""
     step = np.abs(np.diff(values))
+    free = (step > 0) | ((values[1:] != values.min()) & (values[1:] != values.max()))
+    for begin, end in _still(values):
+        free[begin:end] = False
+    if np.count_nonzero(step[free]) < LIVELY * np.count_nonzero(free):
+        return False
     moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
     if moving.sum() < STANDSTILL:
         return False

@@ -21,6 +21,7 @@ from .hum import MAINS, within
 from .monitors import (
     COLOURED,
     LARGEST,
+    WHITE,
     WRONG,
     Polyline,
     halved,
@@ -188,24 +189,25 @@ def drives(
         for s in inputs
         if s.held
     }
-    mains = {s.name: _mains(experiments, s.name) for s in inputs if not s.held and not s.band_limited}
+    mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
     return [drive(e, inputs, n, e.trigger, rises, mains=mains) for e, n in zip(experiments, levels, strict=True)]
 
 
-def _memory(experiment: Experiment, signal: Input) -> tuple[float, float]:
-    """The memory of a monitor's noise; that of a held input without its switchings."""
+def _memory(experiment: Experiment, signal: Input) -> tuple[float, float] | None:
+    """The memory of a monitor's noise, None where it is unknown; that of a held input without its switchings."""
     values = experiment.inputs[signal.name]
     if not signal.held:
         return memory(values)
     found = transitions(experiment.time, values, level(values, (1.0, 0.0)))
     steps = np.zeros(values.size)
     steps[found.after] = values[found.after] - values[found.before]
-    return memory(values - np.cumsum(steps))
+    return memory(values - np.cumsum(steps), float(np.abs(values).max()))
 
 
-def _middle(memories: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """The median: quiet records agree on it, moving ones may not show it."""
-    return sorted(memories)[len(memories) // 2]
+def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float]:
+    """The median of those known: quiet records agree on it, moving ones may not show it."""
+    known = sorted(m for m in memories if m is not None)
+    return known[len(known) // 2] if known else WHITE
 
 
 def _levels(
@@ -224,7 +226,7 @@ def _levels(
             found[signal.name] = noise_floor(values)
         else:
             known = (memories or {}).get(signal.name)
-            found[signal.name] = level(values, _memory(experiment, signal) if known is None else known)
+            found[signal.name] = level(values, known or _memory(experiment, signal) or WHITE)
     return found
 
 

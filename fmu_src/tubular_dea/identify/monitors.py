@@ -46,7 +46,7 @@ LAGS = 20  # [1] times a lag that a record lasts at least for differences over i
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
 FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
-LARGEST = 0.02  # [1] of its span: noise of a monitor, at most
+LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
 MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 
@@ -54,6 +54,8 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
+
+WHITE = (1.0, 0.0)  # `memory` of white noise
 
 
 @dataclass(frozen=True)
@@ -75,26 +77,51 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
     return float(1.4826 * np.median(np.abs(thirds))) / float(np.sqrt(20.0))
 
 
-def memory(values: np.ndarray) -> tuple[float, float]:
+def memory(values: np.ndarray, largest: float | None = None) -> tuple[float, float] | None:
     """How much larger a monitor's noise is than its differences show, and the correlation of neighbouring samples.
 
     White noise has the same differences over any lag. Noise with a memory has larger ones until the lag outlasts it: at
     most twice the variance for each doubling of the lag, once the lag is longer than a filter rings. What a moving
-    signal adds grows faster, and larger. So the first lag counts from which doubling it changes nothing; where there is
-    none, nothing is said: (1, 0).
+    signal adds grows faster, and larger than a share of its `largest` value (by default that of the record). So the
+    first lag counts from which doubling it changes nothing; where there is none, nothing is known (None).
     """
     first = noise_level(values)
+    most = LARGEST * (float(np.abs(values).max()) if largest is None else largest)
     lag, here = 1, first
     while first > 0 and values.size > LAGS * 2 * lag:
         twice = noise_level(values, 2 * lag)
-        chance = SPREAD * float(np.sqrt(lag / values.size))
-        if twice > LARGEST * float(np.ptp(values)) or (lag >= FILTERED and twice**2 > here**2 * (2 + chance)):
-            return 1.0, 0.0
+        chance = _chance(lag, values.size)
+        if twice > most or (lag >= FILTERED and twice**2 > here**2 * (2 + chance)):
+            break
         if twice**2 < here**2 * (PLATEAU + chance):
             ratio = (first / here) ** 2
-            return (here / first, _correlation(ratio)) if ratio < 1 / COLOURED else (1.0, 0.0)
+            return (here / first, _correlation(ratio)) if ratio < 1 / COLOURED else WHITE
         lag, here = 2 * lag, twice
-    return 1.0, 0.0
+    return None
+
+
+def slow_level(values: np.ndarray) -> float | None:
+    """White noise that weighs as much on averages over many samples as a monitor's noise at rest does.
+
+    1/f noise has a memory of every length: its differences grow with the lag, at most to twice the variance for each
+    doubling. So the first lag counts from which no longer one shows more. None where a signal moves.
+    """
+    lag, levels = 1, [noise_level(values)]
+    most = LARGEST * float(np.abs(values).max())
+    while levels[0] > 0 and values.size > LAGS * 2 * lag:
+        levels.append(noise_level(values, 2 * lag))
+        if levels[-1] > most or levels[-1] ** 2 > levels[-2] ** 2 * (2 + _chance(lag, values.size)):
+            return None
+        lag = 2 * lag
+    ends = [n**2 / (PLATEAU + _chance(2**i, values.size)) for i, n in enumerate(levels)]  # the least that they may end
+    last = next(i for i, n in enumerate(levels) if n**2 >= max(ends[i:]))
+    phi = _correlation((levels[0] / levels[last]) ** 2) if last else 0.0
+    return levels[last] * float(np.sqrt((1 + phi) / (1 - phi)))
+
+
+def _chance(lag: int, size: int) -> float:
+    """By how much the variance of differences over a lag may be larger by chance, relatively."""
+    return SPREAD * float(np.sqrt(lag / size))
 
 
 def _correlation(ratio: float) -> float:
@@ -115,7 +142,7 @@ def level(values: np.ndarray, remembered: tuple[float, float] | None = None) -> 
     `remembered` is its `memory` where other records of the same monitor show it better. Not less than its resolution
     makes; without any, every sample would be an event.
     """
-    larger, phi = remembered or memory(values)
+    larger, phi = remembered or memory(values) or WHITE
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
     return max(noise_level(values) * slow, _coarseness(values) / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
 

@@ -62,7 +62,8 @@ class Noise:
     correlations (`step` 0: the same at any). `freedom` is the number of degrees of freedom that `rms` was estimated
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
-    `quiet` is False where no stretch was quiet enough to tell it from the signal.
+    `quiet` is False where no stretch was quiet enough to tell it from the signal. `driven` is white noise on top (the
+    same unit) that no record at rest shows: fast noise of the monitors that drive the model.
     """
 
     rms: float
@@ -74,6 +75,7 @@ class Noise:
     white: float = 0.0
     form: float = FORM
     quiet: bool = True
+    driven: float = 0.0
 
     @property
     def uncertainty(self) -> float:
@@ -83,7 +85,12 @@ class Noise:
     @property
     def innovation(self) -> float:
         """Standard deviation of what is new in each sample."""
-        return self.rms * float(np.sqrt(self.colour(self.step).innovation))
+        return self.total * float(np.sqrt(self.colour(self.step).innovation))
+
+    @property
+    def total(self) -> float:
+        """Standard deviation with what is driven."""
+        return float(np.hypot(self.rms, self.driven))
 
     @property
     def slow(self) -> float:
@@ -92,7 +99,7 @@ class Noise:
 
     def slow_at(self, step: float) -> float:
         """The same for samples `step` [s] apart."""
-        return self.rms * float(np.sqrt(self.colour(step).density()))
+        return self.total * float(np.sqrt(self.colour(step).density()))
 
     @property
     def tau(self) -> float:
@@ -105,21 +112,23 @@ class Noise:
         phi = self.correlation / max(1 - self.white, 1e-12)
         if self.step > 0 and step > 0 and phi > 0:
             phi **= step / self.step
-        return Colour(float(phi), self.white)
+        return Colour(
+            float(phi), (self.white * self.rms**2 + self.driven**2) / self.total**2 if self.driven else self.white
+        )
 
     def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
         if time.size < 2:
-            return values / self.rms
+            return values / self.total
         colour = self.colour(float(np.median(np.diff(time))))
         begins = [0, *(np.flatnonzero(~_steady(time)) + 1).tolist(), time.size]
         parts = [colour.whiten(values[a:b]) for a, b in zip(begins[:-1], begins[1:], strict=True)]
-        return np.concatenate(parts) / self.rms
+        return np.concatenate(parts) / self.total
 
     def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Noise of this kind at `time`, for a bootstrap; without hum."""
         step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-        return self.rms * self.colour(step).sample(time.size, random)
+        return self.total * self.colour(step).sample(time.size, random)
 
 
 def _steady(time: np.ndarray) -> np.ndarray:

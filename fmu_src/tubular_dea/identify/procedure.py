@@ -17,6 +17,7 @@ from ..plants.plant import Plant
 from .adjust import MOST_SETTLES, SETTLES, adjusted
 from .fit import AGREE, Fit, FitError, fit
 from .monitor_uncertainty import with_monitor_noise
+from .noise_limit import with_noise_of
 from .problem import Free, Problem
 from .study import Study
 
@@ -123,7 +124,8 @@ def settled(
         restarted = joint(first[0], again, 1, seed, names, start)
     except FitError:
         return first
-    return min(first, _taken_in_turn(first[0], restarted, start, seed, names), key=lambda s: s[2].cost)
+    # at the noise of the first: each turn may find less
+    return first if restarted[1].cost > fitted.cost - AGREE else _taken_in_turn(first[0], restarted, start, seed, names)
 
 
 def _taken_in_turn(
@@ -132,7 +134,7 @@ def _taken_in_turn(
     """A joint fit and the records' own numbers, in turn until the cost changes no more."""
     problem, best = found
     for number in range(MOST_SETTLES):
-        work = adjusted(work, (), best.values, best.free)
+        work = adjusted(with_noise_of(work, best), (), best.values, best.free)
         before = best.cost
         problem, best = joint(work, best.values, 1, seed, names, start)
         if number + 1 >= SETTLES and abs(before - best.cost) < AGREE:

@@ -18,6 +18,7 @@ from .data import Experiment, Recordings
 from .drive import Drive
 from .drive import drives as all_drives
 from .marginal import Marginal
+from .monitors import slow_level
 from .noise import Noise
 from .problem import Free, Problem
 from .response import Case, Reading, Response
@@ -179,9 +180,22 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
         whole = _piece(experiment, driven, recordings.plant, experiment.name in names)
         whole = _after(whole, number, recordings.experiments, drives)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
-    levels = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in plant.inputs}
+    levels = _monitor_noise(recordings, drives)
     compiled = Compiled(plant, list(noise), sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
     return Study(plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
+
+
+def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, float]:
+    """The noise of every monitor as it weighs on averages over many samples (SI).
+
+    1/f noise is small from sample to sample, and a line that follows its record follows it too.
+    """
+    found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
+    for signal in recordings.plant.inputs:
+        if signal.linear and not recordings.noise.get(signal.name):
+            known = [n for e in recordings.experiments if (n := slow_level(e.inputs[signal.name])) is not None]
+            found[signal.name] = max(found[signal.name], float(np.median(known)) if known else 0.0)
+    return found
 
 
 def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) -> Piece:

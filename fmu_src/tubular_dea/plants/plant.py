@@ -54,6 +54,11 @@ class Input:
     channel: str = ""
     direct: bool | None = None
 
+    @property
+    def linear(self) -> bool:
+        """Whether it is linear between samples."""
+        return not self.held and not self.band_limited
+
 
 @dataclass(frozen=True)
 class Output:

@@ -1,4 +1,4 @@
-"""What the base model's residual says of the noise: an upper bound, and hum of the mains.
+"""What a model's residual says of the noise: an upper bound, and hum of the mains.
 
 The bound is the prediction error of an autoregression. Whatever the model lacks, an autoregression predicts slow
 structure in the residual, but not white noise. The bound is needed where a record has no quiet part (a circuit driven
@@ -16,10 +16,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from ..identify import hum as hums
-from ..identify.fit import Fit
-from ..identify.noise import Noise
-from ..identify.study import Study
+from . import hum as hums
+from .compiled import Ids
+from .fit import Fit
+from .noise import Noise
+from .study import Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_noise_is_no_more_than_a_residual_hides_from_its_past`,
 # `python -m measured.table`
@@ -32,9 +33,12 @@ BRIEF = 5.0  # [samples] of memory that noise may have where no stretch is quiet
 ORDER = 20  # [samples] that the autoregression looks back
 
 
-def with_noise_of(study: Study, fitted: Fit) -> Study:
-    """The study with the noise of every output limited to what the base model's residual allows, and with its hum."""
-    answers = study.response((), study.training).outputs(fitted.values)
+def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
+    """The study with the noise of every output limited to what the residual of a fit allows, and with its hum.
+
+    `ids` are the effects that the model has.
+    """
+    answers = study.response(ids, study.training).outputs(fitted.values)
     noise = dict(study.noise)
     for name in study.noise:
         records = [
@@ -50,6 +54,11 @@ def with_noise_of(study: Study, fitted: Fit) -> Study:
     return replace(study, noise=noise)
 
 
+def quieter(before: Study, after: Study) -> bool:
+    """Whether the noise of an output is clearly less in `after`."""
+    return any(n.innovation > TOO_MUCH * after.noise[name].innovation for name, n in before.noise.items())
+
+
 def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise:
     """Noise, limited to what the residuals `left` (each (n,)) allow; `hummed`: its level was estimated with hum."""
     bound = prediction_error(left)
@@ -57,11 +66,30 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
         return known
     # without a quiet stretch the signal cannot be separated from noise of its colour
     if known.innovation > TOO_MUCH * bound or (not known.quiet and known.tau > BRIEF * known.step):
-        freedom = float(sum(r.size for r in left))
-        return Noise(bound, 0.0, freedom, hum=known.hum, form=known.form, quiet=known.quiet)
+        freedom, memory = float(sum(r.size for r in left)), _brief_memory(left)
+        return Noise(
+            bound / float(np.sqrt(1 - memory**2)),
+            memory,
+            freedom,
+            hum=known.hum,
+            step=known.step if memory else 0.0,
+            form=known.form,
+            quiet=known.quiet,
+        )
     if hummed and known.innovation > bound:
-        return replace(known, rms=known.rms * bound / known.innovation)
-    return known
+        known = replace(known, rms=known.rms * bound / known.innovation)
+    return _no_larger(known, left)
+
+
+def _no_larger(known: Noise, left: list[np.ndarray]) -> Noise:
+    """Noise no larger than the residuals (each (n,)) that it is a part of: then its memory is shorter than thought.
+
+    Quiet stretches last too short to tell a memory of seconds; what is new in each sample they tell well.
+    """
+    rms = float(np.sqrt(sum(float(r @ r) for r in left) / sum(r.size for r in left)))
+    if known.white > 0 or not known.innovation < rms < known.rms:
+        return known
+    return replace(known, rms=rms, correlation=float(np.sqrt(1 - (known.innovation / rms) ** 2)))
 
 
 def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, ...]:
@@ -85,6 +113,14 @@ def _without(lines: list[float], time: np.ndarray, rest: np.ndarray) -> np.ndarr
     """The rest (n,) less its waves at some frequencies [Hz] and its mean."""
     shapes = np.column_stack([np.ones(time.size), hums.waves(lines, time)])
     return rest - shapes @ np.linalg.lstsq(shapes, rest, rcond=None)[0]
+
+
+def _brief_memory(records: list[np.ndarray]) -> float:
+    """The correlation of neighbours in records (each (n,)); 0 where it lasts longer than noise may."""
+    centred = [r - r.mean() for r in records]
+    squares = sum(float(r @ r) for r in centred)
+    found = sum(float(r[1:] @ r[:-1]) for r in centred) / squares if squares > 0 else 0.0
+    return found if 0 < found < np.exp(-1 / BRIEF) else 0.0
 
 
 def prediction_error(records: list[np.ndarray]) -> float:
