@@ -510,5 +510,26 @@ def test_noise_that_no_quiet_stretch_shows_keeps_a_colour_that_no_signal_has(cor
     colour = Colour(correlation, 0.0)
     left = [colour.sample(4000, np.random.default_rng(seed)) for seed in range(3)]
     found = noise_limit.limited(known, left)
-    assert found.correlation == (correlation if kept else 0.0)
+    assert found.correlation == pytest.approx(correlation if kept else 0.0, rel=0.02)
     assert found.innovation == pytest.approx(known.innovation, rel=0.03)
+
+
+def test_noise_is_no_larger_than_the_residual_that_it_is_part_of() -> None:
+    """Short quiet stretches tell what is new in a sample, and not a memory of seconds."""
+    left = [Colour(0.9, 0.0).sample(4000, np.random.default_rng(seed)) for seed in range(3)]
+    known = Noise(3.0, np.sqrt(1 - (Noise(1.0, 0.9, step=0.004).innovation / 3.0) ** 2), 1e4, step=0.004)
+    found = noise_limit.limited(known, left)
+    assert found.rms == pytest.approx(1.0, rel=0.1) and found.correlation == pytest.approx(0.9, rel=0.03)
+    assert found.innovation == pytest.approx(known.innovation, rel=0.03)
+
+
+def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
+    before, best = option(excess=900.0, z_slow=9.0), option("lag", excess=0.0, held_out=1500.0)
+    assert acceptance.accept(BASE, before, best, 40.0)[0]
+    slow = replace(best, lack_of_fit=replace(best.lack_of_fit, coloured=30.0))
+    assert "less than chance can (1200.0)" in acceptance.accept(BASE, before, slow, 40.0)[1]
+    state = before.lack_of_fit
+    assert not acceptance.noise_alone(replace(state, z_total=3.0))
+    assert acceptance.noise_alone(replace(state, z_total=3.0, coloured=9.0))
+    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * acceptance.COLOURED))
+    assert not acceptance.noise_alone(replace(state, z_total=5.0, coloured=9.0))

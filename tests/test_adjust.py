@@ -14,6 +14,7 @@ from tubular_dea.identify.adjust import adjusted, with_nuisances
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
 from tubular_dea.identify.fit import rmse
+from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free, whitened
 from tubular_dea.identify.study import Study, study
 from tubular_dea.kernel import Kernel
@@ -236,6 +237,33 @@ def test_monitors_behind_a_filter_are_late_alike_in_all_files() -> None:
             work = adjusted(work, (), TRUTH, FREE)
         assert work.late["load"] == pytest.approx(found, abs=0.1)
         assert work.pieces[0].late["load"] == pytest.approx(work.late["load"] * STEP)
+
+
+def test_the_noise_of_a_monitor_is_no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fast plant driven by all noise of its monitor: with a delay of half a sample it would be driven by less."""
+    fast, random = TRUTH | {"tau": 0.1 * STEP}, np.random.default_rng(9)
+    work = study_of([recorded(i, ramps(i)) for i in range(3)])
+    pieces = []
+    for i, piece in enumerate(work.pieces):
+        read = KERNEL.simulate(ramps(i), TIME, fast)["reading"] + NOISE * random.standard_normal(TIME.size)
+        noisy = Protocol(TIME, {"load": ramps(i).at(TIME)["load"] + 2 * NOISE * random.standard_normal(TIME.size)})
+        driven = replace(piece.driven, protocol=noisy)
+        pieces.append(replace(piece, driven=driven, record=read, case=replace(piece.case, protocol=noisy)))
+    work = replace(work, pieces=pieces, noise={"reading": Noise(NOISE, 0.0)})
+
+    def gained() -> float:
+        """What the delay, or a part of it, explains of the residual of the true parameters."""
+        found = adjusted(work, (), fast)
+        problem = found.problem((), [], fast)
+        cases = [replace(p.case, protocol=p.case.protocol.with_delay("load", 0.5 * STEP)) for p in found.training]
+        here = found.response((), found.training).outputs_alone(fast)
+        late = found.asked((), cases).outputs_alone(fast)
+        column = problem.whiten([b - a for a, b in zip(here, late, strict=True)])
+        return float(column @ problem.residuals(np.empty(0))) ** 2 / float(column @ column)
+
+    assert (few := gained()) < 60
+    monkeypatch.setattr(adjust, "SMOOTHER", 1e-6)
+    assert gained() > 10 * few
 
 
 def test_gains_that_differ_between_files_come_out() -> None:

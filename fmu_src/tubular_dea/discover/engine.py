@@ -53,7 +53,7 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 # Set by judgement: bounds on the cost. Check: `python -m blind.score --singles 2 --seed 1000`
 MOST_ALIKE = 4  # [1] rivals that are looked at again with a choice that lost an effect
 
-# Set by judgement: bounds the cost. Check: `pytest tests/test_discover.py -k noise_is_less`
+# Set by judgement: bounds the cost. Check: `pytest tests/test_unquiet.py`
 MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned out to be less
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`

@@ -55,7 +55,8 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
-WHITE = (1.0, 0.0)  # `memory` of white noise
+# Set by theory. Check: `pytest tests/test_monitors.py -k memory`
+WHITE = (1.0, 0.0)  # [1] `memory` of white noise: differences show all of it, and neighbours are not correlated
 
 
 @dataclass(frozen=True)

@@ -274,6 +274,8 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         noise = noises.estimate(records)
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
         floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
+        if stated and not noise.quiet:  # the colour would be the signal's
+            noise = replace(noise, correlation=0.0, white=0.0)
         found[output.name] = replace(
             noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
         )

@@ -1,0 +1,64 @@
+"""Records without a quiet stretch: noise is what the best model leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from tubular_dea.discover import engine
+from tubular_dea.discover.engine import discover
+from tubular_dea.identify.data import Experiment, Recordings
+from tubular_dea.identify.noise_limit import TOO_MUCH
+from tubular_dea.identify.procedure import settled
+from tubular_dea.identify.study import study
+from tubular_dea.kernel import Kernel
+from tubular_dea.plants import Build, Input, Output, Path, Plant
+from tubular_dea.protocol import Protocol
+
+TIME = 0.01 * np.arange(1500)
+NOISE = 0.02
+
+
+def lag() -> Plant:
+    """A first-order lag that never rests."""
+    m = Build("Lag")
+    load, tau = m.input("load", "N"), m.parameter("tau", "s", 0.2, minimum=1e-3)
+    gain = m.parameter("gain", "m/N", 1.5)
+    x = m.state("x", "m", start="free", nominal=1.0)
+    m.derivative(x, (gain * load - x) / tau)
+    m.output("reading", "m", x)
+    return Plant(m.model(), [Input("load")], [Output("reading")], places=[Path("reading")])
+
+
+PLANT = lag()
+
+
+def recordings(bent: float) -> Recordings:
+    """Four records of the lag under a load that wanders; the sensor reads `bent` times the square too much."""
+    listed = []
+    for number in range(4):
+        random = np.random.default_rng([number, 3])
+        load = 6 * gaussian_filter1d(random.standard_normal(TIME.size), 8)
+        true = Kernel(PLANT.model).simulate(Protocol(TIME, {"load": load}), TIME, {"tau": 0.17})["reading"]
+        read = true + bent * true**2 + NOISE * random.standard_normal(TIME.size)
+        listed.append(Experiment(f"run-{number}", TIME, {"load": load}, {"reading": read}, np.arange(TIME.size) + 2))
+    return Recordings(PLANT, listed)
+
+
+def test_the_noise_is_less_where_an_effect_explains_what_looked_like_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = discover(recordings(bent=0.05))
+    assert found.named.ids == ("quadratic(reading)",)
+    noise = found.study.noise["reading"]
+    assert not noise.quiet
+    assert NOISE < noise.innovation < TOO_MUCH * NOISE
+    monkeypatch.setattr(engine, "MOST_QUIETER", 0)
+    assert discover(recordings(bent=0.05)).study.noise["reading"].innovation > TOO_MUCH * NOISE
+
+
+def test_a_fit_alone_limits_the_noise() -> None:
+    """Before any fit the signal itself is taken for noise."""
+    work = study(recordings(bent=0.0), held_out=())
+    assert work.noise["reading"].rms > 3 * NOISE
+    found = settled(work, PLANT.model.parameter_values())[0]
+    assert found.noise["reading"].rms == pytest.approx(NOISE, rel=0.05)
