@@ -531,5 +531,5 @@ def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
     state = before.lack_of_fit
     assert not acceptance.noise_alone(replace(state, z_total=3.0))
     assert acceptance.noise_alone(replace(state, z_total=3.0, coloured=9.0))
-    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * acceptance.COLOURED))
+    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * acceptance.MOST_COLOURED))
     assert not acceptance.noise_alone(replace(state, z_total=5.0, coloured=9.0))

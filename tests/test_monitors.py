@@ -10,7 +10,7 @@ from tubular_dea.identify.band import band_limited, noise_floor
 from tubular_dea.identify.data import DataError, Experiment
 from tubular_dea.identify.drive import drive, drives
 from tubular_dea.identify.edges import Edge
-from tubular_dea.identify.monitors import WHITE, level, memory, polyline
+from tubular_dea.identify.monitors import NO_MEMORY, level, memory, polyline
 from tubular_dea.identify.trigger import triggered
 from tubular_dea.plants.plant import Input
 
@@ -59,7 +59,7 @@ def test_coloured_noise_makes_no_corners_and_is_no_less_than_it_is(colour: str) 
 def test_a_moving_signal_is_not_taken_for_noise_with_a_memory() -> None:
     for rate in (50.0, 250.0, 1000.0):
         time, truth = beating(40, rate)
-        assert memory(truth + 25 * np.random.default_rng(2).standard_normal(time.size)) in (None, WHITE)
+        assert memory(truth + 25 * np.random.default_rng(2).standard_normal(time.size)) in (None, NO_MEMORY)
 
 
 @pytest.mark.parametrize("step", [12.5, 50.0, 133.322])

@@ -58,7 +58,7 @@ EARNS = 10.8  # [squared standard deviations] that an effect gains, over what th
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
 CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess is noise
-COLOURED = 16.0  # [1] times the variance of white noise that slow noise may have where no stretch tells
+MOST_COLOURED = 16.0  # [1] times the variance of white noise that slow noise may have where no stretch tells
 
 
 def far(option: Option) -> bool:
@@ -73,7 +73,7 @@ def clean(state: LackOfFit) -> bool:
 
 def noise_alone(state: LackOfFit) -> bool:
     """Whether the residual may be noise alone: where no stretch is quiet, noise with a colour too."""
-    return clean(state) or (1 < state.coloured < COLOURED and state.z_total < CLEAN_TOTAL)
+    return clean(state) or (1 < state.coloured < MOST_COLOURED and state.z_total < CLEAN_TOTAL)
 
 
 def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:

@@ -21,7 +21,7 @@ from .hum import MAINS, within
 from .monitors import (
     COLOURED,
     LARGEST,
-    WHITE,
+    NO_MEMORY,
     WRONG,
     Polyline,
     halved,
@@ -207,7 +207,7 @@ def _memory(experiment: Experiment, signal: Input) -> tuple[float, float] | None
 def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float]:
     """The median of those known: quiet records agree on it, moving ones may not show it."""
     known = sorted(m for m in memories if m is not None)
-    return known[len(known) // 2] if known else WHITE
+    return known[len(known) // 2] if known else NO_MEMORY
 
 
 def _levels(
@@ -226,7 +226,7 @@ def _levels(
             found[signal.name] = noise_floor(values)
         else:
             known = (memories or {}).get(signal.name)
-            found[signal.name] = level(values, known or _memory(experiment, signal) or WHITE)
+            found[signal.name] = level(values, known or _memory(experiment, signal) or NO_MEMORY)
     return found
 
 

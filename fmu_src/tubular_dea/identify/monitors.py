@@ -56,7 +56,10 @@ COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no mo
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory. Check: `pytest tests/test_monitors.py -k memory`
-WHITE = (1.0, 0.0)  # [1] what `memory` tells of white noise: differences show all of it, neighbours are not correlated
+NO_MEMORY = (
+    1.0,
+    0.0,
+)  # [1] what `memory` tells of white noise: differences show all of it, neighbours are not correlated
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def memory(values: np.ndarray, largest: float | None = None) -> tuple[float, flo
             break
         if twice**2 < here**2 * (PLATEAU + chance):
             ratio = (first / here) ** 2
-            return (here / first, _correlation(ratio)) if ratio < 1 / COLOURED else WHITE
+            return (here / first, _correlation(ratio)) if ratio < 1 / COLOURED else NO_MEMORY
         lag, here = 2 * lag, twice
     return None
 
@@ -143,7 +146,7 @@ def level(values: np.ndarray, remembered: tuple[float, float] | None = None) -> 
     `remembered` is its `memory` where other records of the same monitor show it better. Not less than its resolution
     makes; without any, every sample would be an event.
     """
-    larger, phi = remembered or memory(values) or WHITE
+    larger, phi = remembered or memory(values) or NO_MEMORY
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
     return max(noise_level(values) * slow, _coarseness(values) / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
 
