@@ -59,7 +59,7 @@ QUIET = 1e-4  # [1] of its span: noise below which a record comes from a compute
 NO_MEMORY = (
     1.0,
     0.0,
-)  # [1] what `memory` tells of white noise: differences show all of it, neighbours are not correlated
+)  # [1] what `memory` tells of white noise: differences show all of it
 
 
 @dataclass(frozen=True)
