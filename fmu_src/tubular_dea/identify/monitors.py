@@ -56,10 +56,7 @@ COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no mo
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory. Check: `pytest tests/test_monitors.py -k memory`
-NO_MEMORY = (
-    1.0,
-    0.0,
-)  # [1] what `memory` tells of white noise: differences show all of it
+NO_MEMORY = (1.0, 0.0)  # [1] what `memory` tells of white noise: differences show all of it
 
 
 @dataclass(frozen=True)
