@@ -176,7 +176,7 @@ def drives(
 
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
-    kept = {s.name: _middle([_memory(e, s) for e in experiments]) for s in inputs if not s.band_limited}
+    kept = {s.name: _middle([memory(e.inputs[s.name]) for e in experiments]) for s in inputs if s.linear}
     levels = [_levels(e, inputs, noise, kept) for e in experiments]
     rises = {
         s.name: rise_of(
@@ -191,17 +191,6 @@ def drives(
     }
     mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
     return [drive(e, inputs, n, e.trigger, rises, mains=mains) for e, n in zip(experiments, levels, strict=True)]
-
-
-def _memory(experiment: Experiment, signal: Input) -> tuple[float, float] | None:
-    """The memory of a monitor's noise, None where it is unknown; that of a held input without its switchings."""
-    values = experiment.inputs[signal.name]
-    if not signal.held:
-        return memory(values)
-    found = transitions(experiment.time, values, level(values, (1.0, 0.0)))
-    steps = np.zeros(values.size)
-    steps[found.after] = values[found.after] - values[found.before]
-    return memory(values - np.cumsum(steps), float(np.abs(values).max()))
 
 
 def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float]:
@@ -225,8 +214,8 @@ def _levels(
         elif signal.band_limited:
             found[signal.name] = noise_floor(values)
         else:
-            known = (memories or {}).get(signal.name)
-            found[signal.name] = level(values, known or _memory(experiment, signal) or NO_MEMORY)
+            known = (memories or {}).get(signal.name) or (memory(values) if signal.linear else None)
+            found[signal.name] = level(values, known or NO_MEMORY)
     return found
 
 

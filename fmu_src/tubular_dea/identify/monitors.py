@@ -78,16 +78,16 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
     return float(1.4826 * np.median(np.abs(thirds))) / float(np.sqrt(20.0))
 
 
-def memory(values: np.ndarray, largest: float | None = None) -> tuple[float, float] | None:
+def memory(values: np.ndarray) -> tuple[float, float] | None:
     """How much larger a monitor's noise is than its differences show, and the correlation of neighbouring samples.
 
     White noise has the same differences over any lag. Noise with a memory has larger ones until the lag outlasts it: at
     most twice the variance for each doubling of the lag, once the lag is longer than a filter rings. What a moving
-    signal adds grows faster, and larger than a share of its `largest` value (by default that of the record). So the
-    first lag counts from which doubling it changes nothing; where there is none, nothing is known (None).
+    signal adds grows faster, and larger than a share of its largest value. So the first lag counts from which doubling
+    it changes nothing; where there is none, nothing is known (None).
     """
     first = noise_level(values)
-    most = LARGEST * (float(np.abs(values).max()) if largest is None else largest)
+    most = LARGEST * float(np.abs(values).max())
     lag, here = 1, first
     while first > 0 and values.size > LAGS * 2 * lag:
         twice = noise_level(values, 2 * lag)
