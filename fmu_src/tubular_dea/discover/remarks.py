@@ -10,7 +10,7 @@ from ..identify.adjust import zero_spread
 from ..identify.fit import Fit, interval
 from ..model.effect import Effect
 from ..model.units import factor
-from .acceptance import size_interval
+from .acceptance import clean, noise_alone, size_interval
 from .engine import Discovery
 from .oscillations import Oscillation
 from .parameters import at_bounds
@@ -25,7 +25,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
     said = [*_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
-    said += [*_starts(found), *_spread(found), *_wandering(found)]
+    said += [*_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -153,4 +153,15 @@ def _wandering(found: Discovery) -> list[str]:
     return [
         f"The zero of the {reading} drifts slowly within files, most in {name} ({rms / factor(unit, q.unit):.2g} "
         f"{unit} rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
+    ]
+
+
+def _coloured(found: Discovery) -> list[str]:
+    """A remark where the residual is noise only if noise is slow, which no record shows."""
+    state = found.named.lack_of_fit
+    if clean(state) or not noise_alone(state):
+        return []
+    return [
+        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of white noise. No part of the "
+        "recordings is quiet, so that it may be noise or a weak effect: record some seconds in which nothing moves."
     ]

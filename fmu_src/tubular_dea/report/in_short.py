@@ -14,7 +14,7 @@ from .svg import bars
 CONFIDENCE = {
     "no_effect": "The residual looks like noise: no effect of the catalogue explains more of it than chance does "
     "once in a thousand such sets of recordings.",
-    "effect_found": "Every other explanation that was tried leaves a residual larger than the noise.",
+    "effect_found": "Every other explanation that was tried explains the recordings worse than chance allows.",
     "ambiguous": "It is certain that something of this kind is missing. Which of the named effects it is, these "
     "recordings cannot show.",
     "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "
