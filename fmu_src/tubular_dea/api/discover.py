@@ -189,7 +189,7 @@ def discover(
     >>> aorta = td.load_plant("aorta")
     >>> probe = replace(aorta, places=aorta.places[:1], own={})
     >>> late = td.add_effects(probe, ["flow_delay"], flow_delay="30 ms", p_C_start="75 mmHg")
-    >>> noise, tables = np.random.default_rng(1), {}
+    >>> noise, tables = np.random.default_rng(3), {}
     >>> for name, peak in {"low": 2e-4, "middle": 3e-4, "high": 4e-4}.items():
     ...     flow = [0, peak, 0, 0, 1.5 * peak, 0, 0, peak, 0, 0]
     ...     run = td.simulate(late, td.Protocol.of([0, 0.1, 0.3, 0.9, 1.0, 1.3, 1.7, 1.8, 2.0, 3.0], flow=flow))

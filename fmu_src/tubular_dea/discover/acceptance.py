@@ -96,11 +96,9 @@ def finished(base: Option, chosen: Option) -> bool:
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
     """Whether `best` is accepted over `before`, and why (not), in words."""
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
-    if gain < threshold * best.lack_of_fit.coloured:  # slow effects gain that much more from slow noise
-        return (
-            False,
-            f"refitted, {name} gains {gain:.1f}, less than chance can ({threshold * best.lack_of_fit.coloured:.1f})",
-        )
+    chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
+    if gain < chance:
+        return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
     if name in best.pinned:
         return False, f"{name} would need an implausible strength"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing

@@ -110,9 +110,9 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.text(
         f"The sensor's noise is {_size(found, outcome['noise_floor'])}. {least(found)} Held out of every fit: {held}. "
         "The other errors are those on the fitted experiments. Fits give less weight to samples "
-        "that the monitors' noise disturbs strongly; the errors weight all samples equally. What each record has of its "
-        "own (zeros and gains of sensors and monitors, instants of switching, its start) is taken off before any error "
-        "is told, that of the model as declared too."
+        "that the monitors' noise disturbs strongly; the errors weight all samples equally. What each record has of "
+        "its own (zeros and gains of sensors and monitors, instants of switching, its start) is taken off before any "
+        "error is told, that of the model as declared too."
     )
 
 
