@@ -151,8 +151,9 @@ def test_a_model_whose_starts_use_one_another_is_refused() -> None:
     m = Build("Ring")
     a = m.state("a", "1", start=1.0)
     b = m.state("b", "1", start=2 * a)
-    m.derivative(a, b)
-    m.derivative(b, a)
+    k = m.parameter("k", "1/s", 1.0)
+    m.derivative(a, k * b)
+    m.derivative(b, k * a)
     m.output("y", "1", a)
     model = m.model()
     first, second = model.states
