@@ -200,7 +200,10 @@ def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, cap
         )
         == 0
     )
-    assert "reading from 4.472 to 7 V" in capsys.readouterr().out  # 3 + 4 / e
+    said = capsys.readouterr()
+    assert "reading from 4.472 to 7 V" in said.out and not said.err  # 3 + 4 / e
+    assert main(["simulate", "--plant", plant, "--input", "pump=3 V", "--out", str(tmp_path / "run")]) == 0
+    assert "warning: level_start = 5 V: the plant leaves the start free" in capsys.readouterr().err
     assert main(["build", "--plant", plant, "--out", str(tmp_path / "built")]) == 0
     fmu = tmp_path / "built/fmi2/Tank.fmu"
     found = fmpy.simulate_fmu(str(fmu), stop_time=20, start_values={"pump": 3.0, "level_start": 7.0})

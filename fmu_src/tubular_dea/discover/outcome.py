@@ -214,7 +214,7 @@ def _apart(found: Discovery) -> str:
     if proposal is None or proposal.deviations < TOLD:
         if found.verdict == "ambiguous":
             return f"no experiment {kind(found.study.plant)} tells {names} apart; a second sensor may"
-        return f"repeat the experiments on another specimen to see whether the effect is the same"
+        return "repeat the experiments on another specimen to see whether the effect is the same"
     apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
         return f"record {proposal.words}, for which {names} differ {apart} or more"

@@ -128,12 +128,7 @@ def _noise(path: Path, name: str, value: object, units: Mapping[str, str], plant
 
 
 def _amount(
-    path: Path,
-    name: str,
-    value: object,
-    units: Mapping[str, str],
-    least: float = sys.float_info.min,
-    why: str = "",
+    path: Path, name: str, value: object, units: Mapping[str, str], least: float = sys.float_info.min, why: str = ""
 ) -> float:
     """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`; above 0, or from `least` on."""
     if name not in units:
