@@ -40,6 +40,7 @@ from .declare import (
     rate,
 )
 from .dimensions import fault, per_second
+from .functions import unusable
 from .sizes import usual_size
 from .units import UnitError, parse
 
@@ -98,7 +99,8 @@ class Build:
         )
         if not q.allows(value):
             raise DeclarationError(
-                f"{_here()}: parameter {name!r}: expected {minimum} to {maximum} {unit} but was given {value:g}"
+                f"{_here()}: parameter {name!r}: expected {q.allowed} but was given {value:g}; "
+                "correct the value or its minimum and maximum"
             )
         self._parameters.append(Parameter(q, tunable=tunable))
         return q.symbol
@@ -254,7 +256,13 @@ class Build:
 
     def _known(self, name: str, expression: Expression) -> sympy.Expr:
         """The expression, which uses only what is declared before it."""
-        value = sympy.sympify(expression)
+        try:
+            value = sympy.sympify(expression)
+        except sympy.SympifyError:
+            raise DeclarationError(f"{_here()}: {name}: expected an expression but was given {expression!r}") from None
+        wrong = unusable(value)
+        if wrong:
+            raise DeclarationError(f"{_here()}: {name}: {wrong}")
         known = {TIME, *(q.symbol for q in self._inputs), *(rate(q) for q in self._inputs)}
         known |= {*(p.quantity.symbol for p in self._parameters), *(d.quantity.symbol for d in self._definitions)}
         known |= {q.symbol for q, _, _ in self._states.values()}
