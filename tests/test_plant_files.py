@@ -12,10 +12,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from tubular_dea.api.ended import recorded
 from tubular_dea.cli import main
 from tubular_dea.discover.engine import discover
 from tubular_dea.errors import UserError
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws import laws
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.model.effect import with_effects
@@ -252,3 +253,10 @@ def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, cap
     assert main(["simulate", "--plant", plant, "--input", "pomp=3 V", "--out", str(tmp_path / "none")]) == 2
     assert "--input pomp: Tank has no such input; did you mean pump?" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
+
+
+def test_a_model_that_cannot_follow_its_records_is_said_with_its_file(tmp_path: Path) -> None:
+    plant = load_plant(written(tmp_path, HEAD + PLANT))
+    words = "^tank.py:PLANT: the model cannot follow a recorded experiment: it ended; look"
+    with pytest.raises(KernelError, match=words), recorded(plant):
+        raise KernelError("it ended")
