@@ -12,7 +12,7 @@ from tubular_dea.cli import main
 from tubular_dea.identify.data import DataError, Experiment, Recordings
 from tubular_dea.identify.data import read_experiment as read_of
 from tubular_dea.identify.data import read_folder as folder_of
-from tubular_dea.identify.drive import drive
+from tubular_dea.identify.drive import drive, drives
 from tubular_dea.identify.monitors import noise_level, polyline
 from tubular_dea.identify.noise import Noise, estimate
 from tubular_dea.plants.tube import PLANT
@@ -236,6 +236,16 @@ def test_bench_file_gives_geometry_and_noise(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text("[noise]\nradius = -1\n")
     with pytest.raises(DataError, match="radius: expected more than 0"):
         read_folder(tmp_path)
+    (tmp_path / "bench.toml").write_text('[noise]\nradius = "0 um"\n')
+    with pytest.raises(DataError, match="radius: expected more than 0 but found '0 um': no sensor is without noise"):
+        read_folder(tmp_path)
+    (tmp_path / "bench.toml").write_text('[noise]\nvoltage = "0 V"\npressure = 0\n')
+    commanded = read_folder(tmp_path)
+    assert commanded.noise == {"voltage": 0.0, "pressure": 0.0}
+    driven = drives(commanded.experiments, commanded.plant.inputs, commanded.noise)[0]
+    record = commanded.experiments[0]
+    assert driven.noise == {"voltage": 0.0, "pressure": 0.0}
+    assert driven.protocol.at(record.time)["pressure"] == pytest.approx(record.inputs["pressure"], abs=1e-6)
     (tmp_path / "bench.toml").write_text("[geometry]\nradius_of_the_tube = 3\n")
     with pytest.raises(DataError, match="radius_of_the_tube"):
         read_folder(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import tubular_dea as td
 from blind import bench, coverage
 from tubular_dea.cli import main
+from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.identify import procedure
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
@@ -190,3 +192,12 @@ def test_what_begins_under_load_is_not_taken_to_begin_at_rest() -> None:
     found = td.identify(recordings, free=["C_1", "eps_r"], starts=1)
     assert found.parameters["C_1"].value == pytest.approx(350e3, rel=5e-3)
     assert found.parameters["eps_r"].value == pytest.approx(2.8, rel=2e-2)
+
+
+def test_the_command_that_finds_what_is_missing_has_the_plant() -> None:
+    given = SimpleNamespace(data=Path("my data"), plant="tanks.py:LINEAR", columns=["pump=AI3"])
+    assert to_find(given).endswith(
+        "run tubular-dea close-loop 'my data' --plant tanks.py:LINEAR --columns pump=AI3 --out closed"
+    )
+    given = SimpleNamespace(data=Path("data"), plant="tube", columns=[])
+    assert to_find(given).endswith("run tubular-dea close-loop data --out closed")

@@ -12,10 +12,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from tubular_dea.api.ended import recorded
 from tubular_dea.cli import main
 from tubular_dea.discover.engine import discover
 from tubular_dea.errors import UserError
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws import laws
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.model.effect import with_effects
@@ -99,12 +100,44 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         (HEAD + "m.define('q', 'V', level * lost)\n", 8, "NameError: name 'lost' is not defined"),
         (HEAD + "m.parameter('k', '1/s', 1)\n", 8, "'k' is declared already, in tank.py, line 4"),
         (HEAD + "m.parameter('c', 'furlong', 1)\n", 8, "'c': cannot read the unit 'furlong'"),
-        (HEAD + "m.parameter('c', '1/s', -1, minimum=0)\n", 8, "expected 0 to None 1/s but was given -1"),
+        (
+            HEAD + "m.parameter('c', '1/s', -1, minimum=0)\n",
+            8,
+            "parameter 'c': expected at least 0 1/s but was given -1; correct the value",
+        ),
         (HEAD + "m.input('v', 'V', nominal=0)\n", 8, "nominal: expected a usual size above 0 but was given 0"),
         (HEAD + "m.state('h', 'V', start='fre')\n", 8, "expected a number, an expression, 'free' or 'shared' but was"),
         (HEAD + "m.derivative(k, level)\n", 8, "there is no such state; there are level"),
         (HEAD + "m.derivative(level, pump)\n", 8, "the derivative of 'level' is given twice"),
-        (HEAD + "m.state('h', 'V')\nm.model()\n", 9, "the state 'h' has no derivative"),
+        (HEAD + "m.state('h', 'V')\nm.model()\n", 8, "the state 'h' has no derivative; add m.derivative(h, ...)"),
+        (
+            HEAD + "m.define('q', 'V', level if level > 3 else pump)\n",
+            8,
+            "level > 3 is not known while the file is read: write step(level), positive_part(level) or sympy.Piecewise",
+        ),
+        (HEAD + "import numpy\nm.define('q', '1', numpy.tanh(k))\n", 9, "NumPy's tanh is for numbers, and this is a"),
+        (
+            HEAD + "import math\nm.define('q', '1', math.tanh(k))\n",
+            9,
+            "in m.define('q', '1', math.tanh(k)): a function of",
+        ),
+        (
+            HEAD + "m.define('q', 'V', level > 3)\n",
+            8,
+            "q: expected a number or an expression but was given level > 3; a",
+        ),
+        (
+            HEAD + "import sympy\nm.define('q', '1', sympy.sign(level))\n",
+            9,
+            "q: sign(level) cannot be computed with its",
+        ),
+        (
+            HEAD + "m.define('q', 'V', float('nan') * level)\n",
+            8,
+            "q: expected a finite real expression but was given nan",
+        ),
+        (HEAD + "m.define('q', 'V', 'level)')\n", 8, "q: expected an expression but was given 'level)'"),
+        (HEAD + "m.define('q', 'V', [level])\n", 8, "q: expected a number or an expression but was given [level]"),
         (HEAD + "m.define('pump_rate', 'V/s', level)\n", 8, "'pump_rate' already means the rate of an input"),
         (HEAD + PLANT.replace('Path("pump")', 'Path("pomp")'), 8, "Path('pomp'): expected an input, or an output that"),
         (
@@ -151,8 +184,9 @@ def test_a_model_whose_starts_use_one_another_is_refused() -> None:
     m = Build("Ring")
     a = m.state("a", "1", start=1.0)
     b = m.state("b", "1", start=2 * a)
-    m.derivative(a, b)
-    m.derivative(b, a)
+    k = m.parameter("k", "1/s", 1.0)
+    m.derivative(a, k * b)
+    m.derivative(b, k * a)
     m.output("y", "1", a)
     model = m.model()
     first, second = model.states
@@ -199,7 +233,10 @@ def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, cap
         )
         == 0
     )
-    assert "reading from 4.472 to 7 V" in capsys.readouterr().out  # 3 + 4 / e
+    said = capsys.readouterr()
+    assert "reading from 4.472 to 7 V" in said.out and not said.err  # 3 + 4 / e
+    assert main(["simulate", "--plant", plant, "--input", "pump=3 V", "--out", str(tmp_path / "run")]) == 0
+    assert "warning: level_start = 5 V: the plant leaves the start free" in capsys.readouterr().err
     assert main(["build", "--plant", plant, "--out", str(tmp_path / "built")]) == 0
     fmu = tmp_path / "built/fmi2/Tank.fmu"
     found = fmpy.simulate_fmu(str(fmu), stop_time=20, start_values={"pump": 3.0, "level_start": 7.0})
@@ -216,3 +253,10 @@ def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, cap
     assert main(["simulate", "--plant", plant, "--input", "pomp=3 V", "--out", str(tmp_path / "none")]) == 2
     assert "--input pomp: Tank has no such input; did you mean pump?" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
+
+
+def test_a_model_that_cannot_follow_its_records_is_said_with_its_file(tmp_path: Path) -> None:
+    plant = load_plant(written(tmp_path, HEAD + PLANT))
+    words = "^tank.py:PLANT: the model cannot follow a recorded experiment: it ended; look"
+    with pytest.raises(KernelError, match=words), recorded(plant):
+        raise KernelError("it ended")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from tubular_dea.discover.next_experiment import sweeps
+from tubular_dea.discover.next_experiment import Proposal, kind, sweeps
+from tubular_dea.discover.outcome import advice
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants.effects import catalogue
 from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
@@ -134,3 +136,30 @@ def test_steps_and_sweeps_stay_below_what_was_recorded() -> None:
             heights = share[:-1][np.diff(share) == 0]
             assert heights.size == 10 and np.unique(heights).size > 5  # each held for a tenth of the time
             assert np.all(np.diff(protocol.time)[np.diff(share) == 0] == pytest.approx(2.0))
+
+
+def test_a_sweep_of_what_never_is_0_starts_where_it_was_recorded() -> None:
+    made = sweeps(PLANT, {"pressure": 10e3, "voltage": 6e3}, 20.0, 0.01, {"pressure": 5e3, "voltage": 0.0})
+    for words, protocol in made.items():
+        low, high = (5e3, 9.25e3) if "of pressure" in words else (7.5e3, 7.5e3)
+        assert protocol.inputs["pressure"].min() == low and protocol.inputs["pressure"].max() == pytest.approx(high)
+
+
+def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
+    study = SimpleNamespace(
+        plant=SimpleNamespace(name="Axis", experiments=None, inputs=[SimpleNamespace(name="force")])
+    )
+    for verdict, proposal, words in [
+        (
+            "ambiguous",
+            Proposal("steps of force", 0.1),
+            "no experiment of steps and sweeps of force within the recorded",
+        ),
+        ("ambiguous", None, "range tells lag(a) or lag(b) apart; a second sensor may."),
+        ("ambiguous", Proposal("steps of force", 50.0), "steps of force, for which lag(a) or lag(b) differ by 10 "),
+        ("effect_found", Proposal("steps of force", 0.1), "repeat the experiments on another specimen"),
+    ]:
+        chosen, equals = SimpleNamespace(ids=("lag(a)",)), {"lag(a)": ["lag(b)"]}
+        found = SimpleNamespace(verdict=verdict, proposal=proposal, chosen=chosen, equivalent=equals, study=study)
+        assert words in advice(found)
+    assert kind(PLANT) == "of those declared for the TubularDEA"

@@ -218,6 +218,8 @@ def test_fmpy(fmi2_fmu: Path, tmp_path: Path) -> None:
 def test_own_plant_and_own_effect(folder: Path) -> None:
     carriage, liquid = PLANTS
     assert "dry_friction(v)" in ran("-m", "tubular_dea.plants", carriage, cwd=folder)
+    (folder / "cell.py").write_text(next(code for code in codes() if "CELL = " in code), encoding="utf-8")
+    assert "cubic(bridge)" in ran("-m", "tubular_dea.plants", "cell.py:CELL", cwd=folder)
     plant = load_plant(liquid)
     drag = plant.catalogue["fluid_drag"]
     protocol, times = (

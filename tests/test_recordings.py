@@ -12,8 +12,11 @@ import scipy.io
 
 from injuries import injured
 from laboratory import drawn
+from tubular_dea.api import unusual
+from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.data import read_experiment
 from tubular_dea.model.units import converted, factor
+from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.recordings import NoTableError, ReadError, Table, read
 from tubular_dea.recordings.cells import decimal_mark, numbers
@@ -350,3 +353,31 @@ def test_a_missing_library_is_named(
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(ReadError, match=rf"needs {library.partition('.')[0]}.*pip install 'tubular-dea\[files\]'"):
         read(saved(tmp_path, start + b"\0" * 64))
+
+
+def test_what_is_odd_about_a_set_is_said() -> None:
+    """A unit that is wrong by a thousand, gaps, a file that is a copy; nothing of a set as it should be."""
+    m = Build("Tank")
+    pump, k = m.input("pump", "V", nominal=5), m.parameter("k", "1/s", 0.5)
+    level = m.state("level", "m", start="free", nominal=0.1)
+    m.derivative(level, k * (m.parameter("gain", "m/V", 0.02) * pump - level))
+    m.output("reading", "m", level)
+    tank = Plant(m.model(), [Input("pump")], [Output("reading")])
+    time, noise = np.linspace(0, 20, 401), 1e-5 * np.random.default_rng(1).standard_normal(401)
+
+    def table(phase: float, unit: str = "m") -> dict[str, np.ndarray]:
+        wave = 2.5 + 2.5 * np.sin(time + phase)
+        return {"time [s]": time, "pump [V]": wave, f"reading [{unit}]": 0.02 * wave + noise}
+
+    usual = {"a": table(0.0), "b": table(1.0)}
+    assert unusual.findings(read_recordings(usual, tank)) == []
+    (copied,) = unusual.findings(read_recordings(usual | {"c": table(0.0)}, tank))
+    assert copied == "a and c hold the same numbers: held out, one tests nothing of the other; remove one"
+    (small,) = unusual.findings(read_recordings({"a": table(0.0, "mm"), "b": table(1.0, "mm")}, tank))
+    assert small.startswith("reading reaches 0.0001 m in these records, 0.001 times its declared size (nominal: 0.1 m)")
+    (large,) = unusual.findings(read_recordings({"a": table(0.0) | {"pump [V]": 1e3 * table(0.0)["pump [V]"]}}, tank))
+    assert large.startswith("pump reaches 5e+03 V in these records, 1e+03 times its declared size (nominal: 5 V)")
+    half = table(0.0)
+    half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
+    (gaps,) = unusual.findings(read_recordings({"a": half, "b": table(1.0)}, tank))
+    assert gaps == "a: 200 of 401 samples of reading hold no number, and are left out"

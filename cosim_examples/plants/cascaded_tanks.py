@@ -32,12 +32,12 @@ import sympy
 from tubular_dea.plants import Balance, Build, Coefficient, Input, Output, Path, Plant, root
 
 
-def tanks(name: str, drained: Callable[[sympy.Symbol], sympy.Expr], rate: float) -> Plant:
-    """The two tanks with an outflow of `rate` (the first guess) times `drained(level)`."""
+def tanks(name: str, drained: Callable[[sympy.Symbol], sympy.Expr], rate: float, unit: str) -> Plant:
+    """The two tanks with an outflow of `rate` (the first guess, in `unit`) times `drained(level)`."""
     m = Build(name, "Two tanks in a row", __doc__ or "")
     pump = m.input("pump", "V", "Voltage of the pump", nominal=5)
-    k1 = m.parameter("k1", "1/s", rate, "Outflow of the upper tank", minimum=1e-4)
-    k2 = m.parameter("k2", "1/s", rate, "Outflow of the lower tank", minimum=1e-4)
+    k1 = m.parameter("k1", unit, rate, "Outflow of the upper tank", minimum=1e-4)
+    k2 = m.parameter("k2", unit, rate, "Outflow of the lower tank", minimum=1e-4)
     k3 = m.parameter("k3", "1/s", 0.05, "Inflow of the upper tank", minimum=1e-4)
     h1 = m.state("h1", "V", "Level of the upper tank", start="shared", nominal=10)
     h2 = m.state("h2", "V", "Level of the lower tank", start="shared", nominal=10)
@@ -52,5 +52,5 @@ def tanks(name: str, drained: Callable[[sympy.Symbol], sympy.Expr], rate: float)
     return Plant(m.model(), inputs, outputs, places=[*outflows, *stores, *ways])
 
 
-PLANT = tanks("CascadedTanks", lambda level: level, 0.02)
-SQUARE_ROOT = tanks("CascadedTanksSquareRoot", lambda level: root(level, 0.01), 0.05)
+PLANT = tanks("CascadedTanks", lambda level: level, 0.02, "1/s")
+SQUARE_ROOT = tanks("CascadedTanksSquareRoot", lambda level: root(level, 0.01), 0.05, "V0.5/s")

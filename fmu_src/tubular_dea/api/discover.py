@@ -14,6 +14,7 @@ from ..identify.fit import uncertainty
 from ..model.declare import Model
 from ..plants.saved import as_json
 from . import tables
+from .ended import recorded
 from .given import AnyPlant, whole
 from .identify import ParameterEstimate
 from .recordings import Data, folder_of, recordings_of
@@ -203,7 +204,7 @@ def discover(
     """
     chosen = engine.SEED if seed is None else whole(seed, 0, "seed")
     recordings = recordings_of(data, plant)
-    with steps(progress, STEPS) as tell:
+    with recorded(recordings.plant), steps(progress, STEPS) as tell:
         found = engine.discover(recordings, tell, chosen, hold_out)
         tell("model and report")
         return DiscoveryResult(outcome.final_model(found), found, outcome.result(found))

@@ -21,6 +21,7 @@ from ..model.declare import Model, nearest
 from ..plants.plant import Plant
 from ..plants.saved import as_json
 from . import tables
+from .ended import recorded
 from .given import Amount, AnyPlant, parameters_of, whole
 from .recordings import Data, recordings_of
 from .work import steps
@@ -203,7 +204,7 @@ def identify(
     recordings = recordings_of(data, plant)
     known = recordings.plant
     values = known.model.parameter_values() | _start(known, start)
-    with steps(progress, 6) as tell:
+    with recorded(known), steps(progress, 6) as tell:
         tell("monitors and noise")
         work = study(recordings, held_out=())
         if any(p.unknown for p in work.pieces):  # a fit must not depend on where the plant starts

@@ -18,7 +18,7 @@ from ..identify.data import Experiment, Recordings, of_tables, read_folder
 from ..protocol import Protocol
 from ..recordings import Column, Table
 from ..recordings.heading import parts
-from . import tables
+from . import tables, unusual
 from .given import Amount, AnyPlant, parameters_of, plant_of
 
 if TYPE_CHECKING:
@@ -83,8 +83,8 @@ class RecordingSet(Recordings):
         return not_used(self)
 
     def findings(self) -> list[str]:
-        """Units that may be wrong by a factor, as text."""
-        return scales.findings(self)
+        """Units that may be wrong by a factor, gaps, and files that are copies of others, as text."""
+        return [*scales.findings(self), *unusual.findings(self)]
 
     def to_pandas(self) -> pandas.DataFrame:
         """All samples as a DataFrame over experiment and time [s]: inputs, and outputs as the model puts them out.

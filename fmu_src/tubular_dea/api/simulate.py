@@ -184,6 +184,7 @@ def simulate(
     sampled = _times(protocol, amount(interval, "s", "interval")) if times is None else np.asarray(times, dtype=float)
     if not 1e-12 <= tolerance <= 1e-2:
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
+    remarks += tuple(_unset(chosen, values))
     found = Kernel(chosen).simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
     return SimulationResult(found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks)
 
@@ -217,6 +218,15 @@ def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
         if problem:
             said.append(f"{path}: column {signal.name!r}: {problem}")
     return said
+
+
+def _unset(model: Model, values: Mapping[str, float]) -> list[str]:
+    """Free start values that were not given: every run needs some."""
+    free = [p.quantity for p in model.parameters if p.start and p.quantity.name not in values]
+    if not free:
+        return []
+    taken = ", ".join(f"{q.name} = {q.value:g} {q.unit}".removesuffix(" 1") for q in free)
+    return [f"{taken}: the plant leaves the start free, and the default was taken; choose by --set {free[0].name}=0"]
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

@@ -10,6 +10,7 @@ intervals, goodness of fit), model.json (for `tubular-dea build --model`) and fi
 from __future__ import annotations
 
 import argparse
+import shlex
 
 import tubular_dea as td
 
@@ -72,4 +73,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _to_find(options: argparse.Namespace) -> str:
-    return f"to find what it is, run tubular-dea close-loop {options.data} --out closed"
+    plant = [] if options.plant == "tube" else ["--plant", options.plant]
+    columns = ["--columns", *options.columns] if options.columns else []
+    command = ["tubular-dea", "close-loop", str(options.data), *plant, *columns, "--out", "closed"]
+    return f"to find what it is, run {shlex.join(command)}"

@@ -2,7 +2,7 @@
 
 The expected discrimination is half the squared distance between the models' outputs in units of the sensor's noise.
 Feasible protocols are those of the plant (`Plant.experiments`), or steps and sweeps of every input within the recorded
-range.
+range, on which the output stays near the range where it was recorded (a push to one side runs a slide into its end).
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from .options import Option
 
 # Set by judgement. Check: `pytest tests/test_plants.py -k sweeps`
 WITHIN = 0.85  # [1] of the largest inputs recorded
-OTHERS = 0.5  # [1] of their largest values: where the inputs stay that are not moved
+OTHERS = 0.5  # [1] of the way to their largest values: where the inputs stay that are not moved
+BEYOND = 0.5  # [1] of an output's recorded range that a proposed experiment may leave it by
+TOLD = 3.0  # [standard deviations] of the noise by which models differ at least where an experiment tells them apart
 STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
 
 
@@ -33,6 +35,11 @@ class Proposal:
 
     words: str
     discrimination: float
+
+    @property
+    def deviations(self) -> float:
+        """The distance of the two closest models in standard deviations of the noise."""
+        return float(np.sqrt(2 * self.discrimination))
 
 
 def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
@@ -47,6 +54,8 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
             answers = [study.asked(o.ids, [case]).outputs_alone(o.fitted.values)[0] for o in options]
         except KernelError:
             continue
+        if study.plant.experiments is None and not _within(study, reading.output, answers):
+            continue
         apart = [
             float(np.sum(whitened(case, a - b, study.noise) ** 2)) / 2
             for i, a in enumerate(answers)
@@ -57,30 +66,62 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
     return best
 
 
+def _within(study: Study, output: str, answers: Sequence[np.ndarray]) -> bool:
+    """Whether an output stays about where it was recorded."""
+    parts = [
+        p.record[rows]
+        for p in study.pieces
+        for r, rows in zip(p.case.readings, p.case.parts(), strict=True)
+        if r.output == output
+    ]
+    low, high = min(float(part.min()) for part in parts), max(float(part.max()) for part in parts)
+    room = BEYOND * (high - low)
+    return all(bool(np.all((a > low - room) & (a < high + room))) for a in answers)
+
+
+def kind(plant: Plant) -> str:
+    """Which experiments are feasible, in words."""
+    if plant.experiments is not None:
+        return f"of those declared for the {plant.name}"
+    return f"of steps and sweeps of {' and '.join(s.name for s in plant.inputs)} within the recorded range"
+
+
 def feasible(study: Study) -> dict[str, Protocol]:
     """Protocols within the recorded range, by their description."""
-    largest = study.plant.nominal_inputs([p.case.protocol for p in study.pieces])
+    protocols = [p.case.protocol for p in study.pieces]
+    largest = study.plant.nominal_inputs(protocols)
     if study.plant.experiments is not None:
         return study.plant.experiments(largest)
     times = study.pieces[0].case.times
     step, span = float(np.median(np.diff(np.unique(times)))), float(times.max() - times.min())
-    return sweeps(study.plant, largest, span, step)
+    least = {name: _least(np.concatenate([d.inputs[name] for d in protocols])) for name in largest}
+    return sweeps(study.plant, largest, span, step, least)
 
 
-def sweeps(plant: Plant, largest: Mapping[str, float], span: float, step: float) -> dict[str, Protocol]:
-    """For every input in turn, steps of growing height and a sweep, with the others at half of their largest values."""
+def _least(values: np.ndarray) -> float:
+    """The smallest value on the way to the largest: 0 where a record comes to it, as a stretch never does."""
+    return 0.0 if values.min() <= 0 <= values.max() else float(values[np.argmin(np.abs(values))])
+
+
+def sweeps(
+    plant: Plant, largest: Mapping[str, float], span: float, step: float, least: Mapping[str, float] | None = None
+) -> dict[str, Protocol]:
+    """For every input in turn, steps of growing height and a sweep from its `least` value (default: 0), with the others
+    half way to their largest values."""
     found = {}
+    least = least or dict.fromkeys(largest, 0.0)
     for name, top in largest.items():
         q = plant.quantity(name)
         unit = q.display_unit or q.unit
-        end = f"{WITHIN * top / factor(unit, q.unit):.3g} {unit}"
-        others = {n: OTHERS * v for n, v in largest.items() if n != name}
+        rise = WITHIN * (top - least[name])
+        end = f"{(least[name] + rise) / factor(unit, q.unit):.3g} {unit}".removesuffix(" 1")
+        others = {n: least[n] + OTHERS * (v - least[n]) for n, v in largest.items() if n != name}
         for words, wave in {
             f"steps of {name} up to {end}": _staircase(span),
             f"a sweep of {name} up to {end}": _chirp(span, step),
         }.items():
             grid, shape = wave
-            inputs = {n: np.full(grid.size, v) for n, v in others.items()} | {name: WITHIN * top * shape}
+            inputs = {n: np.full(grid.size, v) for n, v in others.items()} | {name: least[name] + rise * shape}
             found[words] = Protocol(grid, inputs)
     return found
 

@@ -17,6 +17,7 @@ from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import size_interval
 from .engine import Discovery
+from .next_experiment import TOLD, kind
 from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
 
@@ -202,14 +203,22 @@ def advice(found: Discovery) -> str:
         return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
     if found.verdict in ("unexplained", "partly_explained"):
         return f"{why}: {_beside(found)}."
-    if proposal is None:
-        return f"{why}: repeat the experiments on another specimen to see whether the effect is the same."
+    return f"{why}: {_apart(found)}."
+
+
+def _apart(found: Discovery) -> str:
+    """Which experiment tells the named effects from others, or that there is none."""
+    proposal = found.proposal
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
     names = " or ".join(dict.fromkeys(listed))
-    apart = f"by {np.sqrt(2 * proposal.discrimination):.0f} standard deviations of the noise"
+    if proposal is None or proposal.deviations < TOLD:
+        if found.verdict == "ambiguous":
+            return f"no experiment {kind(found.study.plant)} tells {names} apart; a second sensor may"
+        return "repeat the experiments on another specimen to see whether the effect is the same"
+    apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"{why}: record {proposal.words}, for which {names} differ {apart} or more."
-    return f"{why}: to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}."
+        return f"record {proposal.words}, for which {names} differ {apart} or more"
+    return f"to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}"
 
 
 def _beside(found: Discovery) -> str:

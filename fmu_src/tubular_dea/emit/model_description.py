@@ -188,7 +188,8 @@ def _units(root: ET.Element, table: tuple[Variable, ...]) -> None:
         exponents = {base: str(e) for base, e in zip(units.BASE, parsed.exponents, strict=True) if e}
         if parsed.factor != 1.0:
             exponents["factor"] = _number(parsed.factor)
-        ET.SubElement(unit, "BaseUnit", exponents)
+        if parsed.whole:
+            ET.SubElement(unit, "BaseUnit", exponents)
         for shown in sorted(display[name]):
             ET.SubElement(unit, "DisplayUnit", name=shown, factor=f"{1 / units.factor(shown, name):.15g}")
 

@@ -8,6 +8,7 @@
 
     [noise]                   # standard deviation of a monitor or sensor, where it is known (else it is estimated)
     radius = "15 um"
+    voltage = "0 V"           # an input that was commanded, not measured: it is what stands in the file
 
     [columns]                 # which column is which signal, where headings do not say so: a heading or a number
     radius = "laser_2 [um]"
@@ -26,6 +27,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -86,7 +88,7 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
             )
         if q.type == "Integer" and value != int(value):
             raise ReadError(f"{path}: {name}: expected a whole number but found {value:g}")
-    noise = {k: _amount(path, k, v, known) for k, v in text.get("noise", {}).items()}
+    noise = {k: _noise(path, k, v, known, plant) for k, v in text.get("noise", {}).items()}
     start = {k: _start(path, k, v, experiments) for k, v in text.get("start", {}).items()}
     order = {k: _begin(path, k, v, experiments) for k, v in text.get("order", {}).items()}
     columns = choices([f"{k}={v}" for k, v in text.get("columns", {}).items()], plant, f"{path}: columns:")
@@ -117,8 +119,18 @@ def _experiment(path: Path, table: str, name: str, experiments: Sequence[str]) -
         raise ReadError(f"{path}: {table}: there is no experiment {name!r}{nearest(name, experiments)}")
 
 
-def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> float:
-    """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`."""
+def _noise(path: Path, name: str, value: object, units: Mapping[str, str], plant: Plant) -> float:
+    """A standard deviation; an input that was commanded has none, a sensor always has some."""
+    if name in [s.name for s in plant.inputs]:
+        return _amount(path, name, value, units, least=0.0)
+    why = ": no sensor is without noise; leave the line out to have it estimated"
+    return _amount(path, name, value, units, why=why)
+
+
+def _amount(
+    path: Path, name: str, value: object, units: Mapping[str, str], least: float = sys.float_info.min, why: str = ""
+) -> float:
+    """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`; above 0, or from `least` on."""
     if name not in units:
         raise ReadError(f"{path}: {name!r} is not known{nearest(name, units)}")
     if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
@@ -127,6 +139,7 @@ def _amount(path: Path, name: str, value: object, units: Mapping[str, str]) -> f
         amount = quantity(str(value), units[name])
     except UnitError as problem:
         raise ReadError(f"{path}: {name}: {problem}") from None
-    if amount <= 0:
-        raise ReadError(f"{path}: {name}: expected more than 0 but found {value!r}")
+    if amount < least:
+        bound = "at least" if least == 0 else "more than"
+        raise ReadError(f"{path}: {name}: expected {bound} 0 but found {value!r}{why}")
     return amount

@@ -78,10 +78,12 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
 
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
     """A finding where `values` (n,) are only noise; `wanted` describes what was expected."""
-    if np.ptp(values) <= CONSTANT * noise_level(values) or np.ptp(values) == 0:
+    noise = noise_level(values)
+    if np.ptp(values) <= CONSTANT * noise or np.ptp(values) == 0:
+        beside = f" beside noise of {noise:.3g}" if noise > 0 else ""
         yield (
-            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}) contains no "
-            f"information; expected one in which {wanted}"
+            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}{beside}) contains "
+            f"no information; expected one in which {wanted}"
         )
 
 

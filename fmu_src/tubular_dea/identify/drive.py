@@ -209,7 +209,7 @@ def _levels(
     found = {}
     for signal in inputs:
         values = experiment.inputs[signal.name]
-        if stated and stated.get(signal.name):
+        if stated and signal.name in stated:  # 0: it was commanded, and is what stands in the file
             found[signal.name] = stated[signal.name]
         elif signal.band_limited:
             found[signal.name] = noise_floor(values)

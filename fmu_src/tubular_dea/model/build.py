@@ -7,12 +7,12 @@ Usage::
     k = m.parameter("k", "1/s", 0.05, description="outflow rate")
     h = m.state("h", "V", start="free", nominal=5)
     q = m.define("outflow", "V/s", k * h)
-    m.derivative(h, u / 100 - q)
+    m.derivative(h, k * u - q)
     m.output("level", "V", h)
     model = m.model()
 
 Every call returns the symbol of what it declares. Expressions are sympy's; `m.rate(u)` is the rate of an input.
-Errors are `DeclarationError` and name the file and line of the declaration.
+Units are compared (see `dimensions`). Errors are `DeclarationError` and name the file and line of the declaration.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ from .declare import (
     nearest,
     rate,
 )
+from .dimensions import fault, per_second
+from .functions import unusable
 from .sizes import usual_size
 from .units import UnitError, parse
 
@@ -97,7 +99,8 @@ class Build:
         )
         if not q.allows(value):
             raise DeclarationError(
-                f"{_here()}: parameter {name!r}: expected {minimum} to {maximum} {unit} but was given {value:g}"
+                f"{_here()}: parameter {name!r}: expected {q.allowed} but was given {value:g}; "
+                "correct the value or its minimum and maximum"
             )
         self._parameters.append(Parameter(q, tunable=tunable))
         return q.symbol
@@ -139,6 +142,7 @@ class Build:
             )
             self._parameters.append(Parameter(unknown, start="each" if start == "free" else "shared"))
             start = unknown.symbol
+        self._check_unit(f"the start of {name}", sympy.sympify(start), unit)
         self._states[name] = (q, start, equilibrium)
         return q.symbol
 
@@ -154,9 +158,10 @@ class Build:
     ) -> sympy.Symbol:
         """A named intermediate, computed in the order of declaration. Without `nominal`, its size where inputs, states
         and parameters have theirs is taken."""
-        value = self._checked(name, expression)
+        value = self._known(name, expression)
         size = usual_size(value, self._sizes()) if nominal is None else nominal
         q = self._quantity(name, unit, description or name, nominal=size, display_unit=display_unit)
+        self._check_unit(name, value, unit)
         self._definitions.append(Definition(q, value))
         return q.symbol
 
@@ -169,7 +174,10 @@ class Build:
             )
         if name in self._derivatives:
             raise DeclarationError(f"{_here()}: the derivative of {name!r} is given twice; add the terms up in one")
-        self._derivatives[name] = self._checked(f"the derivative of {name}", expression)
+        unit = per_second(self._states[name][0].unit)
+        rises = self._known(f"the derivative of {name}", expression)
+        self._check_unit(f"the derivative of {name}", rises, unit)
+        self._derivatives[name] = rises
 
     def output(
         self,
@@ -246,8 +254,15 @@ class Build:
         self._lines[name] = _here()
         return Quantity(name, unit, description, **more)
 
-    def _checked(self, name: str, expression: Expression) -> sympy.Expr:
-        value = sympy.sympify(expression)
+    def _known(self, name: str, expression: Expression) -> sympy.Expr:
+        """The expression, which uses only what is declared before it."""
+        try:
+            value = sympy.sympify(expression)
+        except sympy.SympifyError:
+            raise DeclarationError(f"{_here()}: {name}: expected an expression but was given {expression!r}") from None
+        wrong = unusable(value)
+        if wrong:
+            raise DeclarationError(f"{_here()}: {name}: {wrong}")
         known = {TIME, *(q.symbol for q in self._inputs), *(rate(q) for q in self._inputs)}
         known |= {*(p.quantity.symbol for p in self._parameters), *(d.quantity.symbol for d in self._definitions)}
         known |= {q.symbol for q, _, _ in self._states.values()}
@@ -257,6 +272,16 @@ class Build:
                 f"{nearest(str(symbol), sorted(map(str, known)))}"
             )
         return value
+
+    def _check_unit(self, name: str, expression: sympy.Expr, unit: str) -> None:
+        """That an expression is in the unit that was declared for it."""
+        states = [q for q, _, _ in self._states.values()]
+        others = [p.quantity for p in self._parameters] + [d.quantity for d in self._definitions]
+        known = {TIME: "s", **{q.symbol: q.unit for q in (*self._inputs, *states, *others)}}
+        known |= {rate(q): per_second(q.unit) for q in self._inputs}
+        wrong = fault(name, expression, unit, known)
+        if wrong:
+            raise DeclarationError(f"{_here()}: {wrong}")
 
     def _sizes(self) -> dict[sympy.Symbol, sympy.Expr | float]:
         """Usual values: parameters have theirs, inputs and states their nominal ones; definitions stand for theirs."""

@@ -55,6 +55,16 @@ class Quantity:
         low = -math.inf if self.minimum is None else self.minimum
         return low <= value <= (math.inf if self.maximum is None else self.maximum)
 
+    @property
+    def allowed(self) -> str:
+        """The bounds in words, with the unit: "at least 0 N"."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.minimum is not None and self.maximum is not None:
+            return f"{self.minimum:g} to {self.maximum:g}{unit}"
+        if self.minimum is not None:
+            return f"at least {self.minimum:g}{unit}"
+        return "a finite number" if self.maximum is None else f"at most {self.maximum:g}{unit}"
+
 
 def sized(
     name: str,

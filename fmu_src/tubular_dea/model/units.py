@@ -1,8 +1,9 @@
 """Units: SI inside, customary ones at the edges (XML display units, headings of recordings, the command line).
 
 A unit is written as in Modelica: factors joined by ".", divisors after "/", exponents as trailing digits:
-"Pa.s", "m3/s", "kg/m3". `factor(unit)` is what one such unit is in SI base units. Laboratories write in other ways,
-which are understood too: "µm", "cm H2O", "L·min^-1", "psig", "seconds", "MBAR".
+"Pa.s", "m3/s", "kg/m3"; the coefficient of a root may have a broken one, "m3/s/Pa0.5". `factor(unit)` is what one such
+unit is in SI base units. Laboratories write in other ways, which are understood too: "µm", "cm H2O", "L·min^-1",
+"psig", "seconds", "MBAR".
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import difflib
 import math
 import re
 import unicodedata
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from fractions import Fraction
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,7 +23,9 @@ from ..errors import UserError
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 BASE = ("kg", "m", "s", "A", "K")
+PRODUCT = re.compile(r"(?<!\d)\.|\.(?!\d)")  # a dot between digits is that of a broken exponent
 Amount = TypeVar("Amount", float, np.ndarray)
+Power: TypeAlias = int | Fraction
 
 
 @dataclass(frozen=True)
@@ -28,8 +33,13 @@ class Unit:
     """`factor` SI units of the dimension given by the exponents of kg, m, s, A, K; zero is at `offset` SI units."""
 
     factor: float
-    exponents: tuple[int, ...]
+    exponents: tuple[Power, ...]
     offset: float = 0.0
+
+    @property
+    def whole(self) -> bool:
+        """Whether all exponents are whole numbers, as XML has them."""
+        return all(e == int(e) for e in self.exponents)
 
 
 _MMHG = 133.322
@@ -220,7 +230,7 @@ def parse(text: str) -> Unit:
     value = Unit(1.0, _NONE)
     numerator, *denominators = plain.split("/")
     for sign, product in [(1, numerator), *((-1, part) for part in denominators)]:
-        for name in [product] if product.lower() in _ALSO else product.split("."):
+        for name in [product] if product.lower() in _ALSO else PRODUCT.split(product):
             value = _times(value, *_power(name.strip(), text), sign)
     return value
 
@@ -254,15 +264,28 @@ def converted(values: Amount, unit: str, expected: str) -> Amount:
 
 def combined(*powers: tuple[str, int]) -> str:
     """The product of powers of units, written as a unit: ("V/s", 1), ("m", -3) is "V/s/m3". `UnitError` as `parse`."""
-    exponents: dict[str, int] = {}
+    exponents: dict[str, Power] = {}
     for text, power in powers:
-        parse(text)
-        numerator, *denominators = _plain(text).split("/")
-        for sign, product in [(1, numerator), *((-1, part) for part in denominators)]:
-            for piece in [product] if _named(product) else product.split("."):
-                name, own = _split(piece)
-                exponents[name] = exponents.get(name, 0) + sign * own * power
+        for name, own in named_powers(text).items():
+            exponents[name] = exponents.get(name, 0) + own * power
+    return written(exponents)
+
+
+def named_powers(text: str) -> dict[str, Power]:
+    """The units that `text` is made of, with their exponents: "N.s/m2" is N, s and m to 1, 1 and -2."""
+    parse(text)
+    exponents: dict[str, Power] = {}
+    numerator, *denominators = _plain(text).split("/")
+    for sign, product in [(1, numerator), *((-1, part) for part in denominators)]:
+        for piece in [product] if _named(product) else PRODUCT.split(product):
+            name, own = _split(piece)
+            exponents[name] = exponents.get(name, 0) + sign * own
     exponents.pop("1", None)
+    return exponents
+
+
+def written(exponents: Mapping[str, Power]) -> str:
+    """Such exponents as a unit."""
     above = ".".join(_written(name, e) for name, e in exponents.items() if e > 0)
     below = "".join(f"/{_written(name, -e)}" for name, e in exponents.items() if e < 0)
     return f"{above or '1'}{below}"
@@ -288,29 +311,29 @@ def _plain(text: str) -> str:
     return re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
 
 
-def _written(name: str, exponent: int) -> str:
-    return name if exponent == 1 else f"{name}{exponent}"
+def _written(name: str, exponent: Power) -> str:
+    return name if exponent == 1 else f"{name}{float(exponent):g}"
 
 
-def _split(name: str) -> tuple[str, int]:
+def _split(name: str) -> tuple[str, Power]:
     """Name and exponent of one factor: m and 3 of "m3"."""
     if _named(name):
         return name, 1
-    bare = name.rstrip("-0123456789")
-    return bare, int(name[len(bare) :])
+    bare = name.rstrip("-.0123456789")
+    return bare, Fraction(name[len(bare) :]).limit_denominator(100)
 
 
-def _power(name: str, text: str) -> tuple[Unit, int]:
+def _power(name: str, text: str) -> tuple[Unit, Power]:
     unit = _named(name)
     if unit:
         return unit, 1
-    match = re.fullmatch(r"([A-Za-z%]+)(-?\d+)", name)
+    match = re.fullmatch(r"([A-Za-z%]+)(-?\d+(?:\.\d+)?)", name)
     unit = _named(match[1]) if match else None
-    if match is None or unit is None or abs(int(match[2])) > 9:
+    if match is None or unit is None or abs(float(match[2])) > 9:
         close = difflib.get_close_matches(name, _NAMED, n=3)
         hint = f"did you mean {', '.join(close)}?" if close else "as in Pa.s, mL/min, kV or degC"
         raise UnitError(f"cannot read the unit {text!r}: expected a known unit or a combination; {hint}")
-    return unit, int(match[2])
+    return unit, Fraction(match[2]).limit_denominator(100)
 
 
 def _named(name: str) -> Unit | None:
@@ -324,7 +347,7 @@ def _named(name: str) -> Unit | None:
     return _NAMED[same[0]] if len(same) == 1 else None
 
 
-def _times(value: Unit, other: Unit, exponent: int, sign: int) -> Unit:
+def _times(value: Unit, other: Unit, exponent: Power, sign: int) -> Unit:
     power = exponent * sign
     exponents = tuple(a + power * b for a, b in zip(value.exponents, other.exponents, strict=True))
-    return Unit(value.factor * other.factor**power, exponents)
+    return Unit(value.factor * float(other.factor**power), exponents)

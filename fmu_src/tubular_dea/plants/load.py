@@ -13,13 +13,13 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-import traceback
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 from ..errors import ArgumentError, UserError
-from ..model.declare import DeclarationError, nearest
+from ..model.declare import nearest
+from .faults import message
 from .plant import Plant
 
 SHIPPED = {"tube": "tube", "aorta": "aorta"}  # name: module beside this one
@@ -70,7 +70,7 @@ def _imported(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as problem:
         sys.modules.pop(name, None)
-        raise PlantError("", _message(path, problem)) from None
+        raise PlantError("", message(path, problem)) from None
     finally:
         sys.path.remove(folder)
     return module
@@ -91,19 +91,3 @@ def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
     except UserError as problem:
         raise PlantError("", f"{path}: {problem}") from None
     return plant
-
-
-def _message(path: Path, problem: BaseException) -> str:
-    """What went wrong in a plant file, in one line: file, line, reason."""
-    if isinstance(problem, SyntaxError):
-        line = f", line {problem.lineno}" if problem.lineno else ""
-        return f"{path}{line}: cannot be read as Python: {problem.msg}"
-    lines = [
-        f.lineno
-        for f in traceback.extract_tb(problem.__traceback__)
-        if Path(f.filename) == path.absolute() or Path(f.filename) == path
-    ]
-    where = f"{path}, line {lines[-1]}" if lines else str(path)
-    reason = str(problem).removeprefix(f"{path.name}, line {lines[-1]}: ") if lines else str(problem)
-    kind = "" if isinstance(problem, DeclarationError) else f"{type(problem).__name__}: "
-    return f"{where}: {kind}{' '.join(reason.split())}"

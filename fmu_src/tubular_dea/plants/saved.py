@@ -106,7 +106,5 @@ def _values(path: Path, model: Model, given: Any) -> dict[str, float]:
             raise ModelFileError(f"{path}: {name}: {problem}") from None
         q = declared[name]
         if not q.allows(values[name]):
-            raise ModelFileError(
-                f"{path}: {name}: expected {q.minimum} to {q.maximum} {q.unit} but found {values[name]:g}"
-            )
+            raise ModelFileError(f"{path}: {name}: expected {q.allowed} but found {values[name]:g}")
     return values

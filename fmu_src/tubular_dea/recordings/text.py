@@ -228,7 +228,7 @@ def _column(i: int, found: Numbers, above: Head, body: Body, kept: np.ndarray) -
     line, cell = body.lines[bad[0]], body.cells[bad[0]][i].strip()
     wanted = "a number"
     if cell.lstrip("+-").lower().startswith(("inf", "1.#inf", "∞")) or re.fullmatch(NUMBER, cell):
-        wanted = "a finite number"
+        wanted = f"a finite number of a usual size (instruments mean an overload by {min(SCPI):g})"
     elif found.decimal == "?":
         wanted = "a number that tells decimal from thousands marks"
     elif found.kind == "clock":

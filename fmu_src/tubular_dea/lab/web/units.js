@@ -12,7 +12,7 @@ function parseUnit(text) {
   if (single) return single;
   let value = { factor: 1, exponents: [0, 0, 0, 0, 0], offset: 0 };
   plain.split("/").forEach((product, k) => {
-    for (const name of product.toLowerCase() in words.alsoUnits ? [product] : product.split(".")) {
+    for (const name of product.toLowerCase() in words.alsoUnits ? [product] : product.split(/\.(?!\d)|(?<!\d)\./)) {
       const [unit, exponent] = unitPower(name.trim(), text), power = k ? -exponent : exponent;
       value = { factor: value.factor * unit.factor ** power, exponents: value.exponents.map((e, i) => e + power * unit.exponents[i]), offset: 0 };
     }
@@ -41,7 +41,7 @@ function plainUnit(text) {
 function unitPower(name, text) {
   const unit = namedUnit(name);
   if (unit) return [unit, 1];
-  const match = /^([A-Za-z%]+)(-?\d+)$/.exec(name), base = match && namedUnit(match[1]);
+  const match = /^([A-Za-z%]+)(-?\d+(?:\.\d+)?)$/.exec(name), base = match && namedUnit(match[1]);
   if (base && Math.abs(Number(match[2])) <= 9) return [base, Number(match[2])];
   const close = closeMatches(name, Object.keys(words.units), 3, 0.6);
   const hint = close.length ? `did you mean ${close.join(", ")}?` : "as in Pa.s, mL/min, kV or degC";

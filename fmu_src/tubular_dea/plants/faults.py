@@ -1,0 +1,63 @@
+"""What went wrong in a plant file, in one line: file, line, what was declared there, and what to do."""
+
+from __future__ import annotations
+
+import linecache
+import re
+import traceback
+from pathlib import Path
+
+from ..model.declare import DeclarationError
+
+LONGEST = 70  # characters of a line of the file in a message
+DECIDED = "{0} is not known while the file is read: write step({1}), positive_part({1}) or sympy.Piecewise"
+ADVICE = (  # what Python, NumPy and sympy say of quantities that are taken for numbers, and what to do instead
+    (r"cannot determine truth value of Relational: (.*)", DECIDED),
+    (r"loop of ufunc does not support argument \d+ of type \w+ which has no callable (\w+) method", "NumPy's {0} is"),
+    (r"Cannot convert expression to float", "a function of the module math is"),
+    (r"must be real number, not (?:Symbol|Mul|Add|Pow)", "a function of the module math is"),
+)
+FOR_NUMBERS = " for numbers, and this is a quantity: import the function from sympy, as in `from sympy import tanh`"
+
+
+def message(path: Path, problem: BaseException) -> str:
+    """The one line for an exception that a plant file raised."""
+    if isinstance(problem, SyntaxError):
+        line = f", line {problem.lineno}" if problem.lineno else ""
+        return f"{path}{line}: cannot be read as Python: {problem.msg}"
+    said = " ".join(str(problem).split())
+    named = re.match(rf"{re.escape(path.name)}, line (\d+): ", said)
+    line_number = int(named[1]) if named else _line(path, problem)
+    where = f"{path}, line {line_number}" if line_number else str(path)
+    said = said[named.end() :] if named else said
+    if isinstance(problem, DeclarationError):
+        return f"{where}: {said}"
+    advice = _advice(said) if isinstance(problem, TypeError) else ""
+    if not advice or line_number is None:
+        return f"{where}: {type(problem).__name__}: {said}"
+    return f"{where}: in {_shortened(linecache.getline(str(path), line_number))}: {advice}"
+
+
+def _line(path: Path, problem: BaseException) -> int | None:
+    """The line of the file at which it was left."""
+    lines = [
+        f.lineno
+        for f in traceback.extract_tb(problem.__traceback__)
+        if Path(f.filename) == path.absolute() or Path(f.filename) == path
+    ]
+    return lines[-1] if lines else None
+
+
+def _advice(said: str) -> str:
+    for pattern, words in ADVICE:
+        found = re.fullmatch(pattern, said)
+        if found and words == DECIDED:
+            return words.format(found[1], re.split(r" [<>=!]+ ", found[1])[0])
+        if found:
+            return words.format(*found.groups()) + FOR_NUMBERS
+    return ""
+
+
+def _shortened(text: str) -> str:
+    plain = " ".join(text.split())
+    return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 4]} ..."
