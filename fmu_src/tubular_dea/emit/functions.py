@@ -118,7 +118,7 @@ def layout(model: Model) -> ArrayLayout:
 
 @lru_cache(maxsize=8)
 def functions(model: Model, directional: bool = True) -> tuple[Function, ...]:
-    """All functions of the model, in the order they are printed; the tangent, which is the longest, if `directional`."""
+    """All functions of the model, in the order they are printed; `directional`: the tangent, the longest, too."""
     made = [_derivatives(model), _jacobian(model), _outputs(model), *([_tangent(model)] if directional else [])]
     made += [_start(model), _start_tangent(model)]
     if model.curve:

@@ -1,8 +1,8 @@
 """The C library for WebAssembly modules, compiled beforehand: `wasm_runtime.o.xz`, 120 kB.
 
 zig compiles all of its C library for WebAssembly from source, some 600 files, before the first module can be linked:
-25 s. Of these, modules need the functions of math.h and a few others. They are here as one object file, made by zig from
-its own sources (musl and dlmalloc in wasi-libc; licences in licence.txt), with what they need. To make it again:
+25 s. Modules need the functions of math.h and a few others. These are here as one object file, with what they need
+themselves, made by zig from its own sources (wasi-libc with musl and dlmalloc; licence.txt). To make it again:
 
     python -m tubular_dea.export.wasm_runtime
 """
@@ -29,7 +29,8 @@ MATHEMATICS = """
     hypot j0 j1 jn lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc y0 y1 yn
 """
 OTHERS = """
-    malloc free calloc realloc memcpy memmove memset memcmp strlen strcmp strncmp strcpy strncpy strchr snprintf vsnprintf
+    malloc free calloc realloc memcpy memmove memset memcmp strlen strcmp strncmp strcpy strncpy strchr
+    snprintf vsnprintf
 """
 HEADERS = ("math.h", "stdio.h", "stdlib.h", "string.h")
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import cached_property
-from threading import Lock
+from threading import Lock, Thread, main_thread
 
 import sympy
 
+from ..errors import UserError
 from ..kernel import Kernel
 from ..model.declare import Model
 from ..model.effect import Effect
@@ -98,11 +100,27 @@ class Compiled:
             made = side_by_side(lambda effect: self._scorer(self._ordered(present), effect), effects)
             return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
         groups = self._groups(present)
+        named = self._named(present, groups)
         shared = self._of(STILL) if self._few else ()
-        named = [self._ordered((*shared, *present, *group)) for group in groups]
         self._gathered += named[: len(shared[:1])]  # it has all without dynamics beside those present
         kernels = side_by_side(self._scorer, named)
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
+
+    def begin(self) -> None:
+        """Compile what the first scores of the catalogue will need, beside what the caller does until then."""
+        Thread(target=self._ahead).start()
+
+    def _ahead(self) -> None:
+        for names in self._named((), self._groups(())):
+            if not main_thread().is_alive():  # the program has ended, early
+                return
+            with suppress(UserError):  # whoever asks for the kernel meets the same
+                self._scorer(names)
+
+    def _named(self, present: Ids, groups: Iterable[Ids]) -> list[Ids]:
+        """The effects of the libraries for scores of `groups`."""
+        shared = self._of(STILL) if self._few else ()
+        return [self._ordered((*shared, *present, *group)) for group in groups]
 
     def _groups(self, present: Ids) -> list[Ids]:
         """The catalogue's effects in groups that share a library for scores."""
