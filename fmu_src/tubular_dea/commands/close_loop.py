@@ -15,6 +15,7 @@ import argparse
 import tubular_dea as td
 
 from ..export.compile import PLATFORMS
+from ..identify.compiled import Compiled
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
@@ -48,9 +49,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=None, help="of the search's starts and the bootstrap")
 
 
+def _begin(recordings: td.RecordingSet) -> None:
+    """Compile for the search while the recordings are looked through and the base is fitted."""
+    if recordings.plant.catalogue:
+        Compiled(recordings.plant, points=sum(e.time.size for e in recordings.experiments)).begin()
+
+
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
-    recordings = recordings_of(options)
+    recordings = recordings_of(options, _begin)
     if recordings is None:
         return
     found = td.discover(recordings, hold_out=options.hold_out, seed=options.seed, progress=True)

@@ -114,7 +114,6 @@ def discover(
         )
     tell("monitors and noise")
     work = study(recordings, held_out, PRIOR)
-    work.compiled.begin()
     if held_out is None:
         work = with_held_out(work)
     training = sum(p.record.size for p in work.training)

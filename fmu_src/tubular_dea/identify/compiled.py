@@ -107,7 +107,8 @@ class Compiled:
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
 
     def begin(self) -> None:
-        """Compile what the first scores of the catalogue will need, beside what the caller does until then."""
+        """Compile what the first scores of the catalogue will need beside what the caller does until then: it is in
+        the cache, for any other of these."""
         Thread(target=self._ahead).start()
 
     def _ahead(self) -> None:
