@@ -11,6 +11,7 @@ Written are result.json, report.html, lab.html (the found model over the recordi
 from __future__ import annotations
 
 import argparse
+from importlib import import_module
 
 import tubular_dea as td
 
@@ -53,6 +54,7 @@ def _begin(recordings: td.RecordingSet) -> None:
     """Compile for the search while the recordings are looked through and the base is fitted."""
     if recordings.plant.catalogue:
         Compiled(recordings.plant, points=sum(e.time.size for e in recordings.experiments)).begin()
+        import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
 
 
 def run(options: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from threading import Lock, Thread, main_thread
@@ -107,16 +107,16 @@ class Compiled:
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
 
     def begin(self) -> None:
-        """Compile what the first scores of the catalogue will need beside what the caller does until then: it is in
-        the cache, for any other of these."""
-        Thread(target=self._ahead).start()
+        """Compile the base, and what the first scores of the catalogue will need, beside what the caller does until
+        then: they are in the cache, for any other of these."""
+        Thread(target=self._ahead, args=[lambda: [()]]).start()
+        Thread(target=self._ahead, args=[lambda: self._named((), self._groups(()))]).start()
 
-    def _ahead(self) -> None:
-        for names in self._named((), self._groups(())):
-            if not main_thread().is_alive():  # the program has ended, early
-                return
-            with suppress(UserError):  # whoever asks for the kernel meets the same
-                self._scorer(names)
+    def _ahead(self, wanted: Callable[[], Iterable[Ids]]) -> None:
+        with suppress(UserError):  # whoever asks for the kernel meets the same
+            for names in wanted():
+                if main_thread().is_alive():  # else the program has ended, early
+                    self._compiled(names, differentiated=not names)
 
     def _named(self, present: Ids, groups: Iterable[Ids]) -> list[Ids]:
         """The effects of the libraries for scores of `groups`."""
