@@ -17,6 +17,7 @@ import tubular_dea as td
 
 from ..export.compile import PLATFORMS
 from ..identify.compiled import Compiled
+from ..identify.start import UNKNOWN, loosened
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
@@ -51,10 +52,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _begin(recordings: td.RecordingSet) -> None:
-    """Compile for the search while the recordings are looked through and the base is fitted."""
-    if recordings.plant.catalogue:
-        Compiled(recordings.plant, points=sum(e.time.size for e in recordings.experiments)).begin()
-        import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
+    """Compile for the search while the recordings are looked through and the base is fitted; as `study` will ask."""
+    plant, experiments = recordings.plant, recordings.experiments
+    if not plant.catalogue:
+        return
+    if any(e.start == UNKNOWN for e in experiments):
+        plant = plant.with_model(loosened(plant.model))
+    recorded = [o.name for o in plant.outputs if any(o.name in e.outputs for e in experiments)]
+    Compiled(plant, recorded, sum(e.time.size for e in experiments)).begin()
+    import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
 
 
 def run(options: argparse.Namespace) -> None:
