@@ -2,7 +2,7 @@
 
 zig compiles all of its C library for WebAssembly from source, some 600 files, before the first module can be linked:
 25 s. Modules need the functions of math.h and a few others. These are here as one object file, with what they need
-themselves, made by zig from its own sources (wasi-libc with musl and dlmalloc; licence.txt). To make it again:
+themselves, made by zig from its own sources, whose licences are in wasm_runtime.txt. To make it again:
 
     python -m tubular_dea.export.wasm_runtime
 """
