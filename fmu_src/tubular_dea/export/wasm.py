@@ -75,7 +75,7 @@ def _compiled(
     command = ["-I.", *(f"-Wl,--export={name}" for name in exports), "-o", "module.wasm", *compiled]
     (folder / "runtime.o").write_bytes(runtime())
     problem = _zig_cc(folder, *command, "-nostdlib", "-rtlib=none", *include_flags(), "runtime.o")
-    if problem:  # a model may want more of the C library than was compiled beforehand
+    if "undefined symbol" in problem:  # a model may want more of the C library than was compiled beforehand
         problem = _zig_cc(folder, *command)
     if problem:
         raise CompileError(f"compiling for WebAssembly failed:\n{problem}")

@@ -26,7 +26,7 @@ TARGET = ("-target", "wasm32-wasi", "-mbulk-memory", "-mnontrapping-fptoint", "-
 # What a printed model, the hand-written C or the page may call.
 MATHEMATICS = """
     acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs floor fmax fmin fmod
-    hypot j0 j1 jn lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc y0 y1 yn
+    hypot lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc
 """
 OTHERS = """
     malloc free calloc realloc memcpy memmove memset memcmp strlen strcmp strncmp strcpy strncpy strchr
