@@ -3,8 +3,7 @@
 Usage: python tests/benchmarks/first_run.py                     1 000 made-up samples of the silverbox, two states
        python tests/benchmarks/first_run.py DATA [--plant ...]   any arguments of close-loop but --out
 
-Of what is drawn from the whole machine (`wall`), and of the processors (`processor`), compilers among them. Run it on a
-machine with nothing else to do: only `processor` can be compared otherwise.
+`processor` counts all cores, and the compilers too. `wall` says something only on a machine with nothing else to do.
 """
 
 from __future__ import annotations
