@@ -190,6 +190,17 @@ def test_delays(name: str) -> None:
     assert np.max(np.abs(off.sensitivities["measured_displacement"])) > 0
 
 
+def test_they_can_be_compiled_when_they_are_asked_for() -> None:
+    model = with_effects(tubular_dea(), ["electrode_resistance"])
+    now, later = Kernel(model), Kernel(model, differentiated=False)
+    for options in ({}, {"sensitivities": ["C_1", "tau_e"]}):
+        runs = [kernel.simulate(PROTOCOL, TIMES, {"tau_e": 0.01}, **options) for kernel in (now, later)]
+        for name in runs[0].values:
+            np.testing.assert_array_equal(runs[0][name], runs[1][name])
+        for name, derivative in runs[0].sensitivities.items():
+            np.testing.assert_array_equal(derivative, runs[1].sensitivities[name])
+
+
 def test_threads_do_not_disturb_each_other() -> None:
     kernel = kernel_of()
     work = [{"C_1": kernel.defaults["C_1"] * (1 + 0.01 * i)} for i in range(8)]

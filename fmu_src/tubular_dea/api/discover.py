@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -133,11 +134,17 @@ class DiscoveryResult:
         out, found = Path(out), self.discovery
         recordings, before = found.recordings, found.base.fitted.values
         called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
-        lab = page(closed_loop(recordings, self.model, before, called))
-        covariance = uncertainty(found.named.fitted, self.model)
-        written = close_loop.report(found, self.to_dict())
-        with working_folder("the FMU") as folder:
-            fmu = build_fmu(self.model, folder / f"{self.model.name}.fmu", platforms=platforms).read_bytes()
+
+        def built() -> bytes:
+            with working_folder("the FMU") as folder:
+                return build_fmu(self.model, folder / f"{self.model.name}.fmu", platforms=platforms).read_bytes()
+
+        with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
+            compiled = pool.submit(built)
+            shown = pool.submit(lambda: page(closed_loop(recordings, self.model, before, called)))
+            covariance = uncertainty(found.named.fitted, self.model)
+            written = close_loop.report(found, self.to_dict())
+            lab, fmu = shown.result(), compiled.result()
         saved = as_json(self.model, f"identified from {recordings.source}", covariance, recordings.plant)
         paths = [write_atomically(out / "fmi2" / f"{self.model.name}.fmu", fmu)]
         paths.append(write_atomically(out / "model.json", saved.encode()))

@@ -11,10 +11,13 @@ Written are result.json, report.html, lab.html (the found model over the recordi
 from __future__ import annotations
 
 import argparse
+from importlib import import_module
 
 import tubular_dea as td
 
 from ..export.compile import PLATFORMS
+from ..identify.compiled import Compiled
+from ..identify.start import UNKNOWN, loosened
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
@@ -48,9 +51,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=None, help="of the search's starts and the bootstrap")
 
 
+def _begin(recordings: td.RecordingSet) -> None:
+    """Compile for the search while the recordings are looked through and the base is fitted; as `study` will ask."""
+    plant, experiments = recordings.plant, recordings.experiments
+    if not plant.catalogue:
+        return
+    if any(e.start == UNKNOWN for e in experiments):
+        plant = plant.with_model(loosened(plant.model))
+    recorded = [o.name for o in plant.outputs if any(o.name in e.outputs for e in experiments)]
+    Compiled(plant, recorded, sum(e.time.size for e in experiments)).begin()
+    import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
+
+
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
-    recordings = recordings_of(options)
+    recordings = recordings_of(options, _begin)
     if recordings is None:
         return
     found = td.discover(recordings, hold_out=options.hold_out, seed=options.seed, progress=True)

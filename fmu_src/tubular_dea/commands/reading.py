@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import tubular_dea as td
@@ -38,14 +39,19 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def recordings_of(options: argparse.Namespace) -> td.RecordingSet | None:
+def recordings_of(
+    options: argparse.Namespace, begin: Callable[[td.RecordingSet], None] = lambda read: None
+) -> td.RecordingSet | None:
     """The recordings in DATA; says which columns were not used, and which scale may be wrong.
 
     With --dry-run it shows how the files are understood, draws them if there is a folder to write to, and returns None.
+    Otherwise it calls `begin` as soon as the files are read.
     """
     if options.out is None and not options.dry_run:
         raise UserError("--out is missing: expected a folder to write to, or --dry-run")
     recordings = td.read_recordings(options.data, options.plant, columns=options.columns)
+    if not options.dry_run:
+        begin(recordings)
     for line in [*([] if options.dry_run else recordings.remarks()), *recordings.findings()]:
         print(line)
     if not options.dry_run:

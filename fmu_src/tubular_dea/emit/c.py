@@ -83,8 +83,11 @@ def expression(expr: sympy.Expr) -> str:
     return str(_PRINTER.doprint(sympy.sympify(expr)))
 
 
-def header(model: Model) -> str:
-    """`model.h`: array sizes, identity and prototypes; and the solver's functions, for the file that asks for them."""
+def header(model: Model, directional: bool = True) -> str:
+    """`model.h`: array sizes, identity and prototypes; and the solver's functions, for the file that asks for them.
+
+    Without `directional`, header and source leave out `model_tangent`.
+    """
     solver = solver_functions(model)
     arrays = layout(model)
     table = variables(model)
@@ -116,7 +119,8 @@ def header(model: Model) -> str:
             f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
             f"#define CURVE_MOVED_BY {{{', '.join(str(int(u in moved_by(model))) for u in arrays.u)}}} /* inputs */",
         ]
-    lines += ["", '#include "variable.h"', "", *REFERENCES, "", *(prototype(f) + ";" for f in functions(model))]
+    lines += ["", '#include "variable.h"', "", *REFERENCES, ""]
+    lines += [prototype(f) + ";" for f in functions(model, directional)]
     lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */"]
     lines += ["#include <math.h>", "", *with_powers([definition(f, "static inline ") for f in solver.functions])]
     lines += _below(model)
@@ -137,7 +141,7 @@ def _below(model: Model) -> list[str]:
     ]
 
 
-def source(model: Model) -> str:
+def source(model: Model, directional: bool = True) -> str:
     """`model.c`: the variable table and the emitted functions."""
     lines = [
         f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
@@ -156,7 +160,7 @@ def source(model: Model) -> str:
         + (", ".join(repr(float(s.quantity.nominal)) for s in model.states) or "0 /* C has no empty arrays */")
         + "};",
         "",
-        *with_powers([definition(f) for f in functions(model)]),
+        *with_powers([definition(f) for f in functions(model, directional)]),
     ]
     return "\n".join(lines)
 

@@ -117,9 +117,9 @@ def layout(model: Model) -> ArrayLayout:
 
 
 @lru_cache(maxsize=8)
-def functions(model: Model) -> tuple[Function, ...]:
-    """All functions of the model, in the order they are printed."""
-    made = [_derivatives(model), _jacobian(model), _outputs(model), _tangent(model)]
+def functions(model: Model, directional: bool = True) -> tuple[Function, ...]:
+    """All functions of the model, in the order they are printed; `directional`: the tangent, the longest, too."""
+    made = [_derivatives(model), _jacobian(model), _outputs(model), *([_tangent(model)] if directional else [])]
     made += [_start(model), _start_tangent(model)]
     if model.curve:
         made += [_curve(model, model.curve), _curve_tangent(model, model.curve)]

@@ -67,7 +67,12 @@ def sources(model: Model, version: int) -> dict[str, str]:
 
 def core_sources(model: Model, *native: str) -> dict[str, str]:
     """What every library of `model` is compiled from: the emitted C, the integrator, and the `native` files named."""
-    files = {"model.c": c.source(model), "model.h": c.header(model), "rodas5p.h": rodas5p.header()}
+    directional = "sensitivity.c" in native  # the only file that calls `model_tangent`, half of the printing
+    files = {
+        "model.c": c.source(model, directional),
+        "model.h": c.header(model, directional),
+        "rodas5p.h": rodas5p.header(),
+    }
     return files | {name: native_source(name) for name in (*CORE_SOURCES, *native)}
 
 

@@ -8,15 +8,19 @@ into libraries.
 from __future__ import annotations
 
 import hashlib
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from threading import Lock
 
 from ..model.declare import Model
 from .cache import keep, kept
 from .compile import cached_library, host
+
+_making: defaultdict[str, Lock] = defaultdict(Lock)  # by library: of threads that want one, the first makes it
 
 MAKERS = ("emit", "native", "export", "model", "kernel")
 
@@ -26,13 +30,14 @@ def remembered_library(
 ) -> Path:
     """The library of `model` for this machine; `sources` (file name to text) is called where it is not known yet."""
     key = hashlib.sha256(repr((model, kind, host(), tuple(flags), fingerprint())).encode()).hexdigest()
-    note = kept(f"{key}.place")
-    library = kept(note.read_text(encoding="utf-8")) if note else None
-    if library:
-        return library
-    made = cached_library(sources(), host(), tuple(flags))
-    keep(f"{key}.place", made.name.encode())
-    return made
+    with _making[key]:
+        note = kept(f"{key}.place")
+        library = kept(note.read_text(encoding="utf-8")) if note else None
+        if library:
+            return library
+        made = cached_library(sources(), host(), tuple(flags))
+        keep(f"{key}.place", made.name.encode())
+        return made
 
 
 @cache

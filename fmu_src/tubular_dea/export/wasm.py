@@ -17,14 +17,11 @@ from pathlib import Path
 from ..files import working_folder
 from .cache import compiler_environment, keep, kept
 from .compile import CompileError
+from .wasm_runtime import TARGET, include_flags, runtime
 
 # As for shared libraries: no fused operations. WebAssembly has none, so both compute the same bits.
 FLAGS = (
-    "-target",
-    "wasm32-wasi",
-    "-mbulk-memory",
-    "-mnontrapping-fptoint",
-    "-msign-ext",
+    *TARGET,
     "-flto",
     "-mexec-model=reactor",
     "-std=c99",
@@ -53,7 +50,8 @@ def wasm_module(parts: Mapping[str, Mapping[str, str]], shared: Mapping[str, str
 
 def remembered_module(key: str, make: Callable[[], bytes]) -> bytes:
     """The module that is in the cache under this key, made if it is not there; its compiler's version is in the key."""
-    name = f"{hashlib.sha256(repr((key, FLAGS, version('ziglang'))).encode()).hexdigest()}.wasm"
+    library = hashlib.sha256(runtime()).hexdigest()
+    name = f"{hashlib.sha256(repr((key, FLAGS, library, version('ziglang'))).encode()).hexdigest()}.wasm"
     return (kept(name) or keep(name, make())).read_bytes()
 
 
@@ -74,12 +72,21 @@ def _compiled(
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8", newline="\n")
     compiled = sorted(name for name in files if name.endswith(".c") and "/" not in name)
-    command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, "-I.", *(f"-Wl,--export={name}" for name in exports)]
-    command += ["-o", "module.wasm", *compiled]
-    done = subprocess.run(command, cwd=folder, env=compiler_environment(), capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise CompileError(f"compiling for WebAssembly failed:\n{done.stderr.strip()}")
+    command = ["-I.", *(f"-Wl,--export={name}" for name in exports), "-o", "module.wasm", *compiled]
+    (folder / "runtime.o").write_bytes(runtime())
+    problem = _zig_cc(folder, *command, "-nostdlib", "-rtlib=none", *include_flags(), "runtime.o")
+    if "undefined symbol" in problem:  # a model may want more of the C library than was compiled beforehand
+        problem = _zig_cc(folder, *command)
+    if problem:
+        raise CompileError(f"compiling for WebAssembly failed:\n{problem}")
     return (folder / "module.wasm").read_bytes()
+
+
+def _zig_cc(folder: Path, *arguments: str) -> str:
+    """Compile in a folder; what the compiler said where it failed, else nothing."""
+    command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *arguments]
+    done = subprocess.run(command, cwd=folder, env=compiler_environment(), capture_output=True, text=True, check=False)
+    return (done.stderr.strip() or "no word from the compiler") if done.returncode else ""
 
 
 def _names(prefix: str, sources: Mapping[str, str]) -> str:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import cached_property
-from threading import Lock
+from threading import Lock, Thread, main_thread
 
 import sympy
 
+from ..errors import UserError
 from ..kernel import Kernel
 from ..model.declare import Model
 from ..model.effect import Effect
@@ -76,12 +78,16 @@ class Compiled:
             return self._compiled(names, *more)
         return self._compiled(min((g for g in self._gathered if {*names} <= {*g}), key=len, default=names))
 
-    def _compiled(self, names: Ids, *more: Effect) -> Kernel:
+    def _compiled(self, names: Ids, *more: Effect, differentiated: bool = True) -> Kernel:
         key = (*names, *(e.id for e in more))
         with self._locks[key]:
             if key not in self._kernels:
-                self._kernels[key] = Kernel(self.model(names, *more), self._outputs)
+                self._kernels[key] = Kernel(self.model(names, *more), self._outputs, differentiated)
         return self._kernels[key]
+
+    def _scorer(self, names: Ids, *more: Effect) -> Kernel:
+        """A kernel for scores, which are differences: few of them are ever asked for sensitivities."""
+        return self._compiled(names, *more, differentiated=False)
 
     def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
         """A compiled model with each candidate in addition to `present`, by the candidate's id.
@@ -91,14 +97,31 @@ class Compiled:
         in each. Other effects have one each.
         """
         if effects is not None:
-            made = side_by_side(lambda effect: self.kernel(present, effect), effects)
+            made = side_by_side(lambda effect: self._scorer(self._ordered(present), effect), effects)
             return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
         groups = self._groups(present)
+        named = self._named(present, groups)
         shared = self._of(STILL) if self._few else ()
-        named = [self._ordered((*shared, *present, *group)) for group in groups]
         self._gathered += named[: len(shared[:1])]  # it has all without dynamics beside those present
-        kernels = side_by_side(self._compiled, named)
+        kernels = side_by_side(self._scorer, named)
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
+
+    def begin(self) -> None:
+        """Compile the base, and what the first scores of the catalogue will need, beside what the caller does until
+        then: they are in the cache, for any other of these."""
+        Thread(target=self._ahead, args=[lambda: [()]]).start()
+        Thread(target=self._ahead, args=[lambda: self._named((), self._groups(()))]).start()
+
+    def _ahead(self, wanted: Callable[[], Iterable[Ids]]) -> None:
+        with suppress(UserError):  # whoever asks for the kernel meets the same
+            for names in wanted():
+                if main_thread().is_alive():  # else the program has ended, early
+                    self._compiled(names, differentiated=not names)
+
+    def _named(self, present: Ids, groups: Iterable[Ids]) -> list[Ids]:
+        """The effects of the libraries for scores of `groups`."""
+        shared = self._of(STILL) if self._few else ()
+        return [self._ordered((*shared, *present, *group)) for group in groups]
 
     def _groups(self, present: Ids) -> list[Ids]:
         """The catalogue's effects in groups that share a library for scores."""

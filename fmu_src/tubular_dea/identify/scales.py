@@ -83,7 +83,8 @@ def findings(recordings: Recordings) -> list[str]:
     plant, chosen = recordings.plant, _informative(recordings.experiments)
     output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
     parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
-    kernel = Compiled(plant).kernel()
+    recorded = [o.name for o in plant.outputs if any(o.name in e.outputs for e in recordings.experiments)]
+    kernel = Compiled(plant, recorded).kernel()  # the same as a study has, so compiled once
     experiments = [recordings.experiments[i] for i in chosen]
     records = [_record(e, output.name) for e in experiments]
     zero = _zero(plant, experiments[0], parameters)

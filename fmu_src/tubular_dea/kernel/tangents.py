@@ -51,8 +51,8 @@ class TangentLibrary:
         self.places |= {by_delay[name]: i for i, name in enumerate(self.columns) if name in by_delay}
         self._sizes = {p.quantity.name: max(abs(p.quantity.value or 0.0), p.quantity.nominal) for p in model.parameters}
         self._n_states, self._n_outputs = len(model.states), len(layout(model).y)
-        self._library = library
-        self._library.kernel_mesh.restype = ctypes.c_long
+        self.library = library
+        self.library.kernel_mesh.restype = ctypes.c_long
 
     def check(self, names: Sequence[str]) -> None:
         """`SensitivityError` for a name that is neither a tunable parameter nor one that sets a start value."""
@@ -70,7 +70,7 @@ class TangentLibrary:
         room, reached = 8 * points.size + 1000, ctypes.c_double()
         while True:
             mesh = np.empty(room)
-            n = self._library.kernel_mesh(
+            n = self.library.kernel_mesh(
                 pointer(parameters),
                 ctypes.c_long(points.size),
                 pointer(points),
@@ -104,7 +104,7 @@ class TangentLibrary:
         x, y, reached = np.empty((n, self._n_states)), np.empty((n, self._n_outputs + 1)), ctypes.c_double()
         x_tangent = np.empty((n, m, self._n_states))
         observed, rate = np.empty((n, m, len(self.observed))), np.empty((n, len(self.observed)))
-        status = self._library.kernel_tangents(
+        status = self.library.kernel_tangents(
             pointer(parameters),
             ctypes.c_long(points.size),
             pointer(points),

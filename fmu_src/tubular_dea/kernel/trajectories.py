@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..protocol import Protocol
 from . import tangents
 from .checks import KernelError, ascending, check_protocol, check_value, parameter_array, positive, vector
 from .failures import failure
-from .library import kernel_library, pointer
+from .library import kernel_library, pointer, trajectory_library
 from .tangents import TangentLibrary
 
 DEFAULT_TOLERANCE = 1e-6
@@ -60,6 +61,9 @@ class Kernel:
         A continuous model.
     observed : sequence of str, optional
         Outputs that sensitivities are taken of (default: what a sensor reports).
+    differentiated : bool, optional
+        Compile the sensitivities now, and not when they are first asked for, which takes half as long again if they
+        are and half as long if they never are.
 
     Attributes
     ----------
@@ -85,23 +89,33 @@ class Kernel:
     'snap-through at 24.0 mm and 135 mmHg'
     """
 
-    def __init__(self, model: Model, observed: Sequence[str] = ()) -> None:
+    def __init__(self, model: Model, observed: Sequence[str] = (), differentiated: bool = True) -> None:
         if model.discretes:
             raise KernelError(
                 f"{model.name} is sampled at communication points; expected a continuous model here: run it as an FMU"
             )
         self.model = model
         self._undelayed, self._delayed = undelayed(model)
-        wanted = tangents.observed(self._undelayed, observed)
+        self._observed = tangents.observed(self._undelayed, observed)
         arrays = layout(self._undelayed)
         self.states = [str(s) for s in arrays.x]
         self.inputs = [q.name for q in model.inputs]
         self._driven = [str(s) for s in arrays.u]
         self.outputs = [str(s) for s in arrays.y]
         self.defaults = model.parameter_values()
-        self._library = kernel_library(self._undelayed, wanted)
-        self._tangents = TangentLibrary(self._undelayed, self._library, wanted)
         self._need_fold = needs_fold(model)
+        self._compiling = Lock()
+        self._made: TangentLibrary | None = None
+        self._library = self._tangents.library if differentiated else trajectory_library(self._undelayed)
+
+    @property
+    def _tangents(self) -> TangentLibrary:
+        """The sensitivities, compiled by the first thread that asks for them."""
+        with self._compiling:
+            if self._made is None:
+                library = kernel_library(self._undelayed, self._observed)
+                self._made = TangentLibrary(self._undelayed, library, self._observed)
+            return self._made
 
     def parameters(self, values: Mapping[str, float] | None = None) -> np.ndarray:
         """The parameter array with some values changed by name.
@@ -269,7 +283,7 @@ class Kernel:
             return full
 
         derivatives = {state: spread(found.x_tangent[here, :, i]) for i, state in enumerate(self.states)}
-        for i, output in enumerate(self._tangents.observed):
+        for i, output in enumerate(self._observed):
             delay = self._delayed.get(output)
             at = earlier[delay] if delay else here
             derivatives[output] = spread(found.observed_tangent[at, :, i])

@@ -10,9 +10,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from threading import local
 
 import sympy
 
@@ -20,9 +22,22 @@ from ..errors import UserError
 
 TIME = sympy.Symbol("time", real=True)
 
+_here = local()  # `unchecked`: models that this thread makes are on the way to one that will be checked
+
 
 class DeclarationError(UserError, ValueError):
     """A model was declared or changed in a way that cannot mean anything; the text says what to do."""
+
+
+@contextmanager
+def unchecked() -> Iterator[None]:
+    """Models are not checked here, for changes of several steps: whoever makes them checks the last one."""
+    before = getattr(_here, "unchecked", False)
+    _here.unchecked = True
+    try:
+        yield
+    finally:
+        _here.unchecked = before
 
 
 @dataclass(frozen=True)
@@ -202,6 +217,11 @@ class Model:
     sensors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not getattr(_here, "unchecked", False):
+            self.check()
+
+    def check(self) -> None:
+        """`DeclarationError` for the first fault."""
         from .checks import check  # the checks read this vocabulary
 
         check(self)

@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from .declare import DeclarationError, Model, Parameter, Quantity, nearest
+from .declare import DeclarationError, Model, Parameter, Quantity, nearest, unchecked
 
 Values = Mapping[str, float]
 
@@ -94,7 +94,10 @@ class Effect:
         if self.id in model.effects:
             raise DeclarationError(f"{model.name} has the effect {self.id!r} already; it cannot be added twice")
         declared = [Parameter(replace(q, value=self.off.get(q.name, q.value)), tunable=True) for q in self.parameters]
-        return self.apply(model.extend(parameters=declared)).marked(self.id)
+        with unchecked():
+            changed = self.apply(model.extend(parameters=declared)).marked(self.id)
+        changed.check()
+        return changed
 
 
 def with_effects(model: Model, ids: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:

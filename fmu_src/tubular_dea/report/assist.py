@@ -67,7 +67,7 @@ def pressure_volume(runs: Mapping[str, Run], number: int) -> Loops:
 
 def loop_colours(names: Sequence[str]) -> dict[str, str]:
     """Grey for the first run, which has no assist; then one colour each."""
-    from .figures import COLOURS
+    from .colours import COLOURS
 
     return {name: GREY if i == 0 else COLOURS[(i - 1) % len(COLOURS)] for i, name in enumerate(names)}
 

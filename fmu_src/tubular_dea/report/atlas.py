@@ -8,7 +8,7 @@ import numpy as np
 
 from ..discover.atlas import Atlas, Signature
 from ..model.effect import equations
-from .figures import COLOURS
+from .colours import COLOURS
 from .page import Page
 from .parts import readable
 from .svg import GRID, Plot, thinned

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-COLOURS = ("#c8402f", "#2a6f97", "#e8a200", "#3a7d44", "#7b4f9d", "#5b6b7a")
-
+from .colours import COLOURS
 
 Panels = Sequence[tuple[str, Mapping[str, np.ndarray]]]  # of each: axis label with unit, curves by legend name
 

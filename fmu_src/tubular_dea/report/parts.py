@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from ..model.declare import Model, Quantity
 from ..model.units import factor
-from .figures import COLOURS
+from .colours import COLOURS
 
 POINTS = 700  # drawn of each record: averages over as many blocks
 PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from ..identify.patient import Patient
 from ..identify.recorded_beat import RecordedBeat
 from ..model.units import factor
-from .figures import COLOURS, sized
+from .colours import COLOURS
+from .figures import sized
 
 MMHG, ML = factor("Pa", "mmHg"), factor("m3", "mL")
 

@@ -9,7 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, legend_above, sized
+from .colours import COLOURS
+from .figures import legend_above, sized
 
 BOUNDARY = "#1b2733"
 NOTHING = "#dde3e8"  # where there is no value

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..discover.engine import Discovery
 from ..identify.adjust import with_nuisances
 from ..identify.study import Piece
 from ..kernel import KernelError
 from ..model.declare import Quantity
-from .figures import COLOURS, legend_above, sized
+from .colours import COLOURS
 from .parts import shown_unit, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ def answered(found: Discovery) -> Iterator[Answered]:
 
 def residuals(found: Discovery, figure: Figure | None = None) -> Figure:
     """The residuals of all experiments, one panel each, in `figure` if it is given."""
+    from .figures import legend_above, sized  # matplotlib takes half a second to load, and the report needs none
+
     shown = list(answered(found))
     figure = sized(figure, 9, 0.8 + 1.5 * len(shown))
     axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]

@@ -11,7 +11,7 @@ from ..cosim.beats import r_wave_rows
 from ..cosim.course import Course
 from ..cosim.master import Run
 from ..model.units import factor
-from .figures import COLOURS
+from .colours import COLOURS
 
 SHOWN_BEATS = 3  # where all of them are alike
 ABOUT = 3  # beats shown before and after one that was refused

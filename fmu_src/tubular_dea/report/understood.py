@@ -16,7 +16,8 @@ from ..identify.study import sensor_noise
 from ..model.declare import Quantity
 from ..plants.plant import Output
 from ..recordings.table import some
-from .figures import COLOURS, png, sized
+from .colours import COLOURS
+from .figures import png, sized
 from .parts import readable, shown_unit
 
 FIRST = 5  # samples whose median is what a record begins with
