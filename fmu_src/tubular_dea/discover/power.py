@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ..model.effect import Effect
 from .bank import HIDDEN, Candidate
@@ -35,7 +35,7 @@ def detection_limits(listed: Sequence[Candidate], jacobian: np.ndarray, null: Nu
 
     `listed` are the candidates at the present model with `jacobian` (N, k).
     """
-    needed = (np.sqrt(null.threshold(VISIBLE_ALARMS)) + norm.ppf(POWER)) ** 2
+    needed = (np.sqrt(null.threshold(VISIBLE_ALARMS)) + ndtri(POWER)) ** 2
     basis, _ = np.linalg.qr(jacobian)
     found: dict[str, Sizes] = {}
     for effect in {c.effect.id: c.effect for c in listed}.values():

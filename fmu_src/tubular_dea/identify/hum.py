@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.stats import gamma
+from scipy.special import gammainccinv, gammaincinv
 
 # Set by convention: mains are 50 or 60 Hz. Check: `pytest tests/test_noise.py::test_hum_is_told_apart`
 MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
@@ -49,9 +49,9 @@ def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> f
             count += 1
     if not count:
         return None
-    level = median_filter(power, size=LINE_BESIDE, mode="nearest") / gamma.ppf(0.5, count)
+    level = median_filter(power, size=LINE_BESIDE, mode="nearest") / gammaincinv(count, 0.5)
     ratio = power / np.maximum(level, 1e-300)
-    limit = float(gamma.isf(FALSE / points * FINER_GRID, count))
+    limit = float(gammainccinv(count, FALSE / points * FINER_GRID))
     frequencies = np.arange(power.size) / points / step
     ratio[(frequencies < min(SLOWEST_LINE, 0.05 / step)) | (frequencies > 0.5 / step - 1 / LINE_BLOCK)] = 0.0
     best = int(np.argmax(ratio))

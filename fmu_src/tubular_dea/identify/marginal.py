@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ def _left_over(size: float) -> float:
     if size < 1e-3:  # the difference below loses its digits
         return 1.0
     d = 2 * size
-    beyond = 2 * norm.pdf(0) - (2 + d**2) * norm.pdf(d) + (d**3 + 3 * d) * norm.sf(d)
+    density = np.exp(-0.5 * d**2) / np.sqrt(2 * np.pi)
+    beyond = 2 / np.sqrt(2 * np.pi) - (2 + d**2) * density + (d**3 + 3 * d) * ndtr(-d)
     return float(beyond / (3 * size * (1 + size**2)))
 
 
