@@ -25,7 +25,7 @@ from .options import Option
 WITHIN = 0.85  # [1] of the largest inputs recorded
 OTHERS = 0.5  # [1] of the way to their largest values: where the inputs stay that are not moved
 BEYOND = 0.5  # [1] of an output's recorded range that a proposed experiment may leave it by
-TOLD = 3.0  # [standard deviations] of the noise by which models differ at least where an experiment tells them apart
+DIFFER = 3.0  # [standard deviations] of the noise by which models differ at least where an experiment tells them apart
 STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
 
 

@@ -17,7 +17,7 @@ from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import size_interval
 from .engine import Discovery
-from .next_experiment import TOLD, kind
+from .next_experiment import DIFFER, kind
 from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
 
@@ -211,7 +211,7 @@ def _apart(found: Discovery) -> str:
     proposal = found.proposal
     listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
     names = " or ".join(dict.fromkeys(listed))
-    if proposal is None or proposal.deviations < TOLD:
+    if proposal is None or proposal.deviations < DIFFER:
         if found.verdict == "ambiguous":
             return f"no experiment {kind(found.study.plant)} tells {names} apart; a second sensor may"
         return "repeat the experiments on another specimen to see whether the effect is the same"

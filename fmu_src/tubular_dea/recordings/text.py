@@ -227,7 +227,9 @@ def _column(i: int, found: Numbers, above: Head, body: Body, kept: np.ndarray) -
         return column
     line, cell = body.lines[bad[0]], body.cells[bad[0]][i].strip()
     wanted = "a number"
-    if cell.lstrip("+-").lower().startswith(("inf", "1.#inf", "∞")) or re.fullmatch(NUMBER, cell):
+    if cell.lstrip("+-").lower().startswith(("inf", "1.#inf", "∞")):
+        wanted = "a finite number"
+    elif re.fullmatch(NUMBER, cell):
         wanted = f"a finite number of a usual size (instruments mean an overload by {min(SCPI):g})"
     elif found.decimal == "?":
         wanted = "a number that tells decimal from thousands marks"

@@ -147,7 +147,7 @@ function columnOf(i, found, head, body, kept, rows) {
   const bad = found.bad.find((r) => kept[r]);
   if (bad === undefined) return column;
   const cell = body.cells[bad][i].trim();
-  const wanted = /^(inf|1\.#inf|∞)/.test(cell.replace(/^[+-]+/, "").toLowerCase()) || /^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$/.test(cell) ? "a finite number" : found.decimal === "?" ? "a number that tells decimal from thousands marks" : found.kind === "clock" ? "a time like 13:07:30.234" : "a number";
+  const wanted = /^(inf|1\.#inf|∞)/.test(cell.replace(/^[+-]+/, "").toLowerCase()) ? "a finite number" : /^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$/.test(cell) ? "a finite number of a usual size (instruments mean an overload by 9.9e+37)" : found.decimal === "?" ? "a number that tells decimal from thousands marks" : found.kind === "clock" ? "a time like 13:07:30.234" : "a number";
   column.problem = `line ${body.lines[bad]}, column ${column.shown}: expected ${wanted} but found ${shortened(cell)}`;
   return column;
 }
