@@ -213,7 +213,9 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows = []
     for effect in outcome["effects"]:
         rows += [[*parameter_row(f"{effect['id']}: {name}", p), ""] for name, p in effect["parameters"].items()]
-    rows += [parameter_row(name, p, published[name]) for name, p in outcome["base_parameters"].items()]
+    for name, p in outcome["base_parameters"].items():
+        row = parameter_row(name, p, published[name])
+        rows.append([*row[:2], "not determined", *row[3:]] if name in outcome["undetermined"] else row)
     page.table(["parameter", "value", "95 % interval", "unit", "declared"], rows)
     page.text(
         "The intervals include the noise of the sensor and of the monitors"
