@@ -47,6 +47,12 @@ def column(place: int, change: object) -> str:
     return lines(edit)
 
 
+def _pulses(number: int) -> float:
+    """A voltage of short pulses at 8 bit, which reads zero for long between them."""
+    place = number % 68
+    return [1640.6, 6234.4, 6187.5, 656.3, -234.4][place] if place < 5 else 46.9 * (place in (12, 18, 24))
+
+
 def _german(row: str) -> str:
     """A row with decimal commas and three decimals of a radius in mm."""
     *cells, last = row.split(",")
@@ -86,6 +92,10 @@ REFUSED = {
     "mm labelled m": column(3, lambda i, v: 1e3 * v),
     "below rest": column(3, lambda i, v: v - 0.004),
     "constant": column(3, lambda i, v: 0.015),
+    "only noise": column(3, lambda i, v: 0.015 + 1e-5 * np.sin(1e4 * i * i)),
+    "two columns with its name": GOOD.replace("radius [m]", "laser radius [m]").replace(
+        "voltage [V]", "set radius [m]"
+    ),
     "frozen": column(3, lambda i, v: 0.0155 if 900 < i < 1000 else v),
     "saturated": column(3, lambda i, v: min(v, 0.0166)),
     "mostly gaps": column(1, lambda i, v: v if i % 3 == 0 else np.nan),
@@ -94,6 +104,9 @@ REFUSED = {
 UNDERSTOOD = {
     "good": GOOD,
     "another heading": GOOD.replace("pressure [Pa]", "P_lumen (Pa)").replace("voltage [V]", "HV [V]"),
+    "an output's name in its heading": GOOD.replace("radius [m]", "Laser radius 2 (m)"),
+    "the longer name": GOOD.replace("radius [m]", "Baumer radial displacement (m)"),
+    "short pulses on a coarse monitor": column(2, lambda i, v: _pulses(i)),
     "decimals like thousands": lines(lambda rows: [_german(row) for row in rows]),
     "semicolons": GOOD.replace(",", ";"),
     "tabs": GOOD.replace(",", "\t"),

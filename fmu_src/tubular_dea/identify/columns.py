@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import ArgumentError
 from ..model.declare import nearest
 from ..model.units import NUMBER, UnitError, converted, is_unit
-from ..plants.plant import Plant
+from ..plants.plant import Output, Plant
 from ..recordings import Column, ReadError, Table
 from ..recordings.heading import name as plain
 
@@ -99,6 +99,9 @@ def assigned(
     for signal in plant.inputs:
         if signal.name not in columns and (column := _only(table, units[signal.name], columns)):
             columns[signal.name] = column
+    for output in plant.outputs:
+        if columns.keys().isdisjoint(output.headings) and (found := _worded(table, output, units, columns)):
+            columns |= dict([found])
     if "time" not in columns and rate is not None:
         columns["time"] = Column("time", "s", f"{rate:g} Hz (bench.toml)", np.arange(table.lines.size) / rate, 0)
     _complete(table, plant, columns, units)
@@ -154,6 +157,17 @@ def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | No
     taken = {c.number for c in columns.values()}
     alike = [c for c in table.columns if c.number not in taken and c.unit and not c.problem and _is_in(c.unit, unit)]
     return alike[0] if len(alike) == 1 else None
+
+
+def _worded(
+    table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column]
+) -> tuple[str, Column] | None:
+    """The heading of an output that is part of one column's alone, as radius in "Laser radius (mm)", and the column."""
+    taken = {c.number for c in columns.values()}
+    free = [c for c in table.columns if c.number not in taken and c.unit and not c.problem]
+    inside = [(h, c) for c in free for h in output.headings if {*h.split("_")} <= {*c.name.split("_")}]
+    fitting = sorted((one for one in inside if _is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
+    return fitting[0] if len({c.number for _, c in fitting}) == 1 else None
 
 
 def _is_in(unit: str, expected: str) -> bool:

@@ -211,6 +211,12 @@ def experiment_of(
         for s in plant.inputs
         if s.name not in chosen and columns[s.name].column.name != s.name
     ]
+    told += [
+        f"{name} is read from {columns[name].column.shown}, the only column with that in its heading"
+        for output in plant.outputs
+        for name in output.headings
+        if name in values and name not in chosen and columns[name].column.name != name
+    ]
     source = _source(table, columns, [*told, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
 

@@ -24,6 +24,7 @@ def vocabulary() -> dict[str, Any]:
         "quoted": text.QUOTED,
         "often": text.OFTEN,
         "standstill": checks.STANDSTILL,
+        "lively": checks.LIVELY,
         "coarse": checks.COARSE_SENSOR,
         "structure": checks.STRUCTURE,
         "quiet": monitors.QUIET,

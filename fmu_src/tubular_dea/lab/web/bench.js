@@ -30,6 +30,9 @@ function readExperiment(path, raw, geometry = {}) {
     outputs[o.name] = recorded.map((v) => v - rest);
   }
   const told = bench.inputs.filter((s) => columns[s.name].column.name !== s.name).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
+  for (const o of bench.outputs)
+    for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== n))
+      told.push(`${name} is read from ${columns[name].column.shown}, the only column with that in its heading`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
   return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks] };
 }
@@ -50,6 +53,11 @@ function assigned(table) {
     const column = columns[name] ?? onlyIn(table, units[name], columns);
     if (column) columns[name] = column;
   }
+  for (const o of bench.outputs) {
+    const headings = Object.keys(o.columns);
+    const found = headings.some((name) => columns[name]) ? undefined : wordedIn(table, headings, units, columns);
+    if (found) columns[found[0]] = found[1];
+  }
   for (const name of ["time", ...bench.inputs.map((s) => s.name)])
     if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another name, say --columns ${name}=ITS_NAME_OR_NUMBER`);
   for (const o of bench.outputs) {
@@ -65,6 +73,16 @@ function headed(table, name) {
   if (!found.length && name === "time") found = timesOf(table.columns);
   if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: say which with --columns ${name}=${found[1].number}`);
   return found[0];
+}
+
+/* The heading of an output that is in that of one column alone, as radius in "Laser radius (mm)", and the column. */
+function wordedIn(table, headings, units, columns) {
+  const taken = new Set(Object.values(columns).map((c) => c.number)), fitting = [];
+  for (const c of table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem))
+    for (const name of headings)
+      if (name.split("_").every((word) => c.name.split("_").includes(word)) && isIn(c.unit, units[name])) fitting.push([name, c]);
+  fitting.sort((a, b) => b[0].length - a[0].length);
+  return new Set(fitting.map(([, c]) => c.number)).size === 1 ? fitting[0] : undefined;
 }
 
 /* The only column left that is in a unit of an input's kind, whatever its heading. */
@@ -230,16 +248,34 @@ function outputFindings(recorded, signal, lines, name, rest) {
   const seen = indicesOf(Array.from(recorded), Number.isFinite), values = Float64Array.from(seen, (i) => recorded[i]), there = seen.map((i) => lines[i]);
   if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers; expected at least ${bench.leastSamples}`];
   const found = wrongUnit(values, name, signal, there);
-  if (span(values) <= 12 * noiseLevel(values) || span(values) === 0)
-    found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}) contains no information; expected one in which the output moves`);
+  const noise = noiseLevel(values);
+  if (span(values) <= 12 * noise || span(values) === 0)
+    found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}${noise > 0 ? ` beside noise of ${g(noise, 3)}` : ""}) contains no information; expected one in which the output moves`);
   found.push(...standstill(values, name, there, [largest, smallest]));
   const parameter = Object.values(signal.columns).find(Boolean);
   if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter));
   return found;
 }
 
+/* Runs of equal values that a noisy sensor never gives, as [first, last]. */
+function stillRuns(values) {
+  const found = [];
+  for (let begin = 0; begin < values.length;) {
+    let end = begin;
+    while (end + 1 < values.length && values[end + 1] === values[begin]) end++;
+    if (end - begin + 1 >= words.standstill) found.push([begin, end]);
+    begin = end + 1;
+  }
+  return found;
+}
+
 function isNoisy(values) {
-  const step = steps(values), moving = indicesOf(Array.from(thirds(values)), (_, i) => step[i] > 0 && step[i + 1] > 0 && step[i + 2] > 0);
+  const step = steps(values), top = largest(values), low = smallest(values);
+  const free = Array.from(step, (s, i) => s > 0 || (values[i + 1] !== low && values[i + 1] !== top));
+  for (const [begin, end] of stillRuns(values)) free.fill(false, begin, end);
+  const others = indicesOf(free, Boolean);
+  if (others.filter((i) => step[i] > 0).length < words.lively * others.length) return false;
+  const moving = indicesOf(Array.from(thirds(values)), (_, i) => step[i] > 0 && step[i + 1] > 0 && step[i + 2] > 0);
   if (moving.length < words.standstill) return false;
   const third = thirds(values), noise = 1.4826 * median(moving.map((i) => Math.abs(third[i]))) / Math.sqrt(20);
   return noise > Math.max(words.quiet * span(values), words.coarse * resolution(values));
@@ -256,12 +292,8 @@ function standstill(values, name, lines, stops) {
   let steps = 0;
   for (let i = 1; i < values.length; i++) if (values[i] !== values[i - 1]) steps++;
   if (steps < 0.1 * values.length) return found; // a coarse monitor may well stand still
-  for (let begin = 0; begin < values.length;) {
-    let end = begin;
-    while (end + 1 < values.length && values[end + 1] === values[begin]) end++;
-    if (end - begin + 1 >= words.standstill) found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; empty these cells or leave the experiment out`);
-    begin = end + 1;
-  }
+  for (const [begin, end] of stillRuns(values))
+    found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; empty these cells or leave the experiment out`);
   return found;
 }
 
