@@ -10,6 +10,7 @@ import pytest
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.hum import is_hum
 from tubular_dea.identify.noise import Noise, estimate
+from tubular_dea.identify.study import _rounded
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -137,3 +138,20 @@ def test_whitened_noise_is_white(phi: float, white: float) -> None:
     assert np.abs(lags).max() < 4 / np.sqrt(time.size)
     columns = noise.whiten(time, np.stack([values, 2 * values], axis=1))
     np.testing.assert_allclose(columns, np.stack([found, 2 * found], axis=1))
+
+
+@pytest.mark.parametrize(("bits", "white"), [(1.0, False), (5.0, True)])
+def test_rounding_to_steps_larger_than_the_noise_is_white_where_the_signal_moves(bits: float, white: bool) -> None:
+    """At rest a coarse record stands on one level, or toggles between two; `bits` is a step over the noise."""
+    step, phi = bits * RMS, 0.9
+    listed = [(t, step * np.round(y / step), e) for t, y, e in records(coloured(phi), (100.0,) * 8)]
+    found = _rounded(estimate(listed), step)
+    moving = np.random.default_rng(1).uniform(-40 * step, 40 * step, 20_000) + RMS * Colour(phi).sample(
+        20_000, np.random.default_rng(2)
+    )
+    error = step * np.round(moving / step) - moving
+    if white:
+        assert found.white > 0.5
+        assert error.std() < found.innovation < 1.3 * np.hypot(error.std(), RMS)
+    else:
+        assert found.innovation == pytest.approx(np.hypot(error.std(), RMS * np.sqrt(1 - phi**2)), rel=0.15)
