@@ -153,22 +153,26 @@ def adjusted(
 
     `free` are the parameters that are fitted while spreads are estimated. Unless `started`, states that are off an
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
-    would make up for it.
+    would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
     """
     own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
     fixed = study.geometry | {n: v for n, v in values.items() if n not in own}
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
-    work = replace(study, pieces=owned)
+    work = replace(study, pieces=[p for p in owned if p is not None])
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
     spread, later = _spreads(work, ids, fixed, linear, free)
     pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
     work = replace(work, pieces=pieces, spread=spread, late=later)
-    begun = side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces)))
-    return replace(work, pieces=begun)
+    begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
+    everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
+    return replace(work, pieces=everyone)
 
 
-def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
-    """The piece with the columns (SI) of its nuisance parameters at the present model."""
+def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece | None:
+    """The piece with the columns (SI) of its nuisance parameters at the present model; None where that has no answer.
+
+    Near a fold it may have none with a nuisance parameter moved: that one is left out there.
+    """
     columns: list[np.ndarray] = []
     names: list[str] = []
     rows = piece.case.parts()
@@ -187,16 +191,26 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in piece.unknown.items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
-    response = study.asked(ids, [piece.case, *(c for _, c, _ in cases), *moved])
-    here, *others = response.outputs_alone(values)
-    for (name, _, step), answer in zip(cases, others[: len(cases)], strict=True):
+    here, *others = _answers(study, ids, [piece.case, *(c for _, c, _ in cases), *moved], values)
+    if here is None:
+        return None
+    steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP * size) for name, size in starts]
+    for (name, step), answer in zip(steps, others, strict=True):
         names.append(name)
-        columns.append((answer - here) / step)
-    for (name, size), answer in zip(starts, others[len(cases) :], strict=True):
-        names.append(f"start {name}")
-        columns.append((answer - here) / (START_STEP * size))
+        columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
+
+
+def _answers(study: Study, ids: Ids, cases: Sequence[Case], values: Mapping[str, float]) -> list[np.ndarray | None]:
+    """The model's readings in every case, each (N,); None where it has no answer."""
+    found: list[np.ndarray | None] = []
+    for case in cases:
+        try:
+            found += study.asked(ids, [case]).outputs_alone(values)
+        except KernelError:
+            found.append(None)
+    return found
 
 
 def _step_of(piece: Piece) -> float:

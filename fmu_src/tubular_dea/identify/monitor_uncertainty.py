@@ -15,11 +15,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from ..kernel import KernelError
 from ..protocol import Protocol
 from .drive import Drive
 from .fit import Fit
 from .problem import Problem
 from .response import Case, Response
+from .threads import side_by_side
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
@@ -47,17 +49,30 @@ def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> 
 
 
 def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
-    """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI."""
-    moved = [shifted(case, name) for case in response.cases]
-    answers = Response(response.kernel, [case for case, _ in moved], response.fixed).outputs(values)
-    here = response.outputs(values)
-    return [(a - b) / step for a, b, (_, step) in zip(answers, here, moved, strict=True)]
+    """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI.
+
+    Where the model has no answer with more of an input, near a fold, less of it is asked.
+    """
+
+    def gain(number: int) -> np.ndarray:
+        case, here = response.cases[number], present[number]
+        for sign in (1, -1):
+            moved, step = shifted(case, name, sign)
+            try:
+                answer = Response(response.kernel, [moved], response.fixed).outputs_alone(values)[0]
+            except KernelError:
+                continue
+            return np.asarray((answer - here) / step)
+        return np.zeros(here.size)
+
+    present = response.outputs(values)
+    return side_by_side(gain, range(len(present)))
 
 
-def shifted(case: Case, name: str) -> tuple[Case, float]:
+def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
     """The case with a small constant added to an input, and that constant."""
     inputs = case.protocol.inputs
-    step = INPUT_STEP * (float(np.abs(inputs[name]).max()) or 1.0)
+    step = sign * INPUT_STEP * (float(np.abs(inputs[name]).max()) or 1.0)
     return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] + step})), step
 
 
