@@ -14,10 +14,11 @@ from tubular_dea.identify.adjust import adjusted, with_nuisances
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
 from tubular_dea.identify.fit import rmse
+from tubular_dea.identify.monitor_uncertainty import constant_gains, shifted
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free, whitened
 from tubular_dea.identify.study import Study, study
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.model.declare import Quantity
 from tubular_dea.plants import Build
 from tubular_dea.plants.plant import Input, Output, Plant
@@ -307,3 +308,23 @@ def test_a_zero_that_a_file_at_rest_lacks_is_not_common_to_all(monkeypatch: pyte
     assert common < 0.1
     monkeypatch.setattr(adjust, "_shown", lambda piece, name: name == "reading")
     assert adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"] == pytest.approx(0.3, rel=0.3)
+
+
+def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
+    """As beyond the fold of a tube: x follows -log(1.002 - load) at once, under a load that comes to 1."""
+    m = Build("Edge")
+    load, tau = m.input("load", "1"), m.parameter("tau", "s", 0.05)
+    x = m.state("x", "1", start=0.0, nominal=1.0)
+    m.derivative(x, (-sympy.log(1.002 - load) - x) / tau)
+    m.output("reading", "1", x)
+    plant = Plant(m.model(), [Input("load", zero=0.01)], [Output("reading")])
+    values, rising = plant.model.parameter_values(), np.linspace(0.5, 1.0, TIME.size)
+    read = -np.log(1.002 - rising) + NOISE * np.random.default_rng(4).standard_normal(TIME.size)
+    record = Experiment("one", TIME, {"load": rising}, {"reading": read}, np.arange(TIME.size))
+    work = study(Recordings(plant, [record]), held_out=())
+    with pytest.raises(KernelError):
+        work.asked((), [shifted(work.pieces[0].case, "load")[0]]).outputs_alone(values)
+    gains, middle = constant_gains(work.response((), work.pieces), values, "load")[0], TIME.size // 2
+    assert gains[middle] == pytest.approx(1 / (1.002 - rising[middle]), rel=0.05)
+    found = adjusted(work, (), values).pieces[0].nuisances
+    assert not found.columns[:, found.names.index("load")].any()  # left out, and nothing is refused
