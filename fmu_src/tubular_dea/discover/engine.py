@@ -148,7 +148,7 @@ def discover(
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
-    coloured = input_noise.coloured_rms(work, input_noise.input_gains(work, fitted.values))
+    coloured = input_noise.coloured_rms(found.base_study, input_noise.input_gains(found.base_study, fitted.values))
     return Discovery(
         recordings,
         work,

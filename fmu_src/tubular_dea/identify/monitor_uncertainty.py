@@ -51,22 +51,25 @@ def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> 
 def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
     """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI.
 
-    Where the model has no answer with more of an input, near a fold, less of it is asked.
+    Where the model has no answer with more of an input, near a fold, less of it is asked; where it has none at all, the
+    gain is 0.
     """
 
-    def gain(number: int) -> np.ndarray:
-        case, here = response.cases[number], present[number]
+    def answer(case: Case) -> np.ndarray | None:
+        try:
+            return Response(response.kernel, [case], response.fixed).outputs_alone(values)[0]
+        except KernelError:
+            return None
+
+    def gain(case: Case) -> np.ndarray:
+        here = answer(case)
         for sign in (1, -1):
             moved, step = shifted(case, name, sign)
-            try:
-                answer = Response(response.kernel, [moved], response.fixed).outputs_alone(values)[0]
-            except KernelError:
-                continue
-            return np.asarray((answer - here) / step)
-        return np.zeros(here.size)
+            if here is not None and (there := answer(moved)) is not None:
+                return np.asarray((there - here) / step)
+        return np.zeros(case.times.size)
 
-    present = response.outputs(values)
-    return side_by_side(gain, range(len(present)))
+    return side_by_side(gain, response.cases)
 
 
 def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
