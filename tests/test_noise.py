@@ -9,8 +9,7 @@ import pytest
 
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.hum import is_hum
-from tubular_dea.identify.noise import Noise, estimate
-from tubular_dea.identify.study import _rounded
+from tubular_dea.identify.noise import Noise, estimate, rounded
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -145,7 +144,7 @@ def test_rounding_to_steps_larger_than_the_noise_is_white_where_the_signal_moves
     """At rest a coarse record stands on one level, or toggles between two; `bits` is a step over the noise."""
     step, phi = bits * RMS, 0.9
     listed = [(t, step * np.round(y / step), e) for t, y, e in records(coloured(phi), (100.0,) * 8)]
-    found = _rounded(estimate(listed), step)
+    found = rounded(estimate(listed), step)
     moving = np.random.default_rng(1).uniform(-40 * step, 40 * step, 20_000) + RMS * Colour(phi).sample(
         20_000, np.random.default_rng(2)
     )

@@ -58,8 +58,7 @@ def _begin(recordings: td.RecordingSet) -> None:
         return
     if any(e.start == UNKNOWN for e in experiments):
         plant = plant.with_model(loosened(plant.model))
-    recorded = [o.name for o in plant.outputs if any(o.name in e.outputs for e in experiments)]
-    Compiled(plant, recorded, sum(e.time.size for e in experiments)).begin()
+    Compiled(plant, [o.name for o in recordings.fitted_outputs], sum(e.time.size for e in experiments)).begin()
     import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
 
 

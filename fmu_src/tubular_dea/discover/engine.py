@@ -17,7 +17,6 @@ from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
 from ..identify.study import Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
-from ..kernel import KernelError
 from . import (
     acceptance,
     base,
@@ -291,11 +290,7 @@ def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
 
 def _follows(work: Study, fitted: Fit, piece: Piece) -> bool:
     """Whether the base model has an answer at a piece."""
-    try:
-        work.asked((), [piece.case]).outputs_alone(work.shared(fitted.values))
-    except KernelError:
-        return False
-    return True
+    return work.asked((), [piece.case]).possible(work.shared(fitted.values))[0] is not None
 
 
 def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Mapping[str, float]) -> Option:

@@ -191,7 +191,7 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in piece.unknown.items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
-    here, *others = _answers(study, ids, [piece.case, *(c for _, c, _ in cases), *moved], values)
+    here, *others = study.asked(ids, [piece.case, *(c for _, c, _ in cases), *moved]).possible(values)
     if here is None:
         return None
     steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP * size) for name, size in starts]
@@ -200,17 +200,6 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
         columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
-
-
-def _answers(study: Study, ids: Ids, cases: Sequence[Case], values: Mapping[str, float]) -> list[np.ndarray | None]:
-    """The model's readings in every case, each (N,); None where it has no answer."""
-    found: list[np.ndarray | None] = []
-    for case in cases:
-        try:
-            found += study.asked(ids, [case]).outputs_alone(values)
-        except KernelError:
-            found.append(None)
-    return found
 
 
 def _step_of(piece: Piece) -> float:
@@ -475,9 +464,8 @@ def _begun(
     left = marginal(_windows(piece, linear, piece.shifts), linear.columns, piece.nuisances.sd * others)
 
     def cost(case: Case) -> float:
-        try:
-            answer = study.asked(ids, [case]).outputs_alone(values)[0]
-        except KernelError:
+        answer = study.asked(ids, [case]).possible(values)[0]
+        if answer is None:
             return np.inf
         return float(np.sum(left.apply(whitened(case, answer - piece.record, study.noise, piece.weight)) ** 2))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..plants.plant import Input, Plant
+from ..plants.plant import Input, Output, Plant
 from ..recordings import NoTableError, ReadError, Table, is_recording, read
 from ..recordings.table import some
 from . import checks
@@ -87,6 +87,12 @@ class Recordings:
     source: str = ""
     left_out: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+
+    @property
+    def fitted_outputs(self) -> list[Output]:
+        """The outputs that take part in fits: recorded in some file, and not driven by the rate of an input."""
+        there = [o for o in self.plant.outputs if any(e.seen(o.name).any() for e in self.experiments)]
+        return [o for o in there if not o.feels_rates]
 
 
 def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Recordings:

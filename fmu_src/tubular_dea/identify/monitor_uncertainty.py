@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from ..kernel import KernelError
 from ..protocol import Protocol
 from .drive import Drive
 from .fit import Fit
@@ -55,17 +54,14 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
     gain is 0.
     """
 
-    def answer(case: Case) -> np.ndarray | None:
-        try:
-            return Response(response.kernel, [case], response.fixed).outputs_alone(values)[0]
-        except KernelError:
-            return None
+    def alone(case: Case) -> np.ndarray | None:
+        return Response(response.kernel, [case], response.fixed).possible(values)[0]
 
     def gain(case: Case) -> np.ndarray:
-        here = answer(case)
+        here = alone(case)
         for sign in (1, -1):
             moved, step = shifted(case, name, sign)
-            if here is not None and (there := answer(moved)) is not None:
+            if here is not None and (there := alone(moved)) is not None:
                 return np.asarray((there - here) / step)
         return np.zeros(case.times.size)
 

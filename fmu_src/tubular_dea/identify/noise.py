@@ -51,6 +51,10 @@ LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, a
 EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
 SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
 
+# Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
+# Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
+COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
+
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
@@ -102,14 +106,18 @@ class Noise:
         return self.total * float(np.sqrt(self.colour(step).density()))
 
     @property
+    def phi(self) -> float:
+        """The correlation between neighbouring samples of the coloured part."""
+        return self.correlation / max(1 - self.white, 1e-12)
+
+    @property
     def tau(self) -> float:
         """Time constant of the coloured part [s]; 0 where there is none."""
-        phi = self.correlation / max(1 - self.white, 1e-12)
-        return float(-self.step / np.log(phi)) if 0 < phi < 1 else 0.0
+        return float(-self.step / np.log(self.phi)) if 0 < self.phi < 1 else 0.0
 
     def colour(self, step: float) -> Colour:
         """The colour of samples `step` [s] apart."""
-        phi = self.correlation / max(1 - self.white, 1e-12)
+        phi = self.phi
         if self.step > 0 and step > 0 and phi > 0:
             phi **= step / self.step
         return Colour(
@@ -203,6 +211,16 @@ def estimate(records: Records) -> Noise:
         form,
         quiet,
     )
+
+
+def rounded(noise: Noise, step: float) -> Noise:
+    """Noise with what rounding to steps adds where the signal moves: it is white there, and hardly shows at rest."""
+    rounding = step / float(np.sqrt(12.0))
+    if rounding < COARSE_OUTPUT * noise.innovation:
+        return noise
+    rms = float(np.hypot(noise.rms, rounding))
+    white = (noise.white * noise.rms**2 + rounding**2) / rms**2
+    return replace(noise, rms=rms, white=white, correlation=(1 - white) * noise.phi)
 
 
 def _freedom(quiet: Sequence[Stretches]) -> int:

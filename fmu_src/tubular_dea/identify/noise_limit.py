@@ -117,20 +117,23 @@ def _without(lines: list[float], time: np.ndarray, rest: np.ndarray) -> np.ndarr
 
 def _brief_memory(records: list[np.ndarray]) -> float:
     """The correlation of neighbours in records (each (n,)); 0 where it lasts longer than noise may."""
-    centred = [r - r.mean() for r in records]
-    squares = sum(float(r @ r) for r in centred)
-    found = sum(float(r[1:] @ r[:-1]) for r in centred) / squares if squares > 0 else 0.0
+    squares, beside = _covariances(records, 1)
+    found = beside / squares if squares > 0 else 0.0
     return found if 0 < found < np.exp(-1 / BRIEF) else 0.0
 
 
 def prediction_error(records: list[np.ndarray]) -> float:
     """Root mean square prediction error of an autoregression over all records (each (n,))."""
     order = min(ORDER, min(r.size for r in records) // 4)
-    centred = [r - r.mean() for r in records]
-    total = sum(r.size for r in centred)
-    lags = np.array([sum(float(r[k:] @ r[: r.size - k]) for r in centred) for k in range(order + 1)]) / total
+    lags = _covariances(records, order) / sum(r.size for r in records)
     if lags[0] <= 0:
         return 0.0
     lags[0] *= 1 + 1e-9
     weights = solve_toeplitz(lags[:-1], lags[1:])
     return float(np.sqrt(max(lags[0] - weights @ lags[1:], 0.0)))
+
+
+def _covariances(records: list[np.ndarray], most: int) -> np.ndarray:
+    """The sums of products of samples 0 to `most` apart, over all records (each (n,)) without their means."""
+    centred = [r - r.mean() for r in records]
+    return np.array([sum(float(r[k:] @ r[: r.size - k]) for r in centred) for k in range(most + 1)])

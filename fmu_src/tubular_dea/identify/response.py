@@ -91,6 +91,16 @@ class Response:
         parameters = self.fixed | dict(values)
         return [self._output(case, parameters, tolerance) for case in self.cases]
 
+    def possible(self, values: Mapping[str, float]) -> list[np.ndarray | None]:
+        """As `outputs_alone`, with None for cases that cannot be computed (a start beyond a fold)."""
+        found: list[np.ndarray | None] = []
+        for case in self.cases:
+            try:
+                found.append(self._output(case, self.fixed | dict(values), TOLERANCE))
+            except KernelError:
+                found.append(None)
+        return found
+
     def trajectories(self, values: Mapping[str, float]) -> list[Trajectory]:
         """All states and outputs of every case at the instants at which anything was read."""
         parameters = self.fixed | dict(values)

@@ -83,8 +83,7 @@ def findings(recordings: Recordings) -> list[str]:
     plant, chosen = recordings.plant, _informative(recordings.experiments)
     output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
     parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
-    recorded = [o.name for o in plant.outputs if any(o.name in e.outputs for e in recordings.experiments)]
-    kernel = Compiled(plant, recorded).kernel()  # the same as a study has, so compiled once
+    kernel = Compiled(plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's, so compiled once
     experiments = [recordings.experiments[i] for i in chosen]
     records = [_record(e, output.name) for e in experiments]
     zero = _zero(plant, experiments[0], parameters)

@@ -34,10 +34,6 @@ SMOOTH = 25  # [samples] over which an output is averaged before experiments are
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
 FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
 
-# Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
-# Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
-COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
-
 
 @dataclass(frozen=True)
 class Nuisances:
@@ -263,9 +259,7 @@ def followed(first: Protocol, then: Protocol) -> Protocol:
 def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, Noise]:
     """The noise of every sensor: as bench.toml states it, else from quiet stretches of all records."""
     found = {}
-    for output in recordings.plant.outputs:
-        if output.feels_rates:
-            continue
+    for output in recordings.fitted_outputs:
         records = []
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
@@ -273,32 +267,19 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
                 records.append(
                     (experiment.time[seen], experiment.outputs[output.name][seen], np.unique(driven.protocol.time))
                 )
-        if not records:
-            continue
         noise = noises.estimate(records)
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
         floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
         if stated and not noise.quiet:  # the colour would be the signal's
             noise = replace(noise, correlation=0.0, white=0.0)
         if not stated:
-            noise = _rounded(noise, float(np.median([resolution(y) for _, y, _ in records])))
+            noise = noises.rounded(noise, float(np.median([resolution(y) for _, y, _ in records])))
         found[output.name] = replace(
             noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
         )
     if not found:
         raise UserError(f"{recordings.source}: expected at least one output but no file has any")
     return found
-
-
-def _rounded(noise: Noise, step: float) -> Noise:
-    """Noise with what rounding to steps adds where the signal moves: it is white there, and hardly shows at rest."""
-    rounding = step / float(np.sqrt(12.0))
-    if rounding < COARSE_OUTPUT * noise.innovation:
-        return noise
-    rms = float(np.hypot(noise.rms, rounding))
-    white = (noise.white * noise.rms**2 + rounding**2) / rms**2
-    phi = noise.correlation / max(1 - noise.white, 1e-12)
-    return replace(noise, rms=rms, white=white, correlation=(1 - white) * phi)
 
 
 def choose_held_out(recordings: Recordings) -> list[str]:
