@@ -19,6 +19,7 @@ from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free, whitened
 from tubular_dea.identify.study import Study, study
 from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.laws.places import Path
 from tubular_dea.model.declare import Quantity
 from tubular_dea.plants import Build
 from tubular_dea.plants.plant import Input, Output, Plant
@@ -290,6 +291,23 @@ def test_where_a_record_starts_is_estimated_before_any_fit() -> None:
     work = study(Recordings(plant, [record]), held_out=())
     found = adjusted(work, (), plant.model.parameter_values()).pieces[0].case.own["x_start"]
     assert found == pytest.approx(3.0, abs=0.01)
+
+
+def test_what_an_effect_remembers_from_before_a_record_is_the_records_own() -> None:
+    """A load through a lag of a second fell before the first sample: how far the lag was behind is in no input."""
+    plant = Plant(one_state(), [Input("load")], [Output("reading")], places=[Path("load")])
+    lag = plant.catalogue["lag(load)"]
+    values, before = TRUTH | lag.typical | {"load_lag_tau": 1.0}, 3.0
+    whole = Protocol.of([0, before - 0.5, before, before + 2, before + TIME[-1]], load=[2, 2, 1, 1, 0])
+    true = Kernel(lag(plant.model)).simulate(whole, before + TIME, values)
+    read = {"reading": true["reading"] + NOISE * np.random.default_rng(8).standard_normal(TIME.size)}
+    load = {"load": whole.at(before + TIME)["load"]}
+    record = Experiment("cut", TIME, load, read, np.arange(TIME.size), start="unknown")
+    work = study(Recordings(plant, [record], {}, {"reading": NOISE}), held_out=())
+    for _ in range(2):
+        work = adjusted(work, ("lag(load)",), values)
+    assert work.pieces[0].case.own["load_lag_slow_off_at_start"] == pytest.approx(true["load_lag_slow"][0] - 1.0, abs=0.03)
+    assert true["load_lag_slow"][0] > 1.5
 
 
 def test_zeros_that_were_taken_off_count_in_what_is_told_of_them() -> None:

@@ -1,8 +1,8 @@
 """Was it there to be found? What a hidden thing leaves after everything else has followed it, by the bench's own tube.
 
 The nine parameters and the numbers of what else is hidden follow by least squares; so do a zero and a gain of every
-monitor in every file and the laser's zero, as far as a laboratory's usually are. What is small after that cannot be
-found by anybody, however good.
+monitor in every file and the laser's zero, as far as a laboratory's usually are, and what was done to the tube before a
+file that begins in the middle. What is small after that cannot be found by anybody, however good.
 """
 
 from __future__ import annotations
@@ -14,16 +14,18 @@ from scipy.interpolate import PPoly
 from scipy.optimize import least_squares
 
 from blind.effects import EVERYTHING
-from blind.laboratory import Laboratory
+from blind.laboratory import File, Laboratory
 from blind.recordings import GAIN, LASER, ZEROS, step
-from blind.tubes import BurstError, Drive, Tube
+from blind.tubes import BurstError, Drive, Tube, rising
 
 CLEAR = 100.0  # squared, in units of the noise: ten of its standard deviations
 FORM = 0.02  # of the stronger of two: no law of a catalogue is exactly the tube's
 SAMPLES = 20_000  # of a set that are compared, at most
 TOL = 1e-7  # of tube.c
-NUDGE, FOLLOWS = 5e-4, 12  # relative move of the differences, and rounds of the least squares
-FARTHEST = (0.2, 5.0)  # times what was drawn: what else a tube may be
+NUDGE, FOLLOWS = 5e-4, 24  # relative move of the differences, and rounds of the least squares
+FARTHEST = (0.02, 50.0)  # times what was drawn: what else a tube may be
+BEFORE = (0.02, 0.2, 2.0)  # s before a file that begins in the middle: what the tube remembers of
+LOAD = 3e3  # Pa, in each of these spans, that nobody knows of
 
 
 def there(lab: Laboratory) -> bool:
@@ -80,6 +82,10 @@ def _nuisances(lab: Laboratory) -> list[np.ndarray]:
             drives = tuple(_moved(d, quantity, zero * size, gain * size) for d in lab.drives)
             moved = replace(lab, drives=drives).readings(tol=TOL)
             moves.append([radius - b for (radius, _), b in zip(moved, base, strict=True)])
+    for reach in BEFORE:
+        drives = tuple(_loaded(d, [f for f in lab.files if f.drive == n][0], reach) for n, d in enumerate(lab.drives))
+        moved = replace(lab, drives=drives).readings(tol=TOL)
+        moves.append([radius - b for (radius, _), b in zip(moved, base, strict=True)])
     found = []
     for number, radius in enumerate(base):
         columns = [move[number] for move in moves] + [np.full(radius.size, ZEROS["radius"])]
@@ -94,6 +100,17 @@ def _moved(drive: Drive, quantity: str, zero: float, gain: float) -> Drive:
     c = signal.c * (1 + gain)
     c[-1] += zero
     return replace(drive, **{quantity: PPoly(c, signal.x)})
+
+
+def _loaded(drive: Drive, first: File, reach: float) -> Drive:
+    """The drive with more pressure before its first file, if that begins in the middle."""
+    span = (max(drive.start, first.begin - reach), first.begin)
+    if first.start != "unknown" or span[0] >= span[1]:
+        return drive
+    grid = np.unique(np.concatenate([drive.pressure.x, span]))
+    c = rising(drive.pressure, grid).T[::-1].copy()
+    c[-1, (grid[:-1] >= span[0]) & (grid[:-1] < span[1])] += LOAD
+    return replace(drive, pressure=PPoly(c, grid), hard=np.unique(np.concatenate([drive.hard, span])))
 
 
 def _white(lab: Laboratory, number: int, difference: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ class Drive:
         grid = np.unique(np.round(inner[(inner > self.start) & (inner < stop)], 12))
         grid = np.concatenate([[self.start], grid[np.diff(grid, prepend=self.start) > 1e-9], [stop]])
         corners = np.append(np.concatenate([self.hard, self.hard + late]), stop)
-        return grid, _rising(pressure, grid), _rising(self.voltage, grid), _among(grid, np.sort(corners))
+        return grid, rising(pressure, grid), rising(self.voltage, grid), _among(grid, np.sort(corners))
 
 
 def _among(grid: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def _among(grid: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return (gap < 2e-9).astype(np.int8)
 
 
-def _rising(signal: PPoly, grid: np.ndarray) -> np.ndarray:
+def rising(signal: PPoly, grid: np.ndarray) -> np.ndarray:
     """Coefficients (pieces, 4) of the signal about the starts of a finer grid's pieces."""
     at = (grid[:-1] + grid[1:]) / 2  # within the piece, whichever side of a jump its start is on
     shift = at - grid[:-1]

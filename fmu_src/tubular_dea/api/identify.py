@@ -207,7 +207,7 @@ def identify(
     with recorded(known), steps(progress, 6) as tell:
         tell("monitors and noise")
         work = study(recordings, held_out=())
-        if any(p.unknown for p in work.pieces):  # a fit must not depend on where the plant starts
+        if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts
             sought = procedure.free_parameters(known.model, values, free)
             work = adjusted(work, (), work.shared(values), sought, started=False)
         if staged or isinstance(start, str):

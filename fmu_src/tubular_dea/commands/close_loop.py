@@ -16,8 +16,7 @@ from importlib import import_module
 import tubular_dea as td
 
 from ..export.compile import PLATFORMS
-from ..identify.compiled import Compiled
-from ..identify.start import UNKNOWN, loosened
+from ..identify.study import compiled_for
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
@@ -53,12 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _begin(recordings: td.RecordingSet) -> None:
     """Compile for the search while the recordings are looked through and the base is fitted; as `study` will ask."""
-    plant, experiments = recordings.plant, recordings.experiments
-    if not plant.catalogue:
+    if not recordings.plant.catalogue:
         return
-    if any(e.start == UNKNOWN for e in experiments):
-        plant = plant.with_model(loosened(plant.model))
-    Compiled(plant, [o.name for o in recordings.fitted_outputs], sum(e.time.size for e in experiments)).begin()
+    compiled_for(recordings, sum(e.time.size for e in recordings.experiments)).begin()
     import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
 
 

@@ -259,7 +259,7 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
     `chosen`: the held-out experiments are not the user's choice. Those at which the base then has no answer (a start
     beyond its fold) take part in the fit.
     """
-    if any(p.unknown for p in work.pieces):
+    if any(work.unknown((), p) for p in work.pieces):
         # A fit needs a first estimate of where the plant starts. The declared values are passed whole, with the switch
         # of the start: without it the base of lab-4 ends in a wrong optimum.
         work = adjusted(work, (), work.plant.model.parameter_values(), base_parameters(work.plant), started=False)

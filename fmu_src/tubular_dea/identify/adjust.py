@@ -155,8 +155,7 @@ def adjusted(
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
     would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
     """
-    own = {name for p in study.pieces for name in p.unknown}  # each record has its own value of these
-    fixed = study.geometry | {n: v for n, v in values.items() if n not in own}
+    fixed = study.geometry | study.shared(values)
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=[p for p in owned if p is not None])
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
@@ -169,7 +168,9 @@ def adjusted(
 
 
 def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece | None:
-    """The piece with the columns (SI) of its nuisance parameters at the present model; None where that has no answer.
+    """The piece with the columns of its nuisance parameters at the present model; None where that has no answer.
+
+    They are in SI units, but those of starts, and of neighbours' means, in usual sizes.
 
     Near a fold it may have none with a nuisance parameter moved: that one is left out there.
     """
@@ -189,12 +190,12 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
     cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
-    starts = [(name, size) for name, size in piece.unknown.items()]
+    starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
     here, *others = study.asked(ids, [piece.case, *(c for _, c, _ in cases), *moved]).possible(values)
     if here is None:
         return None
-    steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP * size) for name, size in starts]
+    steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP) for name, _ in starts]
     for (name, step), answer in zip(steps, others, strict=True):
         names.append(name)
         columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
@@ -454,7 +455,7 @@ def _begun(
 
     Far from the model's optimum a whole step may lead to where the plant has no rest, or moves quite differently.
     """
-    sought = piece.unknown if started else study.plant.each_start
+    sought = study.unknown(ids, piece) if started else study.plant.each_start
     if not sought:
         return piece
     local = Marginal(piece.marginal.windows)
@@ -471,7 +472,7 @@ def _begun(
 
     least, own = cost(piece.case), piece.case.own
     for part in START_PARTS:
-        begins = {n: own.get(n, 0.0) + part * float(found[f"start {n}"]) for n in sought}
+        begins = {n: own.get(n, 0.0) + part * size * float(found[f"start {n}"]) for n, size in sought.items()}
         case = replace(piece.case, own=dict(own) | _inside(study, begins))
         if cost(case) < least:
             return replace(piece, case=case)
@@ -491,11 +492,11 @@ def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) 
 
 def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
     """Values of parameters, clipped to their bounds."""
-    inside = {}
+    inside, known = {}, study.plant.model.quantities()
     for name, value in values.items():
-        q = study.plant.quantity(name)
-        low = -np.inf if q.minimum is None else q.minimum
-        inside[name] = float(np.clip(value, low, np.inf if q.maximum is None else q.maximum))
+        q = known.get(name)  # none where an effect's state is off
+        low = -np.inf if q is None or q.minimum is None else q.minimum
+        inside[name] = float(np.clip(value, low, np.inf if q is None or q.maximum is None else q.maximum))
     return inside
 
 
@@ -516,7 +517,7 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
     if name.startswith(SMOOTH_OF):
         return SMOOTHER
     if name.startswith("start "):
-        return START_SPREAD * piece.unknown[name.removeprefix("start ")]
+        return START_SPREAD
     if not name.startswith("hum "):
         return _usual(study, piece, name)
     output = name.rsplit(" ", 1)[1]

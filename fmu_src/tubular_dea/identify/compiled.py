@@ -21,6 +21,7 @@ from ..kernel import Kernel
 from ..model.declare import Model
 from ..model.effect import Effect
 from ..plants.plant import Plant
+from .start import loosened, unknowns
 from .threads import side_by_side
 
 Ids = tuple[str, ...]
@@ -41,10 +42,13 @@ STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: no
 class Compiled:
     """Kernels of a plant's model with effects added, in the order of its catalogue."""
 
-    def __init__(self, plant: Plant, outputs: Sequence[str] = (), points: float = math.nan) -> None:
+    def __init__(
+        self, plant: Plant, outputs: Sequence[str] = (), points: float = math.nan, loose: bool = False
+    ) -> None:
         """`outputs` are those that were recorded, and are differentiated (default: all); `points` are the samples of
-        all records together."""
+        all records together. `loose`: what effects remember at the start of a record is unknown, too."""
         self.plant = plant
+        self.loose = loose
         self._outputs = list(outputs) or [o.name for o in plant.outputs]
         self.base = plant.model
         self.catalogue = plant.catalogue
@@ -52,6 +56,7 @@ class Compiled:
         self._few, self._many = points <= FEW_POINTS, points >= MANY_POINTS
         self._kernels: dict[Ids, Kernel] = {}
         self._gathered: list[Ids] = []
+        self._unknown: dict[Ids, dict[str, float]] = {}
         self._locks: defaultdict[Ids, Lock] = defaultdict(Lock)
 
     def model(self, ids: Iterable[str], *more: Effect) -> Model:
@@ -59,7 +64,13 @@ class Compiled:
         model = self.base
         for effect in [*(self.catalogue[name] for name in self._ordered(ids)), *more]:
             model = effect(model)
-        return model
+        return loosened(model) if self.loose else model
+
+    def unknown(self, ids: Ids) -> dict[str, float]:
+        """The parameters of an unknown start of the model with the effects `ids`, with their usual sizes (SI)."""
+        if ids not in self._unknown:
+            self._unknown[ids] = unknowns(self.model(ids))
+        return self._unknown[ids]
 
     def gather(self, present: Ids, names: Iterable[str]) -> None:
         """Let models with one of `names` beside `present` share kernels from now on, where records are short."""

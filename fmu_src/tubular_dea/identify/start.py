@@ -112,13 +112,14 @@ def _may_be_off(plant: Plant, name: str) -> bool:
 def loosened(model: Model) -> Model:
     """The model with a parameter for every state by which it may be off at the start, 0 by default.
 
-    The unknown of an equilibrium curve has none: it follows from the first inputs.
+    The unknown of an equilibrium curve has none: it follows from the first inputs. States that have one keep it.
     """
     unknown = model.curve.unknown if model.curve else None
+    known = {p.quantity.name for p in model.parameters}
     states, parameters = [], []
     for state in model.states:
         q = state.quantity
-        if q.name == unknown:
+        if q.name == unknown or off_name(q.name) in known:
             states.append(state)
             continue
         off = Quantity(off_name(q.name), q.unit, f"By how much {q.name} is off at the start", 0.0, nominal=q.nominal)

@@ -22,7 +22,7 @@ from .monitors import resolution, slow_level
 from .noise import Noise
 from .problem import Free, Problem
 from .response import Case, Reading, Response
-from .start import RESTED, UNKNOWN, loosened, unknowns, zeroed
+from .start import RESTED, UNKNOWN, loosened, zeroed
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -58,7 +58,7 @@ class Piece:
     """An experiment or part of one: what drives it, what was read at `case.times` (N,), and whether it is held out.
 
     `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
-    are the record's own numbers; `unknown` are parameters of its start that are among them, with their usual sizes.
+    are the record's own numbers. `loose`: what it starts from is unknown.
     `beside` is what was read of outputs that depend on rates, which take no part in fits. `before` is what was done to
     the plant before this file, where it did not rest in between.
     """
@@ -72,7 +72,7 @@ class Piece:
     marginal: Marginal = field(default_factory=Marginal)
     shifts: np.ndarray = field(default_factory=lambda: np.empty(0))
     nuisances: Nuisances = field(default_factory=lambda: Nuisances((), np.empty((0, 0)), np.empty(0)))
-    unknown: Mapping[str, float] = field(default_factory=dict)
+    loose: bool = False
     source: str = ""
     before: Protocol | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
@@ -125,9 +125,13 @@ class Study:
         """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
         return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
 
+    def unknown(self, ids: Ids, piece: Piece) -> dict[str, float]:
+        """The parameters of a piece's start that are its own, with their usual sizes (SI), in the model with `ids`."""
+        return self.plant.each_start | (self.compiled.unknown(ids) if piece.loose else {})
+
     def shared(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of parameters without those of which each record has its own."""
-        own = {name for p in self.pieces for name in (*p.case.own, *p.unknown)}
+        own = {name for p in self.pieces for name in (*p.case.own, *self.unknown((), p))}
         return {n: v for n, v in values.items() if n not in own}
 
     def zero(self, name: str) -> float:
@@ -173,16 +177,21 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
     for name in names:
         if name not in known:
             raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
-    if any(e.start == UNKNOWN for e in recordings.experiments):
-        plant = plant.with_model(loosened(plant.model))
     pieces, noise = [], sensor_noise(recordings, drives)
     for number, (experiment, driven) in enumerate(zip(recordings.experiments, drives, strict=True)):
         whole = _piece(experiment, driven, recordings.plant, experiment.name in names)
         whole = _after(whole, number, recordings.experiments, drives)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
     levels = _monitor_noise(recordings, drives)
-    compiled = Compiled(plant, list(noise), sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
-    return Study(plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
+    compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
+    return Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
+
+
+def compiled_for(recordings: Recordings, points: int) -> Compiled:
+    """The models of a study, for records with `points` samples together: with free starts if one is unknown."""
+    loose = any(e.start == UNKNOWN for e in recordings.experiments)
+    plant = recordings.plant.with_model(loosened(recordings.plant.model)) if loose else recordings.plant
+    return Compiled(plant, [o.name for o in recordings.fitted_outputs], points, loose)
 
 
 def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, float]:
@@ -215,7 +224,7 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) 
         beside=tuple((reading, values) for o, reading, values in read if o.feels_rates),
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
-        unknown=plant.each_start | (unknowns(plant.model) if experiment.start == UNKNOWN else {}),
+        loose=experiment.start == UNKNOWN,
     )
 
 
