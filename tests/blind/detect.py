@@ -83,7 +83,7 @@ def _nuisances(lab: Laboratory) -> list[np.ndarray]:
             moved = replace(lab, drives=drives).readings(tol=TOL)
             moves.append([radius - b for (radius, _), b in zip(moved, base, strict=True)])
     for reach in BEFORE:
-        drives = tuple(_loaded(d, [f for f in lab.files if f.drive == n][0], reach) for n, d in enumerate(lab.drives))
+        drives = tuple(_loaded(d, next(f for f in lab.files if f.drive == n), reach) for n, d in enumerate(lab.drives))
         moved = replace(lab, drives=drives).readings(tol=TOL)
         moves.append([radius - b for (radius, _), b in zip(moved, base, strict=True)])
     found = []
