@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..identify.fit import AGREE, Fit, FitError, fit
+from ..identify.fit import AGREE, Fit, FitError, fit, may_be_better
 from ..identify.problem import Problem
 from ..identify.study import Study
 from ..identify.threads import side_by_side
@@ -41,14 +41,31 @@ def recalibrate(
     best = _somewhere(study, problem, study.plant.model.parameter_values() if start is None else start, seed)
 
     def confirm(number: int) -> Fit:
-        begin, move = (best.values | study.plant.restarts, 0.0) if number == 1 else (best.values, MOVE)
+        if number == 1:
+            return _restarted(problem, study, best)
         try:
-            return fit(problem, begin, 1, evaluations=CONFIRM, move=move, seed=seed + number)
+            return fit(problem, best.values, 1, evaluations=CONFIRM, move=MOVE, seed=seed + number)
         except FitError:  # no answer there: no better place
             return best
 
     other = min([best, *side_by_side(confirm, range(1, starts))], key=lambda f: f.cost)
     return fit(problem, other.values, 1) if other.cost < best.cost - AGREE else best
+
+
+def elsewhere(study: Study, fitted: Fit) -> Fit | None:
+    """What the parameters that a fit may lose lead to from their declared values, if that may be a better optimum."""
+    if not study.plant.restart:
+        return None
+    other = _restarted(study.problem((), fitted.free, {}), study, fitted)
+    return other if may_be_better(other, fitted) else None
+
+
+def _restarted(problem: Problem, study: Study, fitted: Fit) -> Fit:
+    """A few steps from the declared values of the parameters that a fit may lose; the fit where there is no answer."""
+    try:
+        return fit(problem, fitted.values | study.plant.restarts, 1, evaluations=CONFIRM)
+    except FitError:
+        return fitted
 
 
 def _somewhere(study: Study, problem: Problem, start: Mapping[str, float], seed: int) -> Fit:

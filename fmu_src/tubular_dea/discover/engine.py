@@ -35,7 +35,7 @@ from .held_out import with_held_out
 from .law_uncertainty import still_there, with_law, with_rivals
 from .next_experiment import Proposal
 from .operating_point import repeats
-from .options import Option, fitted_option
+from .options import Option, fitted_option, option
 from .parameters import base_parameters
 from .revision import Search
 
@@ -269,9 +269,11 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
         work = replace(work, pieces=kept)
         fitted = base.recalibrate(work, seed=seed)
     work, fitted = _base_settled(work, fitted, seed)
-    again = base.recalibrate(work, 2, seed, fitted.values)
-    if again.cost < fitted.cost - AGREE:  # a branch that was lost on the way
-        return _base_settled(work, again, seed)
+    lost = base.elsewhere(work, fitted)
+    if lost is not None:
+        moved, again = selection.iterated(work, option(work, (), lost))
+        if again.fitted.cost < fitted.cost - AGREE:
+            return _base_settled(moved, again.fitted, seed)
     return work, fitted
 
 

@@ -16,7 +16,7 @@ from .rounds import AT_BEST, Progress, Round
 # `python -m blind.score --pairs 20 --seed 1000`
 FINER_GAIN = 10.0  # [log evidence] that a finer form must bring
 MOST_FINER = 4  # [1] rivals that are refined with the choice
-PROMISING = 0.5  # [1] share of the choice's gain that a rival may lose whose finer form is tried
+PROMISING = 0.7  # [1] share of the choice's gain that a rival may lose whose finer form is tried
 EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
 
 
@@ -98,11 +98,9 @@ def _drop(study: Study, found: Search) -> None:
 
 def _refine(study: Study, found: Search, tell: Progress) -> None:
     """Use finer forms of the chosen effects where the recordings support them; then of promising rivals too."""
-    if clean(found.chosen.lack_of_fit):
-        return
     coarse = found.chosen
     for name in coarse.ids:
-        if not study.catalogue[name].refine or name in found.chosen.refined:
+        if clean(coarse.lack_of_fit) or not study.catalogue[name].refine or name in found.chosen.refined:
             continue
         finer = _finer(study, found.chosen, (name,), tell)
         if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):

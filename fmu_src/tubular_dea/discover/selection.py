@@ -82,16 +82,16 @@ def _own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     A start under load and the parameters that it is estimated with change together, in several steps. Where more than
     noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values.
     """
-    study, one = _iterated(study, one)
+    study, one = iterated(study, one)
     if clean(one.lack_of_fit):
         return study, one
     again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
     if again is None or not study.plant.restart:
         return study, one
-    return min((study, one), _iterated(study, again), key=lambda settled: settled[1].misfit)
+    return min((study, one), iterated(study, again), key=lambda settled: settled[1].misfit)
 
 
-def _iterated(study: Study, one: Option) -> tuple[Study, Option]:
+def iterated(study: Study, one: Option) -> tuple[Study, Option]:
     """An option and its nuisance parameters, each taken anew until the option gains no more."""
     for _ in range(MOST_SETTLES):
         moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)

@@ -27,6 +27,8 @@ NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that 
 PRECISION = 1e-5  # [1] relative change of cost or parameters at which a search ends, less than chance changes them
 EVALUATIONS = 60  # [evaluations] after which it ends
 AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
+LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and yet turn out to be the better
+ELSEWHERE = 1.0  # [standard deviations] of a parameter between optima that are two
 AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
 # Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
@@ -127,6 +129,17 @@ def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: fl
         )
     except KernelError:  # an answer there, but no sensitivities
         return None
+
+
+def may_be_better(other: Fit, fitted: Fit) -> bool:
+    """Whether another optimum of the same problem is the better one or may turn out to be.
+
+    It may cost more as long as the records' own numbers are those that belong to the first.
+    """
+    if other.cost < fitted.cost - AGREE:
+        return True
+    distance = np.abs(other.scaled - fitted.scaled) / np.sqrt(np.diag(fitted.covariance))
+    return AGREE < other.cost - fitted.cost < LOST * fitted.cost and bool(distance.max() > ELSEWHERE)
 
 
 def described(problem: Problem, scaled: np.ndarray, converged: bool = True) -> Fit:

@@ -15,7 +15,7 @@ from ..errors import UserError
 from ..model.declare import Model
 from ..plants.plant import Plant
 from .adjust import MOST_SETTLES, SETTLES, adjusted
-from .fit import AGREE, Fit, FitError, fit
+from .fit import AGREE, Fit, FitError, fit, may_be_better
 from .monitor_uncertainty import with_monitor_noise
 from .noise_limit import with_noise_of
 from .problem import Free, Problem
@@ -122,19 +122,29 @@ def settled(
         return first
     try:
         restarted = joint(first[0], again, 1, seed, names, start)
+        if not may_be_better(restarted[1], fitted):
+            return first
+        found = _taken_in_turn(first[0], restarted, start, seed, names, noisy=False)
     except FitError:
         return first
-    # at the noise of the first: each turn may find less
-    return first if restarted[1].cost > fitted.cost - AGREE else _taken_in_turn(first[0], restarted, start, seed, names)
+    return first if found[2].cost > fitted.cost - AGREE else _taken_in_turn(found[0], found[1:], start, seed, names)
 
 
 def _taken_in_turn(
-    work: Study, found: tuple[Problem, Fit], start: Mapping[str, float], seed: int, names: Sequence[str] | None
+    work: Study,
+    found: tuple[Problem, Fit],
+    start: Mapping[str, float],
+    seed: int,
+    names: Sequence[str] | None,
+    noisy: bool = True,
 ) -> tuple[Study, Problem, Fit]:
-    """A joint fit and the records' own numbers, in turn until the cost changes no more."""
+    """A joint fit and the records' own numbers, in turn until the cost changes no more.
+
+    Unless `noisy`, the noise stays as it is, so that costs can be compared: each turn may find less of it.
+    """
     problem, best = found
     for number in range(MOST_SETTLES):
-        work = adjusted(with_noise_of(work, best), (), best.values, best.free)
+        work = adjusted(with_noise_of(work, best) if noisy else work, (), best.values, best.free)
         before = best.cost
         problem, best = joint(work, best.values, 1, seed, names, start)
         if number + 1 >= SETTLES and abs(before - best.cost) < AGREE:
