@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,54 @@ def test_white_and_slow_noise_together() -> None:
     assert found.rms == pytest.approx(RMS, rel=0.05)
     assert found.white == pytest.approx(0.5, abs=0.07)
     assert found.tau == pytest.approx(-0.004 / np.log(0.95), rel=0.3)
+
+
+def falling(n: int, random: np.random.Generator) -> np.ndarray:
+    """Noise of a laser: 1/f between 0.3 and 125 Hz, and white."""
+    frequency = np.fft.rfftfreq(n, 0.004)
+    shape = 1 / np.sqrt(np.maximum(frequency, 0.3))
+    slow = np.fft.irfft(shape * (random.standard_normal(shape.size) + 1j * random.standard_normal(shape.size)), n)
+    return RMS * (np.sqrt(0.6) * slow / slow.std() + np.sqrt(0.4) * random.standard_normal(n))
+
+
+def slow_share(found: Noise, noise: np.ndarray) -> float:
+    """The variance of whitened noise in blocks of a tenth of a second; 1 where its colour is right."""
+    white = found.whiten(0.004 * np.arange(noise.size), noise)
+    return float(np.var(white[: noise.size // 25 * 25].reshape(-1, 25).sum(axis=1) / 5))
+
+
+def test_noise_that_falls_over_decades() -> None:
+    found = estimate(records(falling))
+    assert found.slower[0] > found.slower[1] > 0 and found.slow_known
+    noise = falling(80_000, np.random.default_rng(9))
+    plain = replace(found, slower=(0.0, 0.0))
+    assert slow_share(found, noise) < 1.2 and slow_share(plain, noise) > 2
+
+
+def test_short_quiet_stretches_do_not_tell_that_no_noise_is_slow() -> None:
+    often = np.union1d(EVENTS, np.arange(0.0, 16.0, 0.7))
+    assert not estimate([(time, output, often) for time, output, _ in records(falling)]).slow_known
+    assert estimate([(time, output, often) for time, output, _ in records(coloured(0.0))]).slow_known
+
+
+def test_a_filtered_colour_whitens_its_own_noise() -> None:
+    noise = Noise(RMS, 0.3, white=0.5, step=0.004, slower=(0.97, 0.9))
+    colour = noise.colour(0.004)
+    values = colour.sample(400_000, np.random.default_rng(1))
+    assert np.var(values) == pytest.approx(1.0, rel=0.03)
+    white = colour.whiten(values)
+    assert np.var(white) == pytest.approx(1.0, rel=0.01)
+    assert np.var(white.reshape(-1, 100).sum(axis=1) / 10) == pytest.approx(1.0, abs=0.06)
+    density = [colour.density(f) for f in np.linspace(0, 0.5, 20_001)]
+    assert np.mean(density) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_what_is_driven_is_not_raised_with_1_over_f_noise() -> None:
+    random, time = np.random.default_rng(2), 0.004 * np.arange(200_000)
+    noise = Noise(RMS, 0.3, white=0.5, step=0.004, slower=(0.97, 0.9), driven=2 * RMS)
+    own = replace(noise, driven=0.0).sample(time, random) + noise.driven * random.standard_normal(time.size)
+    assert np.var(noise.whiten(time, own)) == pytest.approx(1.0, rel=0.02)
+    assert slow_share(noise, own) == pytest.approx(1.0, abs=0.06)
 
 
 @pytest.mark.parametrize(("line", "size", "phi"), [(50.02, 3e-6, 0.0), (59.95, 10e-6, 0.9), (180.1, 5e-6, 0.0)])

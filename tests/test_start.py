@@ -82,6 +82,15 @@ def test_a_load_is_no_zero_and_few_files_show_only_usual_ones() -> None:
     assert first_pressures(experiments, driven) == 0.0
 
 
+def test_a_single_sample_of_noise_is_no_movement() -> None:
+    """One that stands out of the line would have a plant ring that has no damping at rest."""
+    experiments, _ = at_rest([120.0, -90.0, 15.0])
+    for e in experiments:
+        e.inputs["pressure"][40] += 90.0
+    driven = zeroed(experiments, drives(experiments, PLANT.inputs), PLANT)
+    assert all(np.ptp(d.protocol.at(np.linspace(0, 0.45, 100))["pressure"]) < 1e-9 for d in driven)
+
+
 def test_what_noise_leaves_of_a_line_at_rest_does_not_drive_the_plant() -> None:
     experiments, driven = at_rest([120.0, -90.0, 15.0])
     for one in zeroed(experiments, driven, PLANT):

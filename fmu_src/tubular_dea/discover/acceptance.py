@@ -72,7 +72,7 @@ def clean(state: LackOfFit) -> bool:
 
 
 def noise_alone(state: LackOfFit) -> bool:
-    """Whether the residual may be noise alone: where no stretch is quiet, noise with a colour too."""
+    """Whether the residual may be noise alone: where no stretch shows slow noise, noise with a colour too."""
     return clean(state) or (1 < state.coloured < MOST_COLOURED and state.z_total < CLEAN_TOTAL)
 
 

@@ -310,6 +310,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
+    wider = wider.with_covariance(wider.covariance * option.lack_of_fit.coloured)
     return replace(option, fitted=still_there(work, option.ids, fitted, wider, gains))
 
 

@@ -162,6 +162,7 @@ def _coloured(found: Discovery) -> list[str]:
     if clean(state) or not noise_alone(state):
         return []
     return [
-        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of white noise. No part of the "
-        "recordings is quiet, so that it may be noise or a weak effect: record some seconds in which nothing moves."
+        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that is known. No part of "
+        "the recordings is quiet for seconds, so that it may be slow noise or a weak effect: record some seconds in "
+        "which nothing moves."
     ]

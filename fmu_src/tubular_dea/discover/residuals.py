@@ -31,8 +31,8 @@ class LackOfFit:
     `z_slow` and `z_total` are the excess of block means and of all samples in standard deviations; `structure` is the
     root mean square of the residual beyond noise [SI], `ratio` that of the residual over the noise. Above a ratio of
     `far`, the error of the model's form and not the noise limits the distinction between effects. `coloured` is the
-    variance of the block means relative to that of noise where no stretch is quiet enough to tell how much slow noise
-    there is; 1 elsewhere.
+    variance of the block means relative to that of noise where no stretch is quiet or long enough to tell how much slow
+    noise there is; 1 elsewhere.
     """
 
     excess: float
@@ -55,6 +55,7 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
     means, variance = block_means(residual, pieces), _block_variance(study, pieces)
     level = max(noise.uncertainty for noise in study.noise.values())
     quiet = all(noise.quiet for noise in study.noise.values())
+    known = quiet and all(noise.slow_known for noise in study.noise.values())
     z_slow = float(means @ means - variance.sum()) / np.hypot(
         np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum()
     )
@@ -69,7 +70,7 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
         float(np.sqrt(max(gained, 0.0))),
         float(np.sqrt(max(1 + excess / expected, 0.0))),
         FAR if quiet else FAR_UNQUIET,
-        1.0 if quiet else max(1.0, float(means @ means / variance.sum())),
+        1.0 if known else max(1.0, float(means @ means / variance.sum())),
     )
 
 

@@ -1,7 +1,8 @@
-"""The colour of noise: white, coloured with one time constant, or both together, at any sampling rate.
+"""The colour of noise: white, coloured with one time constant, both together, or 1/f noise, at any sampling rate.
 
 A first-order process of time constant tau, seen every `step` seconds, is an autoregression with phi = exp(-step / tau);
 with white noise on top it is ARMA(1, 1), whose innovations whiten it (Box and Jenkins, "Time series analysis", ch. 4).
+Noise whose spectrum falls over decades (1/f) is that behind a filter which raises what is slow, and so ARMA(2, 2).
 """
 
 from __future__ import annotations
@@ -11,20 +12,33 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+# Set by theory: what is left of its start is 2 %. Check: `pytest tests/test_noise.py -k colour`
+FADED = 4.0  # [time constants] after which a filter has settled
+
 
 @dataclass(frozen=True)
 class Colour:
     """Noise of variance 1 at one sampling rate.
 
-    A share `white` of the variance is white, the rest an autoregression with coefficient `phi`.
+    A share `white` of the variance is white, the rest an autoregression with coefficient `phi`; all this is behind the
+    filter (1 - zero z) / (1 - pole z), z a delay of one sample, if `pole` is more than `zero`.
     """
 
     phi: float
     white: float = 0.0
+    pole: float = 0.0
+    zero: float = 0.0
+
+    @property
+    def raised(self) -> float:
+        """The variance behind the filter of what has variance 1 before it."""
+        p, d = self.pole, self.pole - self.zero
+        own, beside = 1 + d**2 / (1 - p**2), d + d**2 * p / (1 - p**2)  # the filter's autocorrelation
+        return own + 2 * (1 - self.white) * beside * self.phi / (1 - p * self.phi)
 
     @property
     def correlation(self) -> float:
-        """Between neighbouring samples."""
+        """Between neighbouring samples, before the filter."""
         return (1 - self.white) * self.phi
 
     @property
@@ -38,28 +52,53 @@ class Colour:
     @property
     def innovation(self) -> float:
         """Variance of what is new in each sample."""
+        return self._new / self.raised
+
+    @property
+    def _new(self) -> float:
         theta = self.theta
         return self.white * self.phi / theta if theta else 1 - self.correlation**2
 
     def density(self, frequency: float = 0.0) -> float:
         """Spectral density at a `frequency` in cycles a sample; 1 for white noise."""
-        turn = 2 * np.pi * frequency
-        line = (1 - self.phi**2) / (1 + self.phi**2 - 2 * self.phi * np.cos(turn))
-        return float((1 - self.white) * line + self.white)
+        along = np.cos(2 * np.pi * frequency)
+        line = (1 - self.phi**2) / (1 + self.phi**2 - 2 * self.phi * along)
+        filtered = (1 + self.zero**2 - 2 * self.zero * along) / (1 + self.pole**2 - 2 * self.pole * along)
+        return float(((1 - self.white) * line + self.white) * filtered / self.raised)
 
     def whiten(self, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) without a gap, in units of the innovation; the first in units of 1."""
-        phi, theta, new = self.phi, self.theta, self.innovation
-        white = np.empty(values.shape)
-        white[0] = values[0]
-        if len(values) > 1:
-            begin = (theta * new - phi) * values[:1]  # what the first sample says of its own innovation
-            white[1:] = lfilter([1.0, -phi], [1.0, -theta], values[1:], axis=0, zi=begin)[0] / np.sqrt(new)
+        phi, theta, new = self.phi, self.theta, self._new
+        white = _sieved(self._unfiltered(values), phi, theta, new)
+        white[1:] /= np.sqrt(new)
         return white
+
+    def _unfiltered(self, values: np.ndarray) -> np.ndarray:
+        """Values (n,) or (n, k) before the filter, of variance 1."""
+        if self.pole == self.zero:
+            return values
+        raised, d = self.raised, self.pole - self.zero
+        known = (1 + d * (1 - self.white) * self.phi / (1 - self.pole * self.phi)) / raised
+        found = _sieved(values * np.sqrt(raised), self.pole, self.zero, known)
+        found[0] = values[0]
+        return found
 
     def sample(self, count: int, random: np.random.Generator) -> np.ndarray:
         """Noise of this colour."""
+        if self.pole > self.zero:
+            settles = int(FADED / (1 - self.pole))
+            before = Colour(self.phi, self.white).sample(settles + count, random)
+            return lfilter([1.0, -self.zero], [1.0, -self.pole], before)[settles:] / np.sqrt(self.raised)
         fresh = random.standard_normal(count) * np.sqrt(1 - self.phi**2)
         fresh[:1] /= np.sqrt(1 - self.phi**2)
         coloured = lfilter([1.0], [1.0, -self.phi], fresh)
         return np.sqrt(1 - self.white) * coloured + np.sqrt(self.white) * random.standard_normal(count)
+
+
+def _sieved(values: np.ndarray, pole: float, zero: float, known: float) -> np.ndarray:
+    """Values (n,) or (n, k) behind (1 - pole z) / (1 - zero z); of what comes out first, a share `known` of the first
+    value is known. The first value stays."""
+    found = values.copy()
+    begin = (zero * known - pole) * values[:1]
+    found[1:] = lfilter([1.0, -pole], [1.0, -zero], values[1:], axis=0, zi=begin)[0]
+    return found

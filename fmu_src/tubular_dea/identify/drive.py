@@ -258,6 +258,13 @@ def _mains(experiments: Sequence[Experiment], name: str) -> list[float]:
     return max(found, key=len)
 
 
+def without_hum(experiments: Sequence[Experiment], name: str) -> list[np.ndarray]:
+    """The records of a continuous monitor without the hum of the mains."""
+    lines = _mains(experiments, name)
+    values = [(e.time, e.inputs[name]) for e in experiments]
+    return [v - hums.at(lines, t, _within_a_turn(t, v)) for t, v in values]
+
+
 def _smoothed(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[Polyline, float]:
     """The line of a continuous input and its noise: coloured noise is known better once the line is."""
     line = polyline(time, values, noise)

@@ -37,6 +37,10 @@ MOST_LINES = 12  # [1] lines that are looked for
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which on they tell the noise by themselves
 
+# Set by judgement: noise that is white and has a colour may be 1/f noise. Check: `pytest tests/test_noise.py -k slow`
+SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not
+SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
+
 # Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
 FORM = 0.012  # [1] relative error of the variance that remains however long the record
 UNQUIET = 0.2  # [1] the same where no stretch is quiet
@@ -50,6 +54,10 @@ LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, a
 # `python -m blind.score --nulls 12 --conventions colour --seed 1000`
 EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
 SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
+SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
+SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
+SLOWEST_POLE = 0.9998  # [1] pole of it up to which one is sought
+NO_WHITE = -6.0  # [1] logit of a white share that is none
 
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
@@ -63,10 +71,12 @@ class Noise:
     """Noise of standard deviation `rms` (the output's unit), with `correlation` between neighbours `step` [s] apart.
 
     A share `white` of its variance is white; the rest has one time constant, so that other steps have other
-    correlations (`step` 0: the same at any). `freedom` is the number of degrees of freedom that `rms` was estimated
+    correlations (`step` 0: the same at any). `slower`, the pole and the zero of a filter behind it, makes it 1/f
+    noise. `freedom` is the number of degrees of freedom that `rms` was estimated
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
-    `quiet` is False where no stretch was quiet enough to tell it from the signal. `driven` is white noise on top (the
+    `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
+    enough to tell how much of it is slower than what they show, as 1/f noise is. `driven` is white noise on top (the
     same unit) that no record at rest shows: fast noise of the monitors that drive the model.
     """
 
@@ -80,6 +90,8 @@ class Noise:
     form: float = FORM
     quiet: bool = True
     driven: float = 0.0
+    slower: tuple[float, float] = (0.0, 0.0)
+    slow_known: bool = True
 
     @property
     def uncertainty(self) -> float:
@@ -117,12 +129,16 @@ class Noise:
 
     def colour(self, step: float) -> Colour:
         """The colour of samples `step` [s] apart."""
-        phi = self.phi
-        if self.step > 0 and step > 0 and phi > 0:
-            phi **= step / self.step
-        return Colour(
-            float(phi), (self.white * self.rms**2 + self.driven**2) / self.total**2 if self.driven else self.white
-        )
+        steps = step / self.step if self.step > 0 and step > 0 else 1.0
+        phi = self.phi**steps if self.phi > 0 else self.phi
+        pole, zero = self.slower
+        if not self.driven:
+            return Colour(float(phi), self.white, pole**steps, zero**steps)
+        before = self.rms**2 / Colour(self.phi, self.white, pole, zero).raised  # the filter raises no driven noise
+        slow, driven = before * Colour(self.phi, self.white).density(), self.driven**2
+        more = float(np.sqrt((slow * ((1 - zero) / (1 - pole)) ** 2 + driven) / (slow + driven)))
+        white = (self.white * before + driven) / (before + driven)
+        return Colour(float(phi), white, pole**steps, (1 - more * (1 - pole)) ** steps)
 
     def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
@@ -193,7 +209,7 @@ def estimate(records: Records) -> Noise:
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0))
     found = _coloured(plain, step)
-    if found.phi:
+    if found.at_step.correlation:
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = _coloured(plain, step) if lines else found
     colour = found.colour(step)
@@ -210,7 +226,14 @@ def estimate(records: Records) -> Noise:
         colour.white,
         form,
         quiet,
+        slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
+        slow_known=quiet and (not 0 < colour.white < 1 or colour.phi <= 0 or _longest(chosen) >= SLOW_STRETCH),
     )
+
+
+def _longest(quiet: Sequence[Stretches]) -> float:
+    """The longest stretches [s] that tell something together."""
+    return max((s.step * len(s.values) for s in quiet if s.freedom >= SOME_FREEDOM), default=0.0)
 
 
 def rounded(noise: Noise, step: float) -> Noise:
@@ -310,29 +333,32 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _ColourEstimate:
-    """A colour's numbers: the time constant's correlation at the base step, the white share, the variance;
-    `uncertainty` is the relative standard error of the slow noise that they make."""
+    """A colour at the base step, and the variance; `uncertainty` is the relative standard error of the slow noise that
+    they make."""
 
-    phi: float
-    white: float
+    at_step: Colour
     step: float
     variance: float
     freedom: int
     uncertainty: float
 
     def colour(self, step: float) -> Colour:
-        return _colour(self.phi, self.white, step / self.step)
+        return _at(self.at_step, step / self.step)
 
 
-def _colour(phi: float, white: float, steps: float) -> Colour:
-    return Colour(phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), white)
+def _at(colour: Colour, steps: float) -> Colour:
+    """A colour at so many times its step."""
+    phi = colour.phi
+    return Colour(
+        phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), colour.white, colour.pole**steps, colour.zero**steps
+    )
 
 
 def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
-    """White, an autoregression, or both: the simplest whose further numbers earn their place."""
+    """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place."""
 
     def objective(x: np.ndarray) -> float:
-        return _restricted(quiet, lambda s: _colour(*_numbers(x), s / step))[0]
+        return _restricted(quiet, lambda s: _at(_numbered(x), s / step))[0]
 
     far = float(np.arctanh(SLOWEST_COLOUR))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
@@ -356,18 +382,48 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
             method="Nelder-Mead",
             options={"xatol": 0.01, "fatol": 0.1, "maxiter": 80, "initial_simplex": simplex},
         )
-        if 2 * (cost - two.fun) > EARNED and _numbers(two.x)[0] > 0:
-            chosen = two.x
-    phi, white = _numbers(chosen)
-    _, variance = _restricted(quiet, lambda s: _colour(phi, white, s / step))
-    freedom = _freedom(quiet)
-    return _ColourEstimate(phi, white, step, variance, freedom, _standard_error(objective, chosen, freedom))
+        if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
+            chosen, cost = two.x, float(two.fun)
+    chosen = _falling(objective, chosen, cost, step)
+    colour, freedom = _numbered(chosen), _freedom(quiet)
+    _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
+    return _ColourEstimate(colour, step, variance, freedom, _standard_error(objective, chosen, freedom))
 
 
-def _numbers(x: np.ndarray) -> tuple[float, float]:
-    """Correlation at the base step, and white share, of the numbers that are searched."""
+def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float) -> np.ndarray:
+    """The numbers with those of a filter that makes it 1/f noise, if they earn their place."""
+    plain = np.array([*chosen, NO_WHITE]) if chosen.size < 2 else chosen
+    begins = [
+        np.array([*plain, np.arctanh(np.exp(-step / tau)), np.log(np.expm1(np.log(times)))])
+        for tau in SLOW_TAU
+        for times in SLOW_TIMES
+    ]
+    begin = min(begins, key=objective)
+    if objective(begin) > cost:
+        return chosen
+    found = minimize(
+        objective,
+        begin,
+        method="Nelder-Mead",
+        options={
+            "xatol": 0.02,
+            "fatol": 0.2,
+            "maxiter": 150,
+            "initial_simplex": begin + np.vstack([np.zeros(4), np.diag([0.3, 0.7, 0.5, 0.5])]),
+        },
+    )
+    return found.x if 2 * (cost - found.fun) > 2 * EARNED else chosen
+
+
+def _numbered(x: np.ndarray) -> Colour:
+    """The colour at the base step of the numbers that are searched."""
     phi = float(np.clip(np.tanh(x[0]), -0.999, 0.9995))
-    return phi, float(1 / (1 + np.exp(-np.clip(x[1], -12, 12)))) if x.size > 1 else 0.0
+    white = float(1 / (1 + np.exp(-np.clip(x[1], -12, 12)))) if x.size > 1 else 0.0
+    if x.size < 4:
+        return Colour(phi, white)
+    pole = float(np.clip(np.tanh(x[2]), 0.0, SLOWEST_POLE))
+    more = np.exp(np.log1p(np.exp(np.clip(x[3], -12, 6))))  # times that the filter raises what is slow
+    return Colour(phi, white, pole, float(max(1 - more * (1 - pole), 0.0)))
 
 
 def _restricted(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> tuple[float, float]:
@@ -403,7 +459,7 @@ def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, fr
     )
 
     def log_density(x: np.ndarray) -> float:
-        colour = _colour(*_numbers(x), 1.0)
+        colour = _numbered(x)
         return float(np.log(colour.density(LOW) / colour.innovation))
 
     slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])

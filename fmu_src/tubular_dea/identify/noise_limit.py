@@ -75,6 +75,7 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
             step=known.step if memory else 0.0,
             form=known.form,
             quiet=known.quiet,
+            slow_known=known.slow_known,
         )
     if hummed and known.innovation > bound:
         known = replace(known, rms=known.rms * bound / known.innovation)

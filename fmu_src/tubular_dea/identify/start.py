@@ -34,6 +34,7 @@ CLEARLY = 5.0  # [standard errors] of it that are a load
 ZEROS = 3.0  # [1] usual zeros of its signal that are one
 SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
 MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
+SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard errors] by which the mean of zeros differs from zero if they have it in common
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
@@ -96,7 +97,8 @@ def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, i
     None where it moves before enough samples.
     """
     line = driven.lines[name]
-    moved = np.abs(line.values - line.values[0]) > MOVED * driven.noise[name]
+    off, noise = np.abs(line.values - line.values[0]), driven.noise[name]
+    moved = (off > MOVED * noise) & ((off > SPIKE * noise) | (np.append(off[1:], off[-1]) > MOVED * noise))
     points = int(np.argmax(moved)) if moved.any() else line.time.size
     time, values = line.time[:points], line.values[:points]
     if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:

@@ -15,7 +15,7 @@ from ..protocol import Protocol
 from . import noise as noises
 from .compiled import Compiled, Ids
 from .data import Experiment, Recordings
-from .drive import Drive
+from .drive import Drive, without_hum
 from .drive import drives as all_drives
 from .marginal import Marginal
 from .monitors import resolution, slow_level
@@ -197,13 +197,14 @@ def compiled_for(recordings: Recordings, points: int) -> Compiled:
 def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, float]:
     """The noise of every monitor as it weighs on averages over many samples (SI).
 
-    1/f noise is small from sample to sample, and a line that follows its record follows it too.
+    1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
+    like more of it, so the record with the least counts.
     """
     found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
-            known = [n for e in recordings.experiments if (n := slow_level(e.inputs[signal.name])) is not None]
-            found[signal.name] = max(found[signal.name], float(np.median(known)) if known else 0.0)
+            values = without_hum(recordings.experiments, signal.name)
+            found[signal.name] = max([found[signal.name], *sorted(n for v in values if (n := slow_level(v)))[:1]])
     return found
 
 
