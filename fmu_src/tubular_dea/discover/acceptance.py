@@ -37,6 +37,7 @@ CLEARED = 0.8  # [1] share of what is left: another form of the first would hard
 NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
 NEARLY_EXPLAINED = 0.95  # [1] share explained from which on little is left
 ALMOST_RATIO = 1.2  # [1] residual over noise that is little where nearly all of a large effect is explained
+FORETOLD = 1.5  # [1] error on held-out experiments over noise up to which a model with effects predicts them
 ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
 FAINT_SLOW = 1.5  # [standard deviations] of the slow parts up to which these hide no further effect
 
@@ -50,6 +51,9 @@ INVISIBLE = 1.0  # [1] the same up to which they tell nothing, since chance alon
 VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
 PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
+
+# Set by convention: a range of twenty decades and more is none. Check: `pytest tests/test_acceptance.py -k interval`
+UNKNOWN_SIZE = 50.0  # [1] logarithm of an interval's end over its middle, at most
 
 # Set by theory: chances of a normal number (2 ln 20 = 6.0; 3.3 standard deviations, squared, are 10.8).
 # Check: `pytest tests/test_acceptance.py`
@@ -144,10 +148,13 @@ def _inside_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, flo
     low, high = interval(fitted, name)
     quantity = next(q for q in effect.parameters if q.name == name)
     off = effect.off.get(name)
-    above = fitted.values[name] - off if off is not None and quantity.minimum == off else 0.0
-    if off is None or above <= 0:
+    if off is None:  # no size: how the effect acts, within its range
+        least, most = quantity.minimum, quantity.maximum
+        return low if least is None else max(low, least), high if most is None else min(high, most)
+    above = fitted.values[name] - off if quantity.minimum == off else 0.0
+    if above <= 0:
         return low, high
-    factor = float(np.exp(NORMAL_95 * fitted.stderr[name] / above))
+    factor = float(np.exp(min(NORMAL_95 * fitted.stderr[name] / above, UNKNOWN_SIZE)))
     return off + above / factor, off + above * factor
 
 

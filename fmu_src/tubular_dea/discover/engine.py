@@ -99,6 +99,11 @@ class Discovery:
         return self.base if self.verdict == "unexplained" else self.search.chosen
 
     @property
+    def named_study(self) -> Study:
+        """The study with the records' own numbers that belong to `named`."""
+        return self.study if self.named.ids else self.search.base_study
+
+    @property
     def chosen_gains(self) -> dict[str, float]:
         """The gain of each effect of the choice."""
         return self.search.gains
@@ -209,6 +214,8 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]], w
         return "no_effect" if noise else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
+    if held_ratio > acceptance.FORETOLD and acceptance.earned(found.base, found.chosen):
+        return "partly_explained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 
 

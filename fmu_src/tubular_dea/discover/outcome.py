@@ -15,9 +15,10 @@ from ..identify.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Model
 from . import remarks, residuals, second_output
-from .acceptance import size_interval
+from .acceptance import noise_alone, size_interval
 from .engine import Discovery
 from .next_experiment import DIFFER, kind
+from .options import Option
 from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
 
@@ -44,7 +45,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "error": {
             "published": errors(found.search.base_study, (), published),
             "recalibrated": errors(found.search.base_study, (), found.base.fitted.values),
-            "after": errors(study, chosen.ids, chosen.fitted.values),
+            "after": errors(found.named_study, chosen.ids, chosen.fitted.values),
         },
         "noise_floor": study.noise[first].rms,
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
@@ -88,13 +89,28 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if found.verdict not in ("partly_explained", "unexplained"):
         return None
     state, before = found.named.lack_of_fit, found.base.lack_of_fit
-    left = errors(found.study, found.named.ids, found.named.fitted.values)["rmse"]
+    if found.named.ids and noise_alone(state):
+        return _unpredicted(found)
+    left = errors(found.named_study, found.named.ids, found.named.fitted.values)["rmse"]
     return {
         "rms": state.structure if left is None else min(state.structure, left),
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, max(state.excess, 0.0) / max(before.excess, 1.0)),
         "channel": channel(found),
     }
+
+
+def _unpredicted(found: Discovery) -> dict[str, Any]:
+    """What is left on the held-out experiments alone."""
+    first = found.study.plant.outputs[0].name
+
+    def beyond(study: Study, option: Option) -> float:
+        error = errors(study, option.ids, option.fitted.values)["held_out_rmse"] or 0.0
+        return float(max(error**2 - study.noise[first].rms ** 2, 0.0))
+
+    left = beyond(found.named_study, found.named)
+    share = left / max(beyond(found.search.base_study, found.base), 1e-300)
+    return {"rms": left**0.5, "unit": _unit(found, first), "share": min(1.0, share), "channel": channel(found)}
 
 
 def channel(found: Discovery) -> str | None:

@@ -87,7 +87,7 @@ def summary(found: Discovery, effect: str) -> str:
 
 def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("The error, before and after", level=3)
-    effects = " and ".join(found.chosen.ids)
+    effects = " and ".join(found.named.ids)
     labels = {
         "published": "as declared",
         "recalibrated": "before: with its own parameters refitted",
@@ -154,9 +154,12 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _undone(found: Discovery, step: Round) -> str:
     """A sentence where an effect that a round accepted is not in the final model; else ""."""
-    if not step.accepted or step.options[0].ids[-1] in found.chosen.ids:
+    if not step.accepted or step.options[0].ids[-1] in found.named.ids:
         return ""
-    return " It is not in the final model: a later step replaced or removed it, or the held-out data contradict it."
+    return (
+        " It is not in the final model: a later step replaced or removed it, the held-out data contradict it, or it "
+        "leaves too much unexplained."
+    )
 
 
 def _channels(page: Page, found: Discovery) -> None:
@@ -199,7 +202,7 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         meaning = "; ".join(found.study.catalogue[i].summary for i in r["effects"])
         rows.append([" + ".join(r["effects"]), meaning, _number(r["evidence"]), f"{r['ratio']:.3f}"])
     page.table(["refitted with", "what it means", "log evidence over the base", "residual over noise"], rows)
-    for name, others in found.equivalent.items():
+    for name, others in found.equivalent.items() if found.named.ids else ():
         page.text(
             f"Not distinguishable from {name}: {', '.join(others)}."
             if others
@@ -222,7 +225,7 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         + (
             f", the change of the parameters under effects of slightly different form ({LAW:.0%} off in places), and "
             "the spread between effects that cannot be distinguished."
-            if found.chosen.ids
+            if found.named.ids
             else "."
         )
     )

@@ -20,11 +20,13 @@ CONFIDENCE = {
     "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "
     "remaining residual is larger than the noise, so something else is missing too.",
     "unexplained": "It is certain that something is missing: the residual is larger than the noise. No effect of the "
-    "catalogue reduces the error on experiments that took no part in the fits.",
+    "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
+    "the fits.",
 }
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 SHOWN = 3  # effects that could not be seen
+MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
 
 
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
@@ -64,7 +66,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         '"None" means that the model\'s own parameters compensate for the effect at any size.'
     )
     rows = [
-        [name, parameter, "none" if value is None else _limit(found.study.catalogue[name], parameter, value)]
+        [name, parameter, _shown_limit(found.study.catalogue[name], parameter, value)]
         for name, sizes in sorted(outcome["invisible"].items())
         for parameter, value in sizes.items()
     ]
@@ -138,27 +140,43 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """The effects with the largest detection limits relative to their usual sizes, in a sentence."""
-    known, none = [], []
+    known, none, far = [], [], []
     for name, sizes in outcome["invisible"].items():
         effect = found.study.catalogue[name]
         for parameter, value in sizes.items():
             if value is None:
                 none.append(name)
-                continue
-            usual = abs(effect.typical[parameter] - effect.off.get(parameter, 0.0)) or 1.0
-            share = abs(value) / usual
-            known.append((1 / share if _smaller_is_more(effect, parameter) else share, effect, parameter, value))
+            elif (share := _share(effect, parameter, value)) > MOST_USUAL:
+                far.append(name)
+            else:
+                known.append((share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
     said = "; ".join(f"{e.id} {_limit(e, parameter, value)} ({parameter})" for _, e, parameter, value in known[:SHOWN])
     texts = [f"{said}. Larger ones would have been seen; the table below lists all effects."] if said else []
+    if far:
+        texts.append(f"{', '.join(far)} up to {MOST_USUAL:.0f} times their usual sizes; further no estimate goes.")
     if none:
         texts.append(f"{', '.join(none)} at any size: the model's own parameters compensate for it.")
     return texts
 
 
+def _share(effect: Effect, parameter: str, value: float) -> float:
+    """A size of an effect relative to its usual one."""
+    usual = abs(effect.typical[parameter] - effect.off.get(parameter, 0.0)) or 1.0
+    share = abs(value) / usual
+    return 1 / share if _smaller_is_more(effect, parameter) else share
+
+
 def _smaller_is_more(effect: Effect, parameter: str) -> bool:
     """Whether the effect grows as this parameter falls: a rate limit, the end of a range."""
     return parameter in effect.shapes and parameter not in effect.off and effect.trades.get(parameter, 0.0) <= 0
+
+
+def _shown_limit(effect: Effect, parameter: str, value: float | None) -> str:
+    if value is None:
+        return "none"
+    far = _share(effect, parameter, value) > MOST_USUAL
+    return f"{MOST_USUAL:.0f} times its usual size and more" if far else _limit(effect, parameter, value)
 
 
 def _limit(effect: Effect, parameter: str, value: float) -> str:
