@@ -160,6 +160,8 @@ def test_a_strength_at_its_bound_names_nothing() -> None:
     assert acceptance.accept(base, base, best, 30.0)[0]
     refused = acceptance.accept(base, base, replace(best, pinned=("lag",)), 30.0)
     assert refused == (False, "lag would need an implausible strength")
+    refused = acceptance.accept(base, base, replace(best, unreached=("lag",)), 30.0)
+    assert refused == (False, "lag would have a level that no record passes")
     other = option("creep", excess=100.0)
     assert equivalence.stands_in(other, best, {"lag": 400.0}) == ("lag", "creep")
     assert equivalence.stands_in(replace(other, pinned=("creep",)), best, {"lag": 400.0}) is None

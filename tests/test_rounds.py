@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import held_out, power, rounds
+from tubular_dea.discover import held_out, options, power, rounds
 from tubular_dea.discover.bank import Score
 
 
@@ -31,6 +31,35 @@ def test_the_best_candidates_are_refitted_and_all_near_them() -> None:
     assert refitted(1000.0, *[601.0] * 20) == 10
     assert refitted(150.0, *[51.0] * 6, *[49.0] * 20) == 7  # 100 below are near where evidence is weak
     assert refitted(40.0, 16.0, 14.0, 14.0, threshold=30.0) == 2  # half of the threshold
+
+
+@pytest.mark.parametrize(
+    ("excess", "best", "astray"),
+    [
+        (20_000.0, 9_000.0, True),  # of what is left, less than a half
+        (20_000.0, 11_000.0, False),
+        (100.0, 40.0, False),  # noise
+    ],
+)
+def test_scores_that_promise_little_of_what_is_left_are_not_relied_on(excess: float, best: float, astray: bool) -> None:
+    assert rounds._astray(option(excess=excess), scored(best)[0]) is astray
+
+
+def levelled(low: float, high: float, level: float) -> tuple[str, ...]:
+    """What is unreached where a state moves between `low` and `high` and a stop's level is there."""
+    run = {"x": np.array([low, high])}
+    study = SimpleNamespace(
+        catalogue={"stop": SimpleNamespace(levels={"level": "x"}), "lag": SimpleNamespace(levels={})},
+        training=[],
+        shared=lambda values: values,
+        response=lambda ids, pieces: SimpleNamespace(trajectories=lambda values: [run]),
+    )
+    return options._unreached(study, ("lag", "stop"), SimpleNamespace(values={"level": level}))
+
+
+def test_a_stop_that_always_or_never_holds_is_none() -> None:
+    assert levelled(-1.0, 1.0, 0.9) == ()
+    assert levelled(-1.0, 1.0, 1.1) == levelled(-1.0, 1.0, -1.1) == ("stop",)
 
 
 def test_where_models_are_far_nearly_all_are_refitted() -> None:

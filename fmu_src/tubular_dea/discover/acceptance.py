@@ -103,8 +103,9 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
     if gain < chance:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
-    if name in best.pinned:
-        return False, f"{name} would need an implausible strength"
+    if name in best.impossible:
+        needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
+        return False, f"{name} would {needed}"
     if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
         return False, f"{name} does not improve the prediction of blocks left out"
     if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):

@@ -237,7 +237,7 @@ def _vague(work: Study, found: Search, described: Option) -> list[str]:
         for n in described.ids
         if found.gains.get(n, np.inf) < acceptance.EARNS * slow
         or not acceptance.bounded_away(work.catalogue[n], described.fitted)
-        or n in described.pinned
+        or n in described.impossible
     ]
 
 

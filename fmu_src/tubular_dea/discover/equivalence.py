@@ -43,7 +43,7 @@ def stands_in(
     """
     missing = [i for i in chosen.ids if i not in rival.ids]
     extra = [i for i in rival.ids if i not in chosen.ids]
-    if not len(missing) == len(extra) == 1 or extra[0] in rival.pinned:
+    if not len(missing) == len(extra) == 1 or extra[0] in rival.impossible:
         return None
     gain = gains[missing[0]]
     reach = max(CHANCE, form * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))

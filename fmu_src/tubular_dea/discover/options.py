@@ -10,6 +10,7 @@ import numpy as np
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
 from ..identify.study import Study
+from ..kernel import KernelError
 from .parameters import at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
@@ -23,7 +24,7 @@ class Option:
     `cross_validated` is the sum of squares of blocks left out in turn, `across` that of experiments left out in turn,
     `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have only one
     form, so that any remaining residual has another cause. `pinned` are effects whose strength ended at a bound: the
-    records ask for more than they can be.
+    records ask for more than they can be. `unreached` are those with a level that no record passes.
     """
 
     ids: Ids
@@ -35,6 +36,12 @@ class Option:
     refined: Ids = ()
     exact: bool = False
     pinned: Ids = ()
+    unreached: Ids = ()
+
+    @property
+    def impossible(self) -> Ids:
+        """The effects that cannot be as they were fitted."""
+        return (*self.pinned, *self.unreached)
 
     @property
     def held_out(self) -> float:
@@ -74,4 +81,21 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
         refined,
         all(study.catalogue[i].exact for i in ids),
         tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
+        _unreached(study, ids, fitted),
     )
+
+
+def _unreached(study: Study, ids: Ids, fitted: Fit) -> Ids:
+    """The effects with a level that its state never passes in training."""
+    watched = [(i, level, state) for i in ids for level, state in study.catalogue[i].levels.items()]
+    if not watched:
+        return ()
+    try:
+        runs = study.response(ids, study.training).trajectories(study.shared(fitted.values))
+    except KernelError:
+        return ()
+    passed = {
+        state: (min(float(r[state].min()) for r in runs), max(float(r[state].max()) for r in runs))
+        for _, _, state in watched
+    }
+    return tuple(i for i, level, state in watched if not passed[state][0] < fitted.values[level] < passed[state][1])

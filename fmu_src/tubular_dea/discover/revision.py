@@ -45,7 +45,8 @@ def revise(study: Study, found: Search, tell: Progress) -> None:
 
 
 def _exchange(study: Study, found: Search, tell: Progress) -> None:
-    """Replace an earlier effect by a close rival of its round where that fits better with the later effects."""
+    """Replace an earlier effect by a close rival of its round where that fits better with the later effects, or where
+    it cannot be as it was fitted with them."""
     for place, name in enumerate(found.chosen.ids[:-1]):
         rest = tuple(i for i in found.chosen.ids if i != name)
         for rival in _earlier_rivals(found, place)[:EXCHANGED]:
@@ -58,7 +59,8 @@ def _exchange(study: Study, found: Search, tell: Progress) -> None:
             if other is None:
                 continue
             gained = 2 * (other.evidence - found.chosen.evidence)
-            ahead = gained > error_reach(found.chosen) and rival not in other.pinned
+            needed = name in found.chosen.impossible or gained > error_reach(found.chosen)
+            ahead = needed and rival not in other.impossible
             better, worse = (other, found.chosen) if ahead else (found.chosen, other)
             found.chosen = better
             found.rivals = sorted([worse, *found.rivals], key=lambda o: -o.evidence)
@@ -119,7 +121,7 @@ def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) 
         return finer if finer and finer.evidence > rival.evidence else rival
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
-    good = [o for o in everyone if o is found.chosen or not o.pinned]
+    good = [o for o in everyone if o is found.chosen or not o.impossible]
     best = next(o for o in good if o.fitted.cost <= found.chosen.fitted.cost)
     pair = stands_in(best, found.chosen, found.gains)
     if pair:

@@ -63,7 +63,7 @@ def _settle(found: Search, tell: Progress) -> None:
     if gained < AGREE:
         return
     near = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and r.misfit - before.misfit < gained]
-    near = [r for r in near if not r.pinned][:SETTLED_RIVALS]
+    near = [r for r in near if not r.impossible][:SETTLED_RIVALS]
     settled = side_by_side(lambda r: _own_nuisances(found.study, r), near)
     others = [r for r in found.rivals if not any(r is n for n in near)]
     found.gains[name] = found.gains.get(name, 0.0) + gained

@@ -33,6 +33,7 @@ SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: th
 # `python -m blind.score --nulls 60 --seed 1000`
 MISSED = 0.15  # [1] of a record (rms) that the declared plant misses before anything is said
 LEFT = 1 / 3  # [1] share of that which another factor may leave
+MOST_LEFT = 0.2  # [1] of the record that it may leave: a plant whose model lacks much is no wrong unit
 FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one explains the record as well
 
 # Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
@@ -113,7 +114,8 @@ def findings(recordings: Recordings) -> list[str]:
     if not base > MISSED:
         return []
     tried = sorted(((missed(w), w) for w in mislabellings(plant, [output.name])), key=lambda pair: pair[0])
-    likely = [w for share, w in tried if share < LEFT * base and share < FACTOR_ALIKE * tried[0][0]]
+    most = min(LEFT * base, MOST_LEFT, FACTOR_ALIKE * tried[0][0])
+    likely = [w for share, w in tried if share < most]
     if not likely:
         return []
     what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)

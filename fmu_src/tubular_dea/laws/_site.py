@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import sympy
@@ -114,7 +114,13 @@ class Site:
         return self.knob("tau", "s", description, usual, least, most, shapes=shapes, trade=trade)
 
     def effect(
-        self, summary: str, source: str, apply: Callable[[Model], Model], *knobs: Knob, exact: bool = False
+        self,
+        summary: str,
+        source: str,
+        apply: Callable[[Model], Model],
+        *knobs: Knob,
+        exact: bool = False,
+        levels: Mapping[str, str] | None = None,
     ) -> Effect:
         """The law as an effect."""
         named = [(k.quantity.name, k) for k in knobs]
@@ -132,6 +138,7 @@ class Site:
             trades={n: k.trade for n, k in named if k.trade},
             strengths={n: k.strengths for n, k in named if k.strengths},
             exact=exact,
+            levels=levels or {},
             recording=isinstance(self.place, Path) and (not self.drives or self.law not in ACTUATORS),
         )
 

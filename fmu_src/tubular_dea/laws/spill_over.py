@@ -55,8 +55,9 @@ def law(at: BalanceSite) -> Effect | None:
     def lose(model: Model) -> Model:
         return _lost(at, model, overflow.symbol, level.symbol)
 
+    levels = {level.quantity.name: at.quantity.name}
     if below is None:
-        return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", lose, overflow, level)
+        return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", lose, overflow, level, levels=levels)
     full = below.nominal / n
     caught = at.knob(
         "caught", at.per((below.unit, 1), (at.unit, -1)), f"What {below.name} gains of it", 0.5 * full, 0.0, 10 * full
@@ -66,7 +67,7 @@ def law(at: BalanceSite) -> Effect | None:
         model = lose(model)
         return at.added(model, -caught.symbol * model[at.name("term")], below.name, "gain")
 
-    return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", share, overflow, level, caught)
+    return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", share, overflow, level, caught, levels=levels)
 
 
 def _lost(at: BalanceSite, model: Model, overflow: sympy.Symbol, level: sympy.Symbol) -> Model:

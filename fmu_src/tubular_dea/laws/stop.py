@@ -58,4 +58,7 @@ def one_sided(at: BalanceSite, side: int, word: str) -> Effect:
         beyond = positive_part(side * (x.symbol - level.symbol))
         return at.added(model, -side * stiffness.symbol * beyond**2 / (beyond + corner.symbol))
 
-    return at.effect(f"A stop {word} a level of {x.name}", "Wriggers 2006", apply, stiffness, level, corner)
+    levels = {level.quantity.name: x.name}
+    return at.effect(
+        f"A stop {word} a level of {x.name}", "Wriggers 2006", apply, stiffness, level, corner, levels=levels
+    )

@@ -35,9 +35,10 @@ class Effect:
     beside it. `trades` says how a parameter of the grid changes if a share of an effect is replaced by the whole
     effect: by this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has only one
     form: a remaining residual has another cause. `channel` says where it acts, by the plant's own names; `recording`
-    that it is a fault of a monitor or sensor, not of the plant. `curve` is how reports show the effect alone: "x over
-    y" or "x", the definition x over an input or state y that it depends on (default: what `alone` finds in the
-    declaration).
+    that it is a fault of a monitor or sensor, not of the plant. `levels` are parameters that a state has to pass, or
+    the effect is another one: a stop that always holds is a spring. `curve` is how reports show the effect alone:
+    "x over y" or "x", the definition x over an input or state y that it depends on (default: what `alone` finds in
+    the declaration).
     """
 
     id: str
@@ -56,10 +57,12 @@ class Effect:
     recording: bool = False
     documentation: str = ""
     curve: str = ""
+    levels: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = {q.name for q in self.parameters}
-        for mentioned in (self.off, self.typical, self.shapes, self.on, self.refine, self.strengths, self.trades):
+        shaped = (self.shapes, self.strengths, self.trades, self.levels)
+        for mentioned in (self.off, self.typical, self.on, self.refine, *shaped):
             if not set(mentioned) <= names:
                 raise DeclarationError(f"{self.id}: expected its own parameters but was given {set(mentioned) - names}")
 
