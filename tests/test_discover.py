@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ from fmpy import simulate_fmu
 from blind import bench
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.discover import acceptance, bank, base, engine, outcome
+from tubular_dea.discover import acceptance, bank, base, engine, input_noise, outcome
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.engine import Discovery
 from tubular_dea.discover.oscillations import oscillations
@@ -128,6 +129,26 @@ def test_nothing_is_named_where_nothing_is_missing(nothing: Discovery) -> None:
     assert result["effects"] == []
     assert result["residual"]["channel"] is None
     assert result["error"]["after"]["held_out_rmse"] <= 1.1 * result["noise_floor"]
+
+
+def test_a_noise_floor_is_no_higher_than_the_error(nothing: Discovery) -> None:
+    work = nothing.study
+    slow = replace(work.noise["measured_displacement"], rms=1e-3)
+    wandering = replace(work, noise=work.noise | {"measured_displacement": slow})
+    assert outcome.floor(work, 14e-6) == work.noise["measured_displacement"].rms
+    assert outcome.floor(wandering, 14e-6) == 14e-6
+    stated = replace(work, noise={"measured_displacement": replace(slow, freedom=np.inf)})
+    assert outcome.floor(stated, 14e-6) == 1e-3
+
+
+def test_what_monitors_noise_moves_is_what_noise_in_the_record_does(nothing: Discovery) -> None:
+    """Four times the noise moves the model four times as much, and never more than a constant of its size."""
+    work, values = nothing.study, nothing.base.fitted.values
+    louder = replace(work, monitor_noise={n: 4 * v for n, v in work.monitor_noise.items()})
+    one, four = (input_noise.caused_rms(w, values)["measured_displacement"] for w in (work, louder))
+    assert four == pytest.approx(4 * one, rel=0.1)
+    constant = max(np.abs(g).max() for gains in input_noise.input_gains(work, values).values() for g in gains)
+    assert 0 < one < constant * max(work.monitor_noise.values())
 
 
 def test_records_with_other_noise_score_as_the_nulls_say(nothing: Discovery, tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ class Discovery:
     tests_before: dict[str, float]
     tests_after: dict[str, float]
     numeric: float
-    coloured: dict[str, float]
+    caused: dict[str, float]
     held_ratio: float
     proposal: Proposal | None
     repeated: bool
@@ -152,7 +152,7 @@ def discover(
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
-    coloured = input_noise.coloured_rms(found.base_study, input_noise.input_gains(found.base_study, fitted.values))
+    caused = input_noise.caused_rms(found.base_study, fitted.values)
     return Discovery(
         recordings,
         work,
@@ -163,7 +163,7 @@ def discover(
         before,
         after,
         numeric,
-        coloured,
+        caused,
         held,
         next_experiment.propose(work, _competitors(found, equivalent)),
         repeated,

@@ -7,7 +7,7 @@ that of the monitors times the squared static gain, both at low frequencies, whe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.ndimage import maximum_filter1d
 
 from ..identify.monitor_uncertainty import constant_gains
 from ..identify.study import Piece, Study
+from ..protocol import Protocol
 
 # Set by theory. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
@@ -65,33 +66,49 @@ def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
     return np.concatenate(found)
 
 
-def coloured_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
-    """The rms that the monitors' noise causes in every output [SI], up to the plant's own bandwidth."""
-    return _caused(study, gains, lambda piece, name: study.monitor_noise[name])
+def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict[str, float]:
+    """The rms that the monitors' noise causes in every output [SI]: what one draw of it moves the base model.
+
+    A line follows of white noise what its corners do.
+    """
+    random, cases = np.random.default_rng(seed), []
+    for piece in study.pieces:
+        protocol = piece.case.protocol
+        share = float(np.sqrt(min(1.0, np.unique(protocol.time).size / piece.record.size)))
+        noise = {
+            n: share * level * random.standard_normal(protocol.time.size) for n, level in study.monitor_noise.items()
+        }
+        inputs = {n: v + noise.get(n, 0.0) for n, v in protocol.inputs.items()}
+        cases += [piece.case, replace(piece.case, protocol=Protocol(protocol.time, inputs))]
+    answers = study.asked((), cases).possible(study.shared(values))
+    moved: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
+    for piece, still, noisy in zip(study.pieces, answers[::2], answers[1::2], strict=True):
+        if still is not None and noisy is not None:
+            for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+                moved[reading.output].append((noisy - still)[rows])
+    return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
 
 
 def _fast_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
-    """The same of the noise that changes from sample to sample: lines with few corners follow little of it."""
+    """The rms in every output [SI] of noise that changes from sample to sample, up to the plant's own bandwidth.
 
-    def level(piece: Piece, name: str) -> float:
-        corners = piece.driven.corners.get(name, np.empty(0)).size
-        return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
-
-    return _caused(study, gains, level)
-
-
-def _caused(
-    study: Study, gains: Mapping[str, list[np.ndarray]], level: Callable[[Piece, str], float]
-) -> dict[str, float]:
+    Lines with few corners follow little of it.
+    """
     total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             step = float(np.median(np.diff(reading.times)))
             share = min(1.0, 2 * study.plant.bandwidth * step)
-            squares = sum(float(np.sum((level(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
+            squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
             total[reading.output][0] += share * squares
             total[reading.output][1] += reading.times.size
     return {name: float(np.sqrt(squares / max(count, 1))) for name, (squares, count) in total.items()}
+
+
+def _followed(piece: Piece, name: str) -> float:
+    """The noise of a monitor that its line follows."""
+    corners = piece.driven.corners.get(name, np.empty(0)).size
+    return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
 
 
 def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.ndarray]]:

@@ -29,6 +29,10 @@ WHY = {
     "partly_explained": "The named effects improve the prediction of held-out data, and a significant residual remains",
     "unexplained": "No effect of the catalogue explains the residual",
 }
+# Set by judgement: an error is by a few percent smaller than the noise, as parameters are fitted.
+# Check: `pytest tests/test_discover.py -k floor`
+TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
+
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
 
@@ -36,8 +40,8 @@ MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose cha
 def result(found: Discovery) -> dict[str, Any]:
     """The content of result.json (design.md section 3), numbers in SI units."""
     study, chosen, waves = found.study, found.named, oscillations(found)
-    first = study.plant.outputs[0].name
     published = {q: v for q, v in study.plant.model.parameter_values().items() if q not in study.geometry}
+    after = errors(found.named_study, chosen.ids, chosen.fitted.values)
     return {
         "verdict": found.verdict,
         "plant": study.plant.name,
@@ -45,9 +49,9 @@ def result(found: Discovery) -> dict[str, Any]:
         "error": {
             "published": errors(found.search.base_study, (), published),
             "recalibrated": errors(found.search.base_study, (), found.base.fitted.values),
-            "after": errors(found.named_study, chosen.ids, chosen.fitted.values),
+            "after": after,
         },
-        "noise_floor": study.noise[first].rms,
+        "noise_floor": floor(study, after["rmse"]),
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
         "invisible": found.search.rounds[0].limits if found.search.rounds else {},
         "remarks": remarks.remarks(found, waves),
@@ -58,6 +62,14 @@ def result(found: Discovery) -> dict[str, Any]:
         "held_out": [p.name for p in study.held_out],
         "ranking": ranking(found),
     }
+
+
+def floor(study: Study, error: float | None) -> float:
+    """The noise of the first output (SI, rms). What is slower than any quiet stretch is not told by these: no more than
+    the error of the model."""
+    noise = study.noise[study.plant.outputs[0].name]
+    sure = error is None or np.isinf(noise.freedom) or noise.rms < TOO_NOISY * error
+    return noise.rms if sure or error is None else error
 
 
 def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
@@ -73,7 +85,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
                 for w in waves
                 if w.output == name
             ],
-            "from_monitors": found.coloured[name],
+            "from_monitors": found.caused[name],
             "unit": _unit(found, name),
         }
         for name, noise in study.noise.items()

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
-from ..discover.outcome import remainder
+from ..discover.outcome import floor, remainder
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
 from .effects import effects
@@ -66,7 +66,7 @@ def headline(found: Discovery) -> str:
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """The errors before and after in a line."""
     before, after = errors["recalibrated"], errors["after"]
-    noise = found.study.noise[found.study.plant.outputs[0].name].rms
+    noise = floor(found.study, after["rmse"])
     held = ""
     if before["held_out_rmse"] is not None:
         held = f"held out {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
