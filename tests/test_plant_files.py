@@ -100,6 +100,8 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         (HEAD + "m.define('q', 'V', level * lost)\n", 8, "NameError: name 'lost' is not defined"),
         (HEAD + "m.parameter('k', '1/s', 1)\n", 8, "'k' is declared already, in tank.py, line 4"),
         (HEAD + "m.parameter('c', 'furlong', 1)\n", 8, "'c': cannot read the unit 'furlong'"),
+        (HEAD + "m.parameter('c', 'K', 1, display_unit='degC')\n", 8, "'c': display_unit: 'degC' and 'K' have zeros"),
+        (HEAD + "m.parameter('c', 'm', 1, display_unit='mmHg')\n", 8, "display_unit: expected a unit like 'm'"),
         (
             HEAD + "m.parameter('c', '1/s', -1, minimum=0)\n",
             8,

@@ -42,7 +42,7 @@ from .declare import (
 from .dimensions import fault, per_second
 from .functions import unusable
 from .sizes import usual_size
-from .units import UnitError, parse
+from .units import UnitError, factor, parse
 
 Expression: TypeAlias = sympy.Expr | float
 STARTS = ("free", "shared")
@@ -246,6 +246,10 @@ class Build:
             parse(unit)
         except UnitError as problem:
             raise DeclarationError(f"{_here()}: {name!r}: {problem}") from None
+        try:
+            factor(more.get("display_unit") or unit, unit)
+        except UnitError as problem:
+            raise DeclarationError(f"{_here()}: {name!r}: display_unit: {problem}; leave it out") from None
         nominal = more.get("nominal")
         if not isinstance(nominal, int | float) or not (0 < nominal < math.inf):
             raise DeclarationError(
