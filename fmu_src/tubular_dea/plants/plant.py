@@ -40,7 +40,8 @@ class Input:
     Between samples it is `held` (a set point, or a switch), linear (the default), or `band_limited` (an analogue signal
     behind a filter). A recording whose largest value (SI) is not between `least` and `most` was labelled with a
     wrong unit: `mislabelled` says what it then is, below and above. `zero` is the usual size of a monitor's own zero
-    error (SI; 0: there is none). `channel` is the name in reports of effects on its path into the plant. `direct`
+    error (SI; 0: there is none); those found may differ between files by up to three times as much, and errors are
+    told without them. `channel` is the name in reports of effects on its path into the plant. `direct`
     says whether an output follows it at once; None: as the plant's model has it.
     """
 
@@ -66,7 +67,8 @@ class Output:
 
     `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
     from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
-    `zero` is the usual size of the sensor's own zero error, another one in each file (SI; 0: there is none).
+    `zero` is the usual size of the sensor's own zero error, another one in each file (SI; 0: there is none); those
+    found may differ between files by up to ten times as much, and errors are told without them.
     `required` is False for a second output that files may have. `feels_rates` is True for one that an input's rate
     drives (a current): where inputs move fast nobody knows it to better than a part of a sample, so that it takes no
     part in fits, and tells effects apart that explain the other outputs alike.
