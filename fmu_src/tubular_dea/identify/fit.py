@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import OptimizeResult, brentq, least_squares
 
 from ..errors import UserError
 from ..model.declare import Model
@@ -110,7 +110,9 @@ def fit(
     return described(problem, best.x, bool(best.status > 0))
 
 
-def _search(problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _search(
+    problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
+) -> OptimizeResult | None:
     """scipy's bounded least squares; None where the model cannot be solved at the start."""
     if not np.all(np.isfinite(problem.residuals(start))):
         return None

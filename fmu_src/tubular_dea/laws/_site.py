@@ -254,8 +254,9 @@ class SignalSite(Site):
         """The model, the signal as it comes to this law, and a state that follows it with the time constant `tau`."""
         model, signal = self.taken(model)
         words = f"{self.words.capitalize()}, {how}"
-        rate = lambda z: (signal - z) / tau.symbol  # noqa: E731
-        model, slow = self.state(model, "slow", self.unit, words, rate, signal, self.nominal)
+        model, slow = self.state(
+            model, "slow", self.unit, words, lambda z: (signal - z) / tau.symbol, signal, self.nominal
+        )
         return model, signal, slow
 
     def chased(
@@ -272,8 +273,9 @@ class SignalSite(Site):
         model, signal = self.taken(model)
         name, share, words = quick
         model, soon = self.constant(model, name, "s", share * self.seconds, words, before=self.name("from"))
-        own = lambda z: rate(signal, z, soon)  # noqa: E731
-        model, z = self.state(model, state[0], self.unit, state[1], own, signal, self.nominal)
+        model, z = self.state(
+            model, state[0], self.unit, state[1], lambda z: rate(signal, z, soon), signal, self.nominal
+        )
         return model, signal, z
 
     def put(self, model: Model, value: sympy.Expr, inverse: Callable[[sympy.Expr], sympy.Expr] | None = None) -> Model:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ..kernel.batch import MESSAGES, Batch, Results, message
@@ -119,6 +117,9 @@ class _Problems:
 
 def failures(table: Rows) -> dict[str, int]:
     """How often each status other than 0 is there, by a text for it."""
-    text: Callable[[int], str] = lambda s: MESSAGES.get(s) or TEXTS.get(s, f"status {s}").format(what="a number")  # noqa: E731
+
+    def text(status: int) -> str:
+        return MESSAGES.get(status) or TEXTS.get(status, f"status {status}").format(what="a number")
+
     found, counts = np.unique(table["status"], return_counts=True)
     return {text(int(s)): int(c) for s, c in zip(found, counts, strict=True) if s}
