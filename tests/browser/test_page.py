@@ -82,6 +82,33 @@ def test_a_tube_that_runs_away_says_so_and_steps_back(page: Page) -> None:
     assert "runs away" in told[0] and told[1] == "" and 3 < told[2] < 8
 
 
+def test_a_gap_in_a_curve_is_no_line(page: Page) -> None:
+    """The stable branch ends at the fold; no chord leads on beside the dashed one."""
+    drawn = page.run("""
+        const plot = lab.T.curvePlot, calls = [], ctx = { rect() {}, clip() {}, save() {}, restore() {}, stroke() {}, fill() {},
+          beginPath() {}, setLineDash() {}, moveTo: (x) => calls.push(["moveTo", x]), lineTo: (x) => calls.push(["lineTo", x]) };
+        plot.curves = [{ colour: "--c3", x: [1, 2, 3, 4, 5], y: [1, 2, NaN, 4, 5] }];
+        plot.drawCurves({ ctx, bbox: {}, valToPos: (value) => value });
+        return calls;
+    """)
+    assert drawn == [["moveTo", 1], ["lineTo", 2], ["moveTo", 4], ["lineTo", 5]]
+
+
+def test_long_names_numbers_and_lines_look_as_they_are(page: Page) -> None:
+    """A solid loop has a solid key, a long number fits its field, and names break between their words."""
+    page.show("heart")
+    assert page.run("return [...document.querySelectorAll('#plot-loop .key i')].map((i) => i.className);") == ["dash", ""]
+    page.show("tube")
+    told = page.run("""
+        lab.change("tube", (s) => { s.tube.set.C_2 = -32.03177; });
+        await new Promise((r) => setTimeout(r, 100));
+        const number = document.querySelector("#view-tube input[data-name=C_2]");
+        const label = document.querySelector(`label[for="${number.id}"]`);
+        return [number.value, number.scrollWidth - number.clientWidth, label.innerHTML];
+    """)
+    assert told == ["-32.03177", 0, "C_<wbr>2"]
+
+
 def test_by_hand_the_record_follows_the_sliders_and_can_be_taken_back(page: Page) -> None:
     page.run("""
         for (const name of ["pressure", "voltage"]) lab.change("tube", (s) => { s.tube.inputs[name].kind = "hand"; });

@@ -11,7 +11,7 @@ function field(q, { label, get, set, reset = null, range = null, hint = "" }) {
   const span = range && sliderSpan(range, whole);
   const show_ = () => {
     const value = get();
-    unit.textContent = q.type === "Boolean" ? "" : unitText(q).trim();
+    unit.replaceChildren(...breakable(q.type === "Boolean" ? "" : unitText(q).trim()));
     if (document.activeElement !== number || number.getAttribute("aria-invalid") !== "true") number.value = String(Number((value * q.factor / unitOf(q).factor).toPrecision(7)));
     if (slider && document.activeElement !== slider) slider.value = String(Math.round(1000 * span.place(value)));
     slider?.setAttribute("aria-valuetext", `${show(value * q.factor / unitOf(q).factor)}${unitText(q)}`);
@@ -28,7 +28,7 @@ function field(q, { label, get, set, reset = null, range = null, hint = "" }) {
   number.addEventListener("blur", () => { if (number.getAttribute("aria-invalid") === "true") { number.setAttribute("aria-invalid", "false"); problem.hidden = true; show_(); } });
   slider?.addEventListener("input", () => take(span.value(Number(slider.value) / 1000)));
   const back = reset && make("button.reset", { type: "button", "aria-label": `Reset ${text}`, title: "Reset", onclick: () => take(reset()) }, "↺");
-  const element = make("div.field", {}, make("label", { for: id, title: hint || q.description || "" }, text), number, unit, back ?? make("span"), slider, problem);
+  const element = make("div.field", {}, make("label", { for: id, title: hint || q.description || "" }, ...breakable(text)), number, unit, back ?? make("span"), slider, problem);
   element.refresh = show_;
   queueMicrotask(show_);
   return element;

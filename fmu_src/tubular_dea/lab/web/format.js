@@ -31,6 +31,11 @@ function plainName(name) {
   return name.replaceAll("_", " ");
 }
 
+/* A text that may go on in the next line after _, / and a point, not inside a word. */
+function breakable(text) {
+  return text.split(/(?<=[_/.])/).flatMap((part, i) => i ? [make("wbr"), part] : [part]);
+}
+
 /* make("p.note#id", {attributes}, ...children) */
 function make(what, attributes = {}, ...children) {
   const [, tag, id, classes] = /^([a-z0-9]+)(?:#([\w-]+))?((?:\.[\w-]+)*)$/.exec(what);

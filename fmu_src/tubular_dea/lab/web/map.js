@@ -140,7 +140,7 @@ class BenefitMap {
 
   frame() {
     const w = this.canvas.clientWidth, h = this.canvas.height / devicePixelRatio;
-    return { left: 44, top: 6, width: w - 44 - 62, height: h - 42, w, h };
+    return { left: 56, top: 6, width: w - 56 - 62, height: h - 42, w, h };
   }
 
   cellAt(event) {

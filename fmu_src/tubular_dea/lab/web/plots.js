@@ -5,7 +5,7 @@ const plots = {};
 
 /* A figure with a title, a chart, a key and its take-aways. `options`: id, title, height, describe. */
 class Plot {
-  constructor({ id, title, height = 190, sync = null, caption = "", wide = false }) {
+  constructor({ id, title, height = 210, sync = null, caption = "", wide = false }) {
     Object.assign(this, { id, title, height, sync, series: [], x: null, curves: [], mine: null, ranges: {} });
     this.chart = make("div.chart", { role: "img", "aria-label": title });
     this.key = make("ul.key");
@@ -49,7 +49,9 @@ class Plot {
     this.zoomed = false;
     const free = this.curves.length > 0, first = this.series[0];
     const ink = () => css("--muted"), grid = { stroke: () => css("--grid"), width: 1 };
-    const axis = (q) => ({ stroke: ink, grid, ticks: grid, label: `${q.title ?? plainName(q.name)}${unitText(q) ? ` [${unitText(q).trim()}]` : ""}`, labelSize: 18, labelFont: "12px system-ui, sans-serif", font: "11px system-ui, sans-serif" });
+    const text = (q) => `${q.title ?? plainName(q.name)}${unitText(q) ? ` [${unitText(q).trim()}]` : ""}`;
+    const fits = (label) => Math.max(9, Math.min(12, (this.height - 52) / (0.56 * label.length))); // px, beside the axis
+    const axis = (q) => ({ stroke: ink, grid, ticks: grid, label: text(q), labelSize: 18, labelFont: `${fits(text(q))}px system-ui, sans-serif`, font: "11px system-ui, sans-serif" });
     const options = {
       width: Math.max(180, this.chart.clientWidth || 480), height: this.height, legend: { show: false },
       cursor: { drag: { x: true, y: free, setScale: true }, sync: this.sync ? { key: this.sync } : undefined, points: { size: 6 } },
@@ -77,7 +79,7 @@ class Plot {
     this.keyText = text;
     this.readings = names.map(() => make("output", {}, ""));
     this.key.replaceChildren(...names.map((s, i) => {
-      const mark = make(s.dash ? "i.dash" : "i");
+      const mark = make(s.dash?.length ? "i.dash" : "i");
       mark.style.borderTopColor = `var(${s.colour ?? COLOURS[list.indexOf(s) % COLOURS.length]})`;
       return make("li", {}, mark, `${s.name} `, this.readings[i]);
     }));
@@ -104,11 +106,12 @@ class Plot {
       ctx.setLineDash((c.dash ?? []).map((d) => d * px));
       const at = (i) => [u.valToPos(c.x[i] / fx, "x", true), u.valToPos(c.y[i] / fy, "y", true)];
       ctx.beginPath();
-      for (let i = 0; i < c.x.length; i++) {
-        const [a, b] = at(i);
+      for (let i = 0, pen = false; i < c.x.length; i++) {
+        const [a, b] = at(i), drawn = pen;
+        pen = Number.isFinite(b); // a gap lifts the pen
         if (c.dot === 1) ctx.rect(a - 0.75 * px, b - 0.75 * px, 1.5 * px, 1.5 * px); // a cloud of points
         else if (c.dot) { ctx.moveTo(a + c.dot * px, b); ctx.arc(a, b, c.dot * px, 0, 7); }
-        else if (Number.isFinite(b)) ctx.lineTo(a, b);
+        else if (pen) ctx[drawn ? "lineTo" : "moveTo"](a, b);
       }
       if (c.dot) ctx.fill(); else ctx.stroke();
     }
