@@ -324,6 +324,9 @@ def test_patient_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     base = tmp_path / "based.toml"
     base.write_text('based_on = "failing"\nC = "1.1 mL/mmHg"\n')
     assert read_patient(str(base)) == read_patient(str(file))
+    base.write_text('[patient]\nC = "1.1 mL/mmHg"\n')
+    assert main(["assist", "--patient", str(base), "--out", str(tmp_path / "none")]) == 2
+    assert "based.toml: [patient]: expected no tables; write the keys at the top" in capsys.readouterr().err
     base.write_text('based_on = "fialing"\n')
     assert main(["assist", "--patient", str(base), "--out", str(tmp_path / "none")]) == 2
     assert "based_on: there is no patient 'fialing'; did you mean failing" in capsys.readouterr().err

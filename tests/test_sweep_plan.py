@@ -66,7 +66,7 @@ def rest(**vary: Any) -> dict[str, Any]:
         ({"outputs": ["final radius"], "run": {"stop": "-1 s"}}, r"\[run\] stop: expected a positive time"),
         ({"outputs": ["final radius"], "run": {"tolerance": 1}}, "1e-12 to 1e-2"),
         ({"outputs": ["final radius"], "name": ["a"]}, "name: expected text"),
-        ({"outputs": ["final radius"], "model": "no.json"}, "no.json: cannot be read as JSON: .*No such file"),
+        ({"outputs": ["final radius"], "model": "no.json"}, "there is no file .*no.json"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "step 0 5 kV until 3"}}, "cannot read"),
         ({"outputs": ["final radius"], "inputs": {"voltage": "{a b}"}}, "expected a name or arithmetic"),
         ({"outputs": ["time radius rises above 16 kV"]}, "expected a unit like 'm'"),
@@ -88,6 +88,9 @@ def test_a_mistake_costs_one_line_and_writes_nothing(tmp_path: Path, capsys: pyt
     assert "plan.toml" in line and "did you mean C_3, C_2, C_1?" in line
     assert not out.exists()
     assert main(["sweep", str(tmp_path / "no.toml"), "--out", str(out)]) == 2
+    plan.write_text('{"format": 1}\n', encoding="utf-8")
+    assert main(["sweep", str(plan), "--out", str(out)]) == 2
+    assert "plan.toml: cannot be read as TOML; expected a plan: " in capsys.readouterr().err
 
 
 def test_inputs_follow_their_text() -> None:

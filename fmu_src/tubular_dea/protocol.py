@@ -173,12 +173,14 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
         value = quantity(text, unit)
         return [0.0, stop], [value, value]
     except (ValueError, IndexError) as problem:
-        if isinstance(problem, UnitError):
+        course = words[:1] in (["step"], ["ramp"]) or re.match(rf"\s*{NUMBER}", text)
+        if course and isinstance(problem, UnitError | ProtocolError):
             raise ProtocolError(f"{name}: {problem}") from None
         example = {"V": "5 kV"}.get(unit, "95 mmHg")
         raise ProtocolError(
             f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
-            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s, rising, and at most {stop:g}'
+            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s; a file holds all inputs and is given as '
+            "inputs"
         ) from None
 
 
@@ -195,12 +197,22 @@ def _step(words: list[str], unit: str, stop: float) -> tuple[list[float], list[f
     scale = factor(words[3], unit) if at == 4 else 1.0
     on = float(words[at + 1])
     off = float(words[words.index("until") + 1]) if "until" in words else stop
-    if not 0 <= on < off <= stop:
-        raise ValueError
+    _check_times(on, off, stop)
     times, values = [0.0, on, on, off], [low, low, high, high]
     if off < stop:
         times, values = [*times, off, stop], [*values, low, low]
     return times, [v * scale for v in values]
+
+
+def _check_times(begin: float, end: float, stop: float) -> None:
+    """`ProtocolError` unless both times [s] rise within the run."""
+    late = [t for t in (begin, end) if t > stop]
+    if late:
+        raise ProtocolError(
+            f"{late[0]:g} s is after the end of the run ({stop:g} s); choose it earlier, or a later end"
+        )
+    if not 0 <= begin < end:
+        raise ProtocolError(f"expected times from 0 s on that rise but was given {begin:g} and {end:g} s")
 
 
 def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:
@@ -208,8 +220,7 @@ def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[f
     begin = words.index("from")
     scale = factor(words[3], unit) if begin == 4 else 1.0
     start, end = float(words[begin + 1]), float(words[words.index("to") + 1])
-    if not 0 <= start < end <= stop:
-        raise ValueError
+    _check_times(start, end, stop)
     times = [0.0, *([start] if start > 0 else []), end, *([stop] if end < stop else [])]
     values = [low, *([low] if start > 0 else []), high, *([high] if end < stop else [])]
     return times, [v * scale for v in values]

@@ -85,8 +85,8 @@ def test_a_tube_that_runs_away_says_so_and_steps_back(page: Page) -> None:
 def test_a_gap_in_a_curve_is_no_line(page: Page) -> None:
     """The stable branch ends at the fold; no chord leads on beside the dashed one."""
     drawn = page.run("""
-        const plot = lab.T.curvePlot, calls = [], ctx = { rect() {}, clip() {}, save() {}, restore() {}, stroke() {}, fill() {},
-          beginPath() {}, setLineDash() {}, moveTo: (x) => calls.push(["moveTo", x]), lineTo: (x) => calls.push(["lineTo", x]) };
+        const plot = lab.T.curvePlot, calls = [];
+        const ctx = new Proxy({}, { get: (_, name) => (x) => { if (/To$/.test(name)) calls.push([name, x]); } });
         plot.curves = [{ colour: "--c3", x: [1, 2, 3, 4, 5], y: [1, 2, NaN, 4, 5] }];
         plot.drawCurves({ ctx, bbox: {}, valToPos: (value) => value });
         return calls;
@@ -97,7 +97,10 @@ def test_a_gap_in_a_curve_is_no_line(page: Page) -> None:
 def test_long_names_numbers_and_lines_look_as_they_are(page: Page) -> None:
     """A solid loop has a solid key, a long number fits its field, and names break between their words."""
     page.show("heart")
-    assert page.run("return [...document.querySelectorAll('#plot-loop .key i')].map((i) => i.className);") == ["dash", ""]
+    assert page.run("return [...document.querySelectorAll('#plot-loop .key i')].map((i) => i.className);") == [
+        "dash",
+        "",
+    ]
     page.show("tube")
     told = page.run("""
         lab.change("tube", (s) => { s.tube.set.C_2 = -32.03177; });

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeAlias
@@ -11,6 +12,7 @@ from ..emit.tables import shown
 from ..errors import ArgumentError, UserError
 from ..model.declare import Model, Quantity, nearest
 from ..model.units import UnitError, quantity
+from ..plants.load import SHIPPED
 from ..plants.load import load_plant as named_plant
 from ..plants.plant import Plant
 from ..plants.saved import load as saved
@@ -36,20 +38,25 @@ def plant_of(plant: AnyPlant) -> Plant:
     return plant if isinstance(plant, Plant) else named_plant(str(plant))
 
 
-def model_of(model: AnyModel, plant: AnyPlant | None = None) -> Model:
-    """The model itself, a plant's, one by a plant's name or file, or that of a model.json (of `plant`)."""
+def model_of(model: AnyModel, plant: AnyPlant | None = None, argument: str = "model") -> Model:
+    """The model itself, a plant's, one by a plant's name or file, or that of a model.json (of `plant`).
+
+    `ArgumentError` names the argument.
+    """
     if isinstance(model, Model):
         return model
     if isinstance(model, Plant):
         return model.model
     if str(model).endswith(".json"):
         return saved(Path(model), None if plant is None else plant_of(plant))
+    if str(model) not in SHIPPED and not re.search(r"\.py(:\w+)?$", str(model)):
+        raise ArgumentError(argument, f" {model}: expected a model.json, FILE.py[:NAME] or {' or '.join(SHIPPED)}")
     return plant_of(model).model
 
 
 def tube_of(tube: AnyModel) -> Model:
     """The model of a tube; `ArgumentError` for another one."""
-    model, expected = model_of(tube), named_plant("tube").name
+    model, expected = model_of(tube, argument="tube"), named_plant("tube").name
     if model.name != expected:
         where = f" {tube}" if isinstance(tube, str | Path) else ""
         raise ArgumentError("tube", f"{where}: expected a tube ({expected}) but it holds {model.name}")
@@ -106,9 +113,7 @@ def _value(argument: str, full: str, q: Quantity, given: Amount) -> float:
         example = f"{full}={shown(q).replace(' ', '')}"
         raise ArgumentError(argument, f"{where}: {problem}; for example {example}") from None
     if not math.isfinite(value) or not q.allows(value):
-        allowed = f"{'-inf' if q.minimum is None else q.minimum} to {'inf' if q.maximum is None else q.maximum}"
-        unit = "" if q.unit == "1" else f" {q.unit}"
-        raise ArgumentError(argument, f"{where}: expected {allowed}{unit} but was given {value:g}")
+        raise ArgumentError(argument, f"{where}: expected {q.allowed} but was given {q.told(value)}")
     if q.type == "Integer" and value != int(value):
         raise ArgumentError(argument, f"{where}: expected a whole number but was given {value:g}")
     return value

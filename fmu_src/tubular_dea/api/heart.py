@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,8 +121,8 @@ class Loop:
         model = tube_of(tube)
         own = None if model == tubular_dea() else model
         file = str(tube) if isinstance(tube, str | Path) and str(tube).endswith(".json") else ""
-        chosen = settings_of(models(rhythm.paced, own, controlled), settings)
-        chosen.setdefault("scheduler.voltage_on", amount(voltage, "V", "voltage"))
+        parts = models(rhythm.paced, own, controlled)
+        chosen = {"scheduler.voltage_on": _voltage(parts["scheduler"], voltage)} | settings_of(parts, settings)
         name = GIVEN if isinstance(patient, Mapping) else str(patient)
         return cls(name, values, rhythm, own, file, chosen, settings or {}, stepping, beats, controlled)
 
@@ -146,6 +147,15 @@ class Loop:
         if self.tube is None or self.model_file:
             return self.model_file
         return str(write_atomically(out / MODEL_FILE, as_json(self.tube).encode()))
+
+
+def _voltage(scheduler: Model, given: Amount) -> float:
+    """The voltage of a pulse [V], within what the scheduler allows."""
+    q, value = scheduler.quantity("voltage_on"), amount(given, "V", "voltage")
+    if not q.allows(value):
+        allowed = f"{1e-3 * (q.minimum or 0):g} to {1e-3 * (q.maximum or math.inf):g} kV"
+        raise ArgumentError("voltage", f": expected {allowed} but was given {1e-3 * value:g} kV")
+    return value
 
 
 def patient_of(patient: AnyPatient) -> dict[str, float]:

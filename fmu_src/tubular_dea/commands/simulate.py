@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
         name, _, specification = text.partition("=")
         given[name.strip()] = specification
     response = td.simulate(
-        options.model or options.plant,
+        options.model or td.load_plant(options.plant),
         options.inputs or given,
         stop=options.stop,
         interval=options.interval,

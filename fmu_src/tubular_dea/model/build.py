@@ -22,6 +22,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -86,6 +87,8 @@ class Build:
         display_unit: str | None = None,
     ) -> sympy.Symbol:
         """A parameter of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
+        if not isinstance(value, Real):
+            raise DeclarationError(f"{_here()}: parameter {name!r}: expected a number but was given {value!r}")
         q = self._quantity(
             name,
             unit,

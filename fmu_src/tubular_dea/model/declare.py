@@ -80,6 +80,10 @@ class Quantity:
             return f"at least {self.minimum:g}{unit}"
         return "a finite number" if self.maximum is None else f"at most {self.maximum:g}{unit}"
 
+    def told(self, value: float) -> str:
+        """A value (in `unit`) with its unit."""
+        return f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
+
 
 def sized(
     name: str,

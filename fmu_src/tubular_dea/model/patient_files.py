@@ -32,6 +32,9 @@ def read_patient(text: str) -> dict[str, float]:
     base = given.pop(BASE, None)
     if base is not None and (not isinstance(base, str) or base not in PATIENTS):
         raise UserError(f"{path}: {BASE}: there is no patient {base!r}{nearest(str(base), PATIENTS)}")
+    tables = [name for name, value in given.items() if isinstance(value, dict)]
+    if tables:
+        raise UserError(f"{path}: [{tables[0]}]: expected no tables; write the keys at the top of the file")
     values = {name: _value(path, name, value) for name, value in given.items()}
     return checked_patient({**(patient(base) if base else {}), **values}, path.name)
 

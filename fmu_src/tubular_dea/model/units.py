@@ -330,7 +330,8 @@ def _power(name: str, text: str) -> tuple[Unit, Power]:
     match = re.fullmatch(r"([A-Za-z%]+)(-?\d+(?:\.\d+)?)", name)
     unit = _named(match[1]) if match else None
     if match is None or unit is None or abs(float(match[2])) > 9:
-        close = difflib.get_close_matches(name, _NAMED, n=3)
+        alike = difflib.get_close_matches(name.lower(), _BY_CASE, n=3)
+        close = [known for lower in alike for known in _BY_CASE[lower]][:3]
         hint = f"did you mean {', '.join(close)}?" if close else "as in Pa.s, mL/min, kV or degC"
         raise UnitError(f"cannot read the unit {text!r}: expected a known unit or a combination; {hint}")
     return unit, Fraction(match[2]).limit_denominator(100)

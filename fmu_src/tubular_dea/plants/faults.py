@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import builtins
+import difflib
 import linecache
 import re
+import sys
 import traceback
 from pathlib import Path
 
@@ -32,6 +35,7 @@ def message(path: Path, problem: BaseException) -> str:
     said = said[named.end() :] if named else said
     if isinstance(problem, DeclarationError):
         return f"{where}: {said}"
+    said += _meant(problem)
     advice = _advice(said) if isinstance(problem, TypeError) else ""
     if not advice or line_number is None:
         return f"{where}: {type(problem).__name__}: {said}"
@@ -46,6 +50,22 @@ def _line(path: Path, problem: BaseException) -> int | None:
         if Path(f.filename) == path.absolute() or Path(f.filename) == path
     ]
     return lines[-1] if lines else None
+
+
+def _meant(problem: BaseException) -> str:
+    """What a misspelt name was meant to be."""
+    if isinstance(problem, ImportError) and problem.name in sys.modules:
+        imported = re.match(r"cannot import name '(\w+)'", str(problem))
+        return _close(imported[1], dir(sys.modules[problem.name])) if imported else ""
+    if isinstance(problem, NameError) and problem.name and problem.__traceback__:
+        *_, (frame, _) = traceback.walk_tb(problem.__traceback__)
+        return _close(problem.name, [*frame.f_locals, *frame.f_globals, *dir(builtins)])
+    return ""
+
+
+def _close(name: str, names: list[str]) -> str:
+    found = difflib.get_close_matches(name, [n for n in dict.fromkeys(names) if not n.startswith("_")], n=1)
+    return f"; did you mean {found[0]}?" if found else ""
 
 
 def _advice(said: str) -> str:

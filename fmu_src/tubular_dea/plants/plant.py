@@ -185,11 +185,19 @@ class Plant:
                         f"{self.name}: {what}: {self.model.name} has no parameter {name!r}"
                         f"{nearest(name, self.model.parameter_values())}"
                     )
-        for place in self.places:
-            check(self.model, place)
+        self._check_places()
         at_once = _at_once(self.model, [o.name for o in self.outputs])
         inputs = [s if s.direct is not None else replace(s, direct=s.name in at_once) for s in self.inputs]
         object.__setattr__(self, "inputs", tuple(inputs))
+
+    def _check_places(self) -> None:
+        """`DeclarationError` for a place that the model does not have, or that is given twice."""
+        for number, place in enumerate(self.places):
+            check(self.model, place)
+            if place in self.places[:number]:
+                raise DeclarationError(
+                    f"{self.name}: {type(place).__name__}({place.name!r}) is given twice in places; give it once"
+                )
 
     def _named(self) -> dict[str, list[str]]:
         """Every parameter that a plant names, by where."""

@@ -55,6 +55,8 @@ def load(path: Path, plant: Plant | None = None) -> Model:
     """The model of a file, of `plant` or of one that is shipped; `ModelFileError` that names what is wrong."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ModelFileError(f"there is no file {path}") from None
     except (OSError, ValueError, RecursionError) as problem:
         raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:

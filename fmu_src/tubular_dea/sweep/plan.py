@@ -92,7 +92,7 @@ def read_plan(path: Path) -> Plan:
     except FileError as problem:
         raise PlanError(str(problem)) from None
     except (ValueError, RecursionError) as problem:
-        raise PlanError(f"{path}: {problem}") from None
+        raise PlanError(f"{path}: cannot be read as TOML; expected a plan: {problem}") from None
     try:
         return make_plan(content, path.parent)
     except UserError as problem:

@@ -43,7 +43,7 @@ function unitPower(name, text) {
   if (unit) return [unit, 1];
   const match = /^([A-Za-z%]+)(-?\d+(?:\.\d+)?)$/.exec(name), base = match && namedUnit(match[1]);
   if (base && Math.abs(Number(match[2])) <= 9) return [base, Number(match[2])];
-  const close = closeMatches(name, Object.keys(words.units), 3, 0.6);
+  const close = closeMatches(name.toLowerCase(), [...byCase.keys()], 3, 0.6).flatMap((lower) => byCase.get(lower)).slice(0, 3);
   const hint = close.length ? `did you mean ${close.join(", ")}?` : "as in Pa.s, mL/min, kV or degC";
   throw new UnitError(`cannot read the unit ${repr(text)}: expected a known unit or a combination; ${hint}`);
 }
