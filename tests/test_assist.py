@@ -147,8 +147,9 @@ def assisted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_assist_writes_a_report(assisted: Path) -> None:
     page = (assisted / "report.html").read_text()
-    for text in ("stroke work per stroke volume", "early-diastolic augmentation", "electrical energy", "volume [mL]"):
+    for text in ("stroke work per stroke volume", "early-diastolic augmentation", "with all losses", "volume [mL]"):
         assert text in page
+    assert "Means over 3 beats, from the third assisted on." in page
     assert 'src="http' not in page and "cdn." not in page.split("</script>")[-1], "the page is self-contained"
     for name in ("pressure_volume_loops.png", "beats.png"):
         assert (assisted / name).read_bytes().startswith(b"\x89PNG")

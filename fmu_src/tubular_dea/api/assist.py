@@ -60,16 +60,16 @@ class AssistResult:
         """The verdict, the figures and the counts as text."""
         rows = self.course.rows()
         width = max(len(row[0]) for row in rows)
-        judged = f"over {len(self.course.judged)} beats"
+        judged = f"over {self.course.judged_words}"
         said = [self.verdict, f"{judged:{width}}  {'without':>8}  {'with, mean ± sd':>16}  {'worst':>8}  change"]
         for label, without, with_, worst, change in rows:
             said.append(f"{label:{width}}  {without:>8}  {with_:>16}  {worst:>8}  {change}".rstrip())
         return [*said, *(f"{what:{width}}  {number:>8}" for what, number in self.course.counts())]
 
     def to_pandas(self) -> pandas.DataFrame:
-        """One row a figure, over all assisted beats: means without and with, deviation, worst, change, SI unit.
+        """One row a figure: means without and with, deviation, worst, change, SI unit.
 
-        Needs the extra `tables`.
+        Over the assisted beats from the third on. Needs the extra `tables`.
         """
         rows = []
         for figure in FIGURES:
@@ -172,7 +172,7 @@ def assist(
     tube : Model, str or Path
         A tube such as a discovery's model, or a model.json (default: the paper's).
     settings : mapping of str to float or str, optional
-        Parameters of heart, tube or scheduler by "part.name", as in ``{"scheduler.on_time": "-30 ms"}``.
+        Parameters of heart, tube or scheduler by "part.name", as in ``{"scheduler.on_time": "-70 ms"}``.
     ecg : str or Path, optional
         Follow the beats of a recorded ECG: CSV (time [s],ecg [mV]) or a WFDB record.
     lead : str, optional
@@ -193,7 +193,7 @@ def assist(
     Returns
     -------
     AssistResult
-        Both runs, the figures over all assisted beats, and a verdict.
+        Both runs, the figures over the assisted beats from the third on, and a verdict.
 
     Raises
     ------

@@ -98,7 +98,7 @@ def compare(
     ----------
     cases : mapping of str to mapping
         Settings by the name of the case, as in ``{"weak": {"voltage": "4 kV"}, "early": {"scheduler.on_time":
-        "-30 ms"}}``; they come on top of `settings`. ``"voltage"`` is short for ``"scheduler.voltage_on"``.
+        "-70 ms"}}``; they come on top of `settings`. ``"voltage"`` is short for ``"scheduler.voltage_on"``.
     patient, voltage, beats, tube, settings, ecg, lead, r_times, scheme, step, variable, progress
         As in `assist`.
 

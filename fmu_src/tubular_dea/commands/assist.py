@@ -1,7 +1,7 @@
 """Run the assisted heart: ventricle and windkessel, tube and scheduler, strongly coupled; with and without assist.
 
 Writes report.html (figures to zoom), lab.html (the same, live in any browser), PNGs, the values over time (CSV) and the
-figures over all assisted beats (JSON).
+figures over the assisted beats (JSON).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ EXAMPLE = """example:
   tubular-dea assist --patient stiff --voltage 6kV --set scheduler.off_fraction=0.35 --out stiff
   tubular-dea assist --patient failing --ecg record.hea --beats 30 --out recorded
   tubular-dea assist --patient failing --model closed/model.json --out found
-  tubular-dea assist --patient failing --compare "voltage=5kV" "scheduler.on_time=-30ms" --out compared
+  tubular-dea assist --patient failing --compare "voltage=5kV" "scheduler.on_time=-70ms" --out compared
   tubular-dea assist --patient failing --controller 18.5mm --out held
   tubular-dea assist --patient healthy --optimise --set scheduler.field_limit=75V/um --out best"""
 
@@ -120,5 +120,5 @@ def _result(options: argparse.Namespace) -> td.AssistResult | td.ComparisonResul
 
 
 def _case(text: str) -> dict[str, str]:
-    """The settings in "voltage=5kV,scheduler.on_time=-30ms"."""
+    """The settings in "voltage=5kV,scheduler.on_time=-70ms"."""
     return settings(text.split(","), "cases")

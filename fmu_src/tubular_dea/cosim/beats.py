@@ -172,7 +172,10 @@ def subendocardial_viability_ratio(beat: Beat) -> float | None:
 
 
 def electrical_energy(beat: Beat) -> float | None:
-    """Energy that goes into the electrodes and does not come back: the loop of voltage over charge."""
+    """Energy that does not come back to the amplifier: work, and heat of the wall and of electrodes that resist.
+
+    It is the loop of the amplifier's voltage over charge.
+    """
     source = next((name for name in VOLTAGES if beat.has(name)), None)
     if source is None or not beat.has("tube.charge"):
         return None
@@ -231,7 +234,7 @@ FIGURES = (
     Figure(tension_time_index, "tension-time index", "mmHg.s", "Pa.s", 1),
     Figure(diastolic_pressure_time_index, "diastolic pressure-time index", "mmHg.s", "Pa.s", -1),
     Figure(subendocardial_viability_ratio, "their ratio (SEVR)", "1", "1", -1),
-    Figure(electrical_energy, "electrical energy converted per beat", "mJ", "J", 1),
+    Figure(electrical_energy, "electrical energy per beat, with all losses", "mJ", "J", 1),
     Figure(mechanical_energy, "work of the tube on the blood per beat", "mJ", "J", -1),
     Figure(largest_field, "largest field", "V/um", "V/m", 1),
     Figure(smallest_margin, "smallest margin to snap-through", "mmHg", "Pa", -1),

@@ -1,4 +1,4 @@
-"""The assessment of a run: the fate of each beat, the figures over all assisted beats, and a verdict in words.
+"""The assessment of a run: the fate of each beat, the figures over the assisted beats, and a verdict in words.
 
 Usage::
 
@@ -23,7 +23,7 @@ FATES = ("vetoed", "assisted", "skipped", "after a lost rhythm", "learning", "wi
 # Assisted beats after the first R whose pulse came, until tube and arteries have followed: the slow branch of the wall
 # takes 2.7 s, but the heart and its arteries are in step after two beats to 1 % of the change (failing heart, 5.5 kV:
 # `tubular-dea assist --beats 30`, with_assist.csv).
-SETTLING = 2
+SETTLING, SETTLED = 2, "third"  # the first beat after them
 COUNTS = tuple(name for name in scheduler.COUNTS if name != "notches")
 
 
@@ -58,6 +58,12 @@ class Course:
     smallest_margin: float
     counted: dict[str, int]
     verdict: Verdict
+
+    @property
+    def judged_words(self) -> str:
+        """Over which beats the figures are: "10 beats, from the third assisted on"."""
+        settled = self.fates.count("assisted") - len(self.judged) == SETTLING
+        return f"{len(self.judged)} beats" + (f", from the {SETTLED} assisted on" if settled else "")
 
     def change(self, name: str) -> float | None:
         """Relative change of a figure's mean, where both have the same sign; None where it is not meaningful."""

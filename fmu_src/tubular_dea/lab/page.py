@@ -14,7 +14,7 @@ from typing import Any
 
 from .. import __version__
 from ..cosim.beats import EARLY, EJECTING, FIGURES, shown
-from ..cosim.course import COUNTS, FATES, SETTLING
+from ..cosim.course import COUNTS, FATES, SETTLED, SETTLING
 from ..cosim.heart_assist import models as heart_models
 from ..emit.variables import guid
 from ..errors import UserError
@@ -218,6 +218,7 @@ def _facts(content: Content, models: _Models) -> dict[str, Any]:
             "early": EARLY,
             "ejecting": EJECTING,
             "settling": SETTLING,
+            "settled": SETTLED,
             "fates": FATES,
             "counts": COUNTS,
         }

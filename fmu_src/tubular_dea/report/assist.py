@@ -41,6 +41,7 @@ def write(
     for note in notes:
         page.text(note)
     page.heading("With and without assist")
+    page.text(f"Means over {course.judged_words}.")
     page.table(HEADER, course.rows())
     page.heading("The whole run")
     page.table(["quantity", "value"], course.counts())

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..cosim.beats import FIGURES, shown
-from ..cosim.course import Course
+from ..cosim.course import SETTLED, Course
 from ..cosim.master import Run
 from ..files import write_atomically
 from .assist import draw_panels, plotly_loops, plotly_panels, pressure_volume
@@ -20,7 +20,7 @@ def write(out: Path, runs: Mapping[str, Run], courses: Mapping[str, Course], not
     page = Page("Settings of the assisted heart compared", note)
     for name, course in courses.items():
         page.text(f"{name}: {course.verdict.text}")
-    page.heading("Means over the assisted beats")
+    page.heading(f"Means over the assisted beats from the {SETTLED} on")
     page.table(*table(courses))
     page.heading("Pressure and volume of the left ventricle")
     page.figure(plotly_loops(pressure_volume(runs, min(c.judged[-1] for c in courses.values()))), "One beat each.")

@@ -71,7 +71,7 @@ function heartView() {
   for (const [id, title, height] of [["loop", "Pressure and volume of the left ventricle", 330], ["beats", "Pressures of the last beats", 260], ["moves", "Displacement of the tube"], ["pulses", "Voltage"], ["strain", "Field, and its limit"], ["margin", "Margin to snap-through, and its limit"]])
     H.plots[id] = new Plot({ id, title, height: height ?? 180, sync: id === "loop" ? null : "heart" });
   H.words = make("div#heart-told", { role: "status" });
-  H.table = make("div.scroll", { tabindex: "0", role: "region", "aria-label": "Indices over all assisted beats" });
+  H.table = make("div.scroll", { tabindex: "0", role: "region", "aria-label": "Indices over the assisted beats" });
   H.map = new BenefitMap();
   H.side = make("div.side", {}, narrow(3, patientPanel()), narrow(2, assistPanel()), narrow(4, rhythmPanel()));
   const p = (id) => H.plots[id].element;
@@ -196,10 +196,11 @@ function verdict(course) {
 
 function counts(course) {
   const c = course.counted, told = [["pulses", c.pulses], ["premature beats", c.premature_beats], ["skipped", c.skipped_pulses], ["withdrawn", c.withdrawn_pulses], ["vetoes", c.vetoes], ["times the rhythm was lost", c.dropouts]].filter(([, n]) => n);
-  return `${course.fates.length} whole beats, figures over ${course.judged.length} of them: ${told.map(([what, n]) => `${n} ${what}`).join(", ") || "no pulse"}.`;
+  const settled = course.fates.filter((f) => f === "assisted").length - course.judged.length === facts.heart.settling;
+  return `Means over ${course.judged.length} beats${settled ? `, from the ${facts.heart.settled} assisted on` : ""}. ${course.fates.length} whole beats: ${told.map(([what, n]) => `${n} ${what}`).join(", ") || "no pulse"}.`;
 }
 
-/* The figures over all assisted beats, in customary units or in SI. */
+/* The figures over the assisted beats, in customary units or in SI. */
 function indices(course) {
   const rows = facts.heart.figures.filter((f) => course.with[f.name] || course.without[f.name]).map((f) => {
     const scale = state.si ? 1 : 1 / f.factor, unit = state.si ? f.si : f.unit, a = course.without[f.name], b = course.with[f.name];

@@ -47,7 +47,7 @@ function coupled(job, values) {
   return job.variable ? engine.coupled(facts.heart, values, job.pace, job.stop, longest, tolerance) : engine.coupled(facts.heart, values, job.pace, job.stop, step);
 }
 
-/* Figures over all assisted beats; null where a run ended early. */
+/* Figures over the assisted beats; null where a run ended early. */
 function course(without, run) {
   return without.reason || run.reason ? null : follow(without, run, facts.heart);
 }
