@@ -142,6 +142,14 @@ def test_any_plant_is_simulated_as_the_tube_is(folder: Path) -> None:
     assert by_file.units["level_2"] == "V" and next(iter(by_file.units)) == "pump"
 
 
+def test_a_step_is_drawn_when_it_happens() -> None:
+    """Not as a ramp that begins a sample before it; at a time that is no sample, too."""
+    run = td.simulate(pressure=0, voltage="step 0 5 kV at 0.503 until 1", stop=2)
+    time, values = run.plot().axes[1].lines[0].get_data()
+    assert np.interp([0.5029, 0.9999], time, values) == pytest.approx([0, 5])
+    assert values[time == 1.0].tolist() == [5, 0]
+
+
 def test_a_result_is_what_the_command_writes(folder: Path) -> None:
     drive = {"pressure": "95 mmHg", "voltage": "step 0 5 kV at 1"}
     options = [word for name, text in drive.items() for word in (f"--{name}", text)]

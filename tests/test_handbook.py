@@ -22,9 +22,9 @@ TANKS = Path(__file__).parents[1] / "cosim_examples" / "plants" / "cascaded_tank
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> html.HtmlElement:
-    """The page with a plant of a user's own."""
+    """The page of what the package has."""
     path = tmp_path_factory.mktemp("handbook") / "handbook.html"
-    assert main(["handbook", "--plant", str(TANKS), "--out", str(path)]) == 0
+    assert main(["handbook", "--out", str(path)]) == 0
     return html.fromstring(path.read_text(encoding="utf-8"))
 
 
@@ -35,10 +35,9 @@ def entries(page: html.HtmlElement, section: str) -> dict[str, html.HtmlElement]
 
 def test_everything_that_is_declared_has_an_entry(page: html.HtmlElement) -> None:
     models = {"TubularDEA", "AorticAfterload", "AorticWindkessel", "HeartbeatScheduler", "TubeController"}
-    assert set(entries(page, "Models")) == models | {"CascadedTanks"}
+    assert set(entries(page, "Models")) == models
     assert list(entries(page, "What TubularDEA may lack")) == list(catalogue())
     assert list(entries(page, "What AorticAfterload may lack")) == list(aorta.PLANT.catalogue)
-    assert "power(outflow_2)" in entries(page, "What CascadedTanks may lack")
     assert list(entries(page, "Laws")) == list(laws())
     assert sorted(entries(page, "Python")) == sorted(tubular_dea.__all__)
     assert list(entries(page, "Commands")) == list(COMMANDS)
@@ -121,3 +120,20 @@ def test_paragraphs_and_calls() -> None:
 def test_a_folder_is_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["handbook", "--out", str(tmp_path)]) == 2
     assert "expected the name of a file" in capsys.readouterr().err
+
+
+def test_a_plant_of_ones_own_has_a_page_of_its_own() -> None:
+    page = html.fromstring(tubular_dea.handbook_page(TANKS).html)
+    assert list(entries(page, "Models")) == ["CascadedTanks"]
+    assert "power(outflow_2)" in entries(page, "What CascadedTanks may lack")
+    assert [s.findtext("h2") for s in page.iter("section")] == [
+        "Models",
+        "What CascadedTanks may lack",
+        "Laws",
+        "Python",
+    ]
+
+
+def test_bounds_end_without_a_semicolon(page: html.HtmlElement) -> None:
+    allowed = [row[2].text for row in page.iter("tr") if len(row) == 5 and row[2].text]
+    assert "fixed" in allowed and not [text for text in allowed if text.rstrip().endswith(";")]

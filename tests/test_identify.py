@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -124,7 +125,9 @@ def test_linearised_intervals_hold() -> None:
 
 def test_a_misfit_is_said(capsys: pytest.CaptureFixture, tmp_path: Path) -> None:
     assert main(["identify", str(EXAMPLE), "--starts", "1", "--out", str(tmp_path)]) == 0
-    assert "the model lacks something" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "the model lacks something" in said
+    assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"times the noise of \S+ um", said)
     content = json.loads((tmp_path / "parameters.json").read_text())
     assert content["verdict"] == "misfit"
     assert content["residual_over_noise"] > 1.1

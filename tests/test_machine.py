@@ -237,6 +237,7 @@ def test_progress_in_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
     from tubular_dea import progress
 
     monkeypatch.setattr(progress, "EVERY", 0.05)
+    monkeypatch.setattr(progress, "SILENT", 0.05)
     with progress.progress_bar(total=4, desc="work") as bar:
         for _ in range(4):
             time.sleep(0.06)
@@ -248,3 +249,7 @@ def test_progress_in_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
     with progress.progress_bar(total=4, desc="short") as bar:
         bar.update(4)
     assert capsys.readouterr().err == ""
+    with progress.progress_bar(desc="long") as bar:
+        bar.update()
+        time.sleep(0.3)
+        assert capsys.readouterr().err.startswith("long"), "one long step is told while it lasts"

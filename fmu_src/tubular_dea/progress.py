@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from threading import Timer
 from typing import Any
 
 from tqdm import tqdm
 
 EVERY = 5.0  # s between lines where the output is no terminal
+SILENT = 2.0  # s of work before the first of them
 
 
 class Lines(tqdm):
@@ -16,7 +18,11 @@ class Lines(tqdm):
     def __init__(self, **options: Any) -> None:
         self._shown = False
         self.disable: bool
-        super().__init__(mininterval=EVERY, maxinterval=EVERY, delay=EVERY, ascii=True, ncols=100, **options)
+        super().__init__(mininterval=EVERY, maxinterval=EVERY, delay=SILENT, ascii=True, ncols=100, **options)
+        self._first = Timer(SILENT, self.refresh)  # also of work whose one step is long
+        self._first.daemon = True
+        if not self.disable:
+            self._first.start()
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Write the state as a line."""
@@ -26,6 +32,7 @@ class Lines(tqdm):
 
     def close(self) -> None:
         """The last line, where there was one before."""
+        self._first.cancel()
         if not self.disable and self._shown:
             self.display()
         self.leave = False

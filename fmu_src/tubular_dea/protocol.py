@@ -77,6 +77,11 @@ class Protocol:
                 raise ProtocolError(f"{name}: expected finite values but was given {values[~np.isfinite(values)][0]}")
         return Protocol(grid, columns)
 
+    @property
+    def jumps(self) -> np.ndarray:
+        """The times at which some input jumps."""
+        return np.unique(self.time[1:][np.diff(self.time) == 0])
+
     def table(self, names: Sequence[str]) -> np.ndarray:
         """The inputs `names` as an array of shape (n, len(names)); `ProtocolError` for one that is missing."""
         missing = [name for name in names if name not in self.inputs]

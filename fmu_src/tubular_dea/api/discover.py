@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from .build import Platforms
 
-STEPS = 24  # of the bar, about: how many refits there are depends on the data
-
 
 @dataclass(frozen=True)
 class FoundEffect:
@@ -211,7 +209,7 @@ def discover(
     """
     chosen = engine.SEED if seed is None else whole(seed, 0, "seed")
     recordings = recordings_of(data, plant)
-    with recorded(recordings.plant), steps(progress, STEPS) as tell:
+    with recorded(recordings.plant), steps(progress, None) as tell:
         found = engine.discover(recordings, tell, chosen, hold_out)
         tell("model and report")
         return DiscoveryResult(outcome.final_model(found), found, outcome.result(found))

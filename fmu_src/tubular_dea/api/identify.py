@@ -94,8 +94,22 @@ class IdentificationResult:
 
     def lines(self) -> list[str]:
         """The parameters and the goodness of fit as text."""
-        said = [f"{name:8s} {p.value:.6g} +- {p.stderr:.2g} {p.unit}" for name, p in self.parameters.items()]
-        return [*said, *self.remarks(), f"fit {self.fit_percent:.2f} %, error {self.rmse:.3g} {self.content['unit']}"]
+        from ..report.parts import readable
+
+        said = []
+        for name, p in self.parameters.items():
+            scale, unit = readable(p.value, p.unit)
+            said.append(
+                f"{name:8s} {p.value / scale:.6g} +- {float(f'{p.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
+            )
+        return [*said, *self.remarks(), f"fit {self.fit_percent:.2f} %, error {self._told(self.rmse)}"]
+
+    def _told(self, error: float) -> str:
+        """An error of the first output in a readable unit."""
+        from ..report.parts import readable
+
+        scale, unit = readable(error, self.content["unit"])
+        return f"{error / scale:.3g} {unit}"
 
     def remarks(self) -> list[str]:
         """Warnings about the values."""
@@ -107,7 +121,7 @@ class IdentificationResult:
         if self.verdict == "misfit":
             said.append(
                 f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times the noise "
-                f"of {self.content['noise_floor']:.3g} {self.content['unit']}, so the intervals are too narrow"
+                f"of {self._told(self.content['noise_floor'])}, so the intervals are too narrow"
             )
         return said
 
@@ -204,7 +218,7 @@ def identify(
     recordings = recordings_of(data, plant)
     known = recordings.plant
     values = known.model.parameter_values() | _start(known, start)
-    with recorded(known), steps(progress, 6) as tell:
+    with recorded(known), steps(progress, None) as tell:
         tell("monitors and noise")
         work = study(recordings, held_out=())
         if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts

@@ -137,10 +137,12 @@ def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage
 def handbook_page(plant: AnyPlant = "tube", *, commands: Mapping[str, str] | None = None) -> WebPage:
     """A page with all models, effects, laws and these functions, printed from what is declared.
 
+    For a plant of your own it has that plant in the place of this package's.
+
     Parameters
     ----------
     plant : Plant, str or Path
-        A plant that comes first, before those of this package: ``"tube"``, ``"aorta"``, or ``"FILE.py[:NAME]"``.
+        ``"tube"`` or ``"aorta"``, which comes first, or ``"FILE.py[:NAME]"``.
     commands : mapping of str to str, optional
         Help texts by name, for one more section: the command line gives its own (default: none).
 
@@ -168,8 +170,10 @@ def handbook_page(plant: AnyPlant = "tube", *, commands: Mapping[str, str] | Non
     from ..report.handbook import handbook
 
     chosen = plant_of(plant)
-    plants = [chosen, *(p for p in map(shipped, SHIPPED) if p.name != chosen.name)]
-    models = {m.name: m for m in (*(p.model for p in plants), *heart_models(controlled=True).values())}
+    ours = list(map(shipped, SHIPPED))
+    own = chosen.name not in [p.name for p in ours]
+    plants = [chosen] if own else [chosen, *(p for p in ours if p.name != chosen.name)]
+    models = {m.name: m for m in (*(p.model for p in plants), *(() if own else heart_models(controlled=True).values()))}
     public = {name: getattr(tubular_dea, name) for name in tubular_dea.__all__}
     return WebPage(handbook(models.values(), plants, public, commands or {}))
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-USUAL = 500  # beats that a fit takes, for the progress bar
 ASSUMED = "5 L/min"
 
 
@@ -206,7 +205,7 @@ def fit_patient(
     base = patient_of(based_on)
     beat = average(read_signals(Path(recording), None if flow is None else Path(flow)), str(recording))
     assumed = _assumed(cardiac_output, beat)
-    with progress_bar(total=USUAL, unit="run", desc="fit", disable=not progress) as bar:
+    with progress_bar(unit="run", desc="fit", disable=not progress) as bar:
         found = fitted(beat, base, assumed, bar.update)
     name = "the given patient" if isinstance(based_on, dict) else str(based_on)
     return PatientResult(Path(recording), beat, found, name, assumed)

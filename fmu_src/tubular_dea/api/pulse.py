@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-USUAL = 1800  # trajectories of a search, for the progress bar
 DEFAULT, OPTIMUM = "default", "optimum"
 TIMING = ("scheduler.on_fraction", "scheduler.off_fraction", "scheduler.on_time", "scheduler.off_time")
 
@@ -171,7 +170,7 @@ def best_pulse(
         model = loop.parts["tube"].with_values(changed)
     heart, limits = {**loop.patient, **_of(loop.settings, "heart")}, _limits(scheduler, largest_voltage)
     usual = Pulse(scheduler["on_fraction"], scheduler["off_fraction"], scheduler["voltage_on"])
-    with progress_bar(total=USUAL, unit="run", desc="optimise", disable=not progress) as bar:
+    with progress_bar(unit="run", desc="optimise", disable=not progress) as bar:
         best = search(heart, limits, objective, usual, model, bar.update)
     chosen = {**loop.settings, **PulseResult(loop, best, {}, {}).settings}
     return PulseResult(loop, best, *run_cases(loop, {DEFAULT: loop.settings, OPTIMUM: chosen}, progress))

@@ -35,11 +35,13 @@ PANELS = 4  # outputs in the picture
 class SimulationResult(Trajectory):
     """The response of a model: values by name at `time` [s], each of shape (n,), in SI units.
 
-    ``run["radial_displacement"]`` is one of them. `model` is what was driven; `remarks` are warnings in words.
+    ``run["radial_displacement"]`` is one of them. `model` is what was driven; `remarks` are warnings in words, `jumps`
+    the times [s] at which inputs jump.
     """
 
     model: Model = field(kw_only=True)
     remarks: tuple[str, ...] = ()
+    jumps: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def __repr__(self) -> str:
         return f"<SimulationResult: {self.model.name}, {self.time.size} samples, {'; '.join(self.lines())}>"
@@ -96,11 +98,15 @@ class SimulationResult(Trajectory):
 
         model = self.model
         outputs = [n for n in ("radial_displacement", "electric_field") if n in model.outputs] or model.outputs[:PANELS]
-        panels = []
+        # Held to each jump of an input: what follows it must not seem to begin a sample early.
+        jumps = self.jumps[(self.jumps > self.time[0]) & (self.jumps <= self.time[-1])]
+        places = np.searchsorted(self.time, jumps)
+        time, panels = np.insert(self.time, places, jumps), []
         for q in [*model.inputs, *map(model.quantity, outputs)]:
             unit = q.display_unit or q.unit
-            panels.append((f"{q.name.replace('_', ' ')} [{unit}]", {"": self[q.name] / factor(unit, q.unit)}))
-        return panels_figure(self.time, panels, figure=figure)
+            values = np.insert(self[q.name], places, self[q.name][places - 1]) / factor(unit, q.unit)
+            panels.append((f"{q.name.replace('_', ' ')} [{unit}]", {"": values}))
+        return panels_figure(time, panels, figure=figure)
 
     def report(self, out: str | Path) -> list[Path]:
         """Write the table (response.csv) and the picture (response.png) to the folder `out`; returns their paths."""
@@ -186,7 +192,9 @@ def simulate(
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     remarks += tuple(_unset(chosen, values))
     found = Kernel(chosen).simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
-    return SimulationResult(found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks)
+    return SimulationResult(
+        found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks, jumps=protocol.jumps
+    )
 
 
 def _protocol(

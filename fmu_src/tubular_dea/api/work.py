@@ -9,8 +9,8 @@ from ..progress import progress_bar
 
 
 @contextmanager
-def steps(shown: bool, total: int, unit: str = "step") -> Iterator[Callable[[str], None]]:
-    """A function that reports the next of about `total` steps; silent unless `shown`."""
+def steps(shown: bool, total: int | None, unit: str = "step") -> Iterator[Callable[[str], None]]:
+    """A function that reports the next of `total` steps (None: nobody knows how many); silent unless `shown`."""
     if not shown:
         yield lambda what: None
         return

@@ -115,7 +115,7 @@ def _result(options: argparse.Namespace) -> td.AssistResult | td.ComparisonResul
     if options.controller is not None:
         raise UserError("--compare and --controller exclude each other; give one of them")
     asked = amount(given.get("scheduler.voltage_on", options.voltage), "V", "voltage")
-    cases: dict[str, dict[str, str]] = {f"{asked / 1e3:g} kV, as asked": {}}
+    cases: dict[str, dict[str, str]] = {f"{asked / 1e3:g} kV": {}}
     return td.compare(cases | {text: _case(text) for text in options.compare}, **common)
 
 

@@ -1,7 +1,7 @@
 """Write the handbook: one page for any browser with all models, effects, laws, the Python API and the commands.
 
 Everything on it is generated from the code: equations and parameters, what a plant may lack, with
-usual sizes, docstrings, options. With --plant also for a plant of your own.
+usual sizes, docstrings, options. With --plant FILE.py it is about that plant, in the place of this package's.
 """
 
 from __future__ import annotations

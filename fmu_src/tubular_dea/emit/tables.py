@@ -93,9 +93,10 @@ def _parameter_row(parameter: Parameter) -> str:
     kind = "tunable" if parameter.tunable else "fixed"
     low = "" if q.minimum is None else f"from {q.minimum:g} "
     high = "" if q.maximum is None else f"to {q.maximum:g} "
-    unit = "" if q.unit == "1" or not (low or high) else q.unit
+    unit = "" if q.unit == "1" else q.unit
+    bounds = f"; {low}{high}{unit}".rstrip() if low or high else ""
     return (
-        f"<tr><td class=n><code>{q.name}</code></td><td class=n>{shown(q)}</td><td>{kind}; {low}{high}{unit}</td>"
+        f"<tr><td class=n><code>{q.name}</code></td><td class=n>{shown(q)}</td><td>{kind}{bounds}</td>"
         f"<td>{html.escape(q.description)}</td><td class=src>{html.escape(q.source)}</td></tr>"
     )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from ..control.optimum import BEGINS, ENDS, OBJECTIVES, Optimum, Pulse
 from ..cosim.course import Course
@@ -19,7 +20,10 @@ from .figures import png, sized
 from .page import Page
 from .rhythm import panels, window
 
-ROBUSTNESS = ("disturbed", "change", "limits")
+OUTLINE: list[AbstractPathEffect] = [
+    withStroke(linewidth=3, foreground="#1b2733")
+]  # of names, which stand on any colour
+ROBUSTNESS = ("disturbed", "change", "limits of field and margin")
 
 
 def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[str, Course], command: str) -> list[Path]:
@@ -27,7 +31,7 @@ def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[st
     page = Page("The best pulse", sentence(best))
     page.text(f"To run it: {command}")
     page.heading("Every timing, each at its best voltage within the limits")
-    page.figure(_plotly_map(best), f"Change of {OBJECTIVES[best.objective][1]} [%]; empty: forbidden by the limits.")
+    page.figure(_plotly_map(best), _map_words(best))
     page.heading("Sensitivity to disturbances")
     page.table(ROBUSTNESS, robustness(best))
     page.heading("The optimum and the default, as the scheduler runs them")
@@ -51,6 +55,14 @@ def sentence(best: Optimum) -> str:
     )
 
 
+def _map_words(best: Optimum) -> str:
+    return (
+        f"Change of {OBJECTIVES[best.objective][1]} [%]. Empty: the pulse would end before it starts, be too short or "
+        "too long, or no voltage meets the limits of field and margin. The default is marked at its timing; its "
+        f"voltage is {best.default.voltage / 1e3:g} kV."
+    )
+
+
 def robustness(best: Optimum) -> list[list[str]]:
     """Rows (disturbance, change of the objective, whether limits are met)."""
     return [[c.what, f"{100 * c.gain:+.2f} %", "met" if c.within else "exceeded"] for c in best.robustness]
@@ -63,6 +75,7 @@ def _marks(best: Optimum) -> list[tuple[str, Pulse, str, str]]:
 
 def _plotly_map(best: Optimum) -> go.Figure:
     scale = 1e3 * best.period
+    outlined = {"color": "white", "size": 13, "shadow": "1px 1px 2px black, -1px -1px 2px black"}
     grid = go.Heatmap(
         x=BEGINS * scale, y=ENDS * scale, z=100 * best.gains.T, colorscale="Viridis_r", colorbar={"title": "%"}
     )
@@ -76,6 +89,7 @@ def _plotly_map(best: Optimum) -> go.Figure:
                 mode="markers+text",
                 text=[name],
                 textposition="top center",
+                textfont=outlined,
                 name=name,
                 marker=marker,
                 showlegend=False,
@@ -96,7 +110,8 @@ def draw_map(best: Optimum, figure: Figure | None = None) -> Figure:
     for name, pulse, _, symbol in _marks(best):
         place = (pulse.begin * scale, pulse.end * scale)
         axis.plot(*place, symbol, color="#c8402f", markersize=14, markeredgecolor="white")
-        axis.annotate(name, place, xytext=(8, 8), textcoords="offset points", color="#1b2733", fontweight="bold")
+        beside = axis.annotate(name, place, xytext=(8, 8), textcoords="offset points", color="white", weight="bold")
+        beside.set_path_effects(OUTLINE)
     begins = 1e3 * best.without["ejection_begins"]
     axis.axvline(begins, color="#1b2733", linestyle="--", linewidth=1)
     axis.text(begins + 3, axis.get_ylim()[0] + 8, "ejection begins", rotation=90, va="bottom", color="#1b2733")
