@@ -90,7 +90,7 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
         (["--pressure", "95 mmGh", "--voltage", "0"], "did you mean mmHg"),
         (
             ["--pressure", "0", "--voltage", "step 0 5 kV at 20", "--stop", "3"],
-            "voltage: 20 s is after the end of the run (3 s)",
+            "voltage: 20 s is not before the end of the run (3 s)",
         ),
         (
             ["--pressure", "0", "--voltage", "step 0 5 kV at 2 until 1", "--stop", "3"],

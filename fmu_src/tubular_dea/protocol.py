@@ -211,10 +211,10 @@ def _step(words: list[str], unit: str, stop: float) -> tuple[list[float], list[f
 
 def _check_times(begin: float, end: float, stop: float) -> None:
     """`ProtocolError` unless both times [s] rise within the run."""
-    late = [t for t in (begin, end) if t > stop]
-    if late:
+    if begin >= stop or end > stop:
+        late = begin if begin >= stop else end
         raise ProtocolError(
-            f"{late[0]:g} s is after the end of the run ({stop:g} s); choose it earlier, or a later end"
+            f"{late:g} s is not before the end of the run ({stop:g} s); choose it earlier, or a later end"
         )
     if not 0 <= begin < end:
         raise ProtocolError(f"expected times from 0 s on that rise but was given {begin:g} and {end:g} s")
