@@ -94,8 +94,41 @@ def test_a_band_limited_input_is_known_between_its_samples() -> None:
     driven = drive(recorded(time, "force", signal(time)), [Input("force", band_limited=True)])
     assert driven.error["force"] == stated
     uneven = np.delete(time, 2000)
-    with pytest.raises(DataError, match="record, line 2002: .* band-limited"):
+    with pytest.raises(DataError, match="record, line 2002: .* band_limited .* held=True"):
         drive(recorded(uneven, "force", signal(uneven)), [Input("force", band_limited=True)])
+
+
+def rough(count: int = 2000) -> tuple[np.ndarray, np.ndarray]:
+    """Times about every 10 ms, as a computer that does other things too reads a signal that moves at each of them."""
+    random = np.random.default_rng(6)
+    time = (np.arange(count) + random.uniform(-0.2, 0.2, count)) / 100
+    lines, phases = random.uniform(1, 40, 40), random.uniform(0, 7, 40)
+    return time, np.sin(2 * np.pi * np.outer(time, lines) + phases).sum(axis=1)
+
+
+def test_jitter_of_a_clock_is_taken_out_of_a_band_limited_input() -> None:
+    time, values = rough()
+    driven = drive(recorded(time, "force", values), [Input("force", band_limited=True)], {"force": 0.0})
+    inner = slice(100, -100)
+    missed = np.interp(time, driven.protocol.time, driven.protocol.inputs["force"])[inner] - values[inner]
+    ignored = np.interp(np.arange(2000) / 100, time, values)[inner] - values[inner]
+    assert np.std(missed) < 0.02 * np.std(values) < 0.2 * np.std(ignored)
+
+
+def test_every_reading_that_is_offered_for_a_fast_input_works() -> None:
+    time, values = rough()
+    experiment = recorded(time, "force", values)
+    with pytest.raises(DataError, match=r"held=True .* band_limited=True .* \[noise\] .* force = ") as refused:
+        drive(experiment, [Input("force")])
+    offered = float(str(refused.value).split("force = ")[1].split(" ")[0])
+    for signal in (Input("force", held=True), Input("force", band_limited=True)):
+        assert np.ptp(drive(experiment, [signal]).protocol.inputs["force"]) > np.ptp(values) / 2
+    assert drive(experiment, [Input("force")], {"force": 1.1 * offered}).noise["force"] > 0
+    with pytest.raises(DataError, match="held=True"):
+        drive(experiment, [Input("force")], {"force": 0.1 * offered})
+    with pytest.raises(DataError) as refused:
+        drive(recorded(time + 0.02 * (time > 7), "force", values), [Input("force")])
+    assert "band_limited" not in str(refused.value)
 
 
 def test_states_feel_lines_with_the_spectrum_of_a_signal_as_the_signal_itself() -> None:

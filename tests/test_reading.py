@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -242,6 +243,43 @@ def test_dry_run_says_what_is_understood_and_fits_nothing(
     assert main([command, str(tmp_path / "data"), "--dry-run", "--columns", *columns, "--out", str(out)]) == 0
     assert [p.name for p in out.iterdir()] == ["recordings.png"]
     assert (out / "recordings.png").stat().st_size > 10_000
+
+
+def test_a_name_that_is_held_out_has_to_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written(tmp_path / "data", headed())
+    assert main(["close-loop", str(tmp_path / "data"), "--dry-run", "--hold-out", "a"]) == 0
+    assert main(["close-loop", str(tmp_path / "data"), "--dry-run", "--hold-out", "a1"]) == 2
+    assert "--hold-out a1: there is no experiment 'a1'; did you mean a?" in capsys.readouterr().err
+
+
+STORE = """
+from tubular_dea.plants import Balance, Build, Input, Output, Plant
+m = Build("Store", "A store", __doc__)
+inflow = m.input("inflow", "m/s", "Inflow", nominal=1e-7)
+k = m.parameter("k", "1/s", 2e-6, "Rate at which it drains", minimum=1e-9)
+S = m.state("S", "m", "Water stored", start="free", nominal=0.1)
+m.derivative(S, inflow - k * S)
+m.output("level", "m", S, "Gauge")
+PLANT = Plant(m.model(), inputs=[Input("inflow", held=True)], outputs=[Output("level")], places=[Balance("S")])
+"""
+
+
+def test_slow_records_are_shown_in_the_units_of_their_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    random = np.random.default_rng(0)
+    level = 300 + np.cumsum(random.normal(0, 3, 200))  # never quiet
+    data = {"time [d]": np.arange(200.0), "inflow [mm/d]": random.exponential(5.0, 200), "level [mm]": level}
+    written(tmp_path / "data", data)
+    (tmp_path / "store.py").write_text(STORE)
+    assert main(["close-loop", str(tmp_path / "data"), "--plant", str(tmp_path / "store.py"), "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    for word in ("199 d", "every 1 d", "inflow [mm/d]", "level [mm]", "estimated"):
+        assert word in said, said
+    assert re.search(r"inflow [\d.]+ mm/d,", said) and "nm/s" not in said
+    first = f"{np.median(level[:5]):.4g}"
+    assert any(line.endswith(first) for line in said.splitlines()), said
+    (tmp_path / "data" / "bench.toml").write_text('[noise]\ninflow = "0 mm/d"\n')  # it switches at every sample
+    assert main(["close-loop", str(tmp_path / "data"), "--plant", str(tmp_path / "store.py"), "--dry-run"]) == 0
+    assert "level not known yet (no part of the recordings is quiet)" in capsys.readouterr().out
 
 
 def test_mixed_rates_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

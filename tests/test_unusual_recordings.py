@@ -101,6 +101,19 @@ def test_short_pulses_on_a_coarse_monitor_are_no_noise() -> None:
     assert "frozen" in next(checks.inputs(voltage | {"pressure": stuck}, PLANT, lines))
 
 
+def test_what_is_held_or_commanded_may_rest_and_what_is_missing_is_no_rest() -> None:
+    random, lines = np.random.default_rng(3), np.arange(400) + 2
+    moving = random.normal(5e3, 300, 400)
+    resting = np.where((lines > 100) & (lines < 160), 0.0, moving)
+    held = replace(PLANT, inputs=tuple(replace(s, held=True) for s in PLANT.inputs))
+    still = {"pressure": resting, "voltage": moving}
+    assert [fault for fault in checks.inputs(still, PLANT, lines) if "frozen" in fault]
+    assert not list(checks.inputs(still, held, lines))
+    assert not list(checks.inputs(still, PLANT, lines, commanded=["pressure"]))
+    missing = np.where(resting == 0, np.nan, moving)
+    assert not list(checks.inputs({"pressure": missing, "voltage": moving}, PLANT, lines))
+
+
 def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
     voltage = next(signal for signal in PLANT.inputs if signal.name == "voltage")
     toggling = 2.44 * (np.random.default_rng(0).random(2000) < 0.05)  # 12 bits of 10 kV

@@ -10,6 +10,7 @@ import tubular_dea as td
 
 from ..errors import UserError
 from ..identify import bench_file
+from ..model.declare import nearest
 
 FORMATS = f"""files:
   Text with any delimiter (comma, semicolon, tab, spaces), decimal point or comma, encoding, and lines above or in
@@ -50,6 +51,10 @@ def recordings_of(
     if options.out is None and not options.dry_run:
         raise UserError("--out is missing: expected a folder to write to, or --dry-run")
     recordings = td.read_recordings(options.data, options.plant, columns=options.columns)
+    known = [e.name for e in recordings.experiments]
+    for name in getattr(options, "hold_out", None) or ():
+        if name not in known:
+            raise UserError(f"--hold-out {name}: there is no experiment {name!r}{nearest(name, known)}")
     if not options.dry_run:
         begin(recordings)
     for line in [*([] if options.dry_run else recordings.remarks()), *recordings.findings()]:

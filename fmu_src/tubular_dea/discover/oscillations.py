@@ -19,6 +19,10 @@ LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer
 LINE_PLACES = 61  # [1] places there that are compared
 LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
 
+# Set by judgement. Check: `pytest tests/test_oscillations.py`
+PARTS = 8  # [1] equal parts of a record in most of which a line is, or it is the trace of a few events
+STEADY = 0.5  # [1] of its amplitude in the whole record that it has there at least
+
 
 @dataclass(frozen=True)
 class Oscillation:
@@ -46,14 +50,17 @@ def oscillations(found: Discovery) -> list[Oscillation]:
         residual = piece.record - with_nuisances(study, piece, answer)
         for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
             left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
-    told = []
+    told: list[Oscillation] = []
     for output, records in left.items():
         noise = study.noise[output]
         for line in noise.lines:
             fine = _finest(line, records)
+            if any(w.output == output and abs(w.frequency - fine) < LINE_NEAR for w in told):
+                continue
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
             errors = {name: noise.slow_at(_step(times)) * np.sqrt(2 / times.size) for name, times, _ in records}
-            if any(amplitudes[name] > LINE_TOLD * errors[name] for name in amplitudes):
+            seen = [r for r in records if amplitudes[r[0]] > LINE_TOLD * errors[r[0]]]
+            if any(_steady(fine, times, residual) for _, times, residual in seen):
                 told.append(Oscillation(output, fine, amplitudes))
     return told
 
@@ -63,6 +70,13 @@ def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> f
     grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
     return float(grid[int(np.argmax(power))])
+
+
+def _steady(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a wave is in most parts of a record, not only where something has just happened."""
+    parts = zip(np.array_split(times, PARTS), np.array_split(values, PARTS), strict=True)
+    usual = float(np.median([abs(_wave(frequency, t, v)) for t, v in parts]))
+    return usual >= STEADY * abs(_wave(frequency, times, values))
 
 
 def _wave(frequency: float, times: np.ndarray, values: np.ndarray) -> complex:

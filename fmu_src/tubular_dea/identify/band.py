@@ -25,6 +25,12 @@ FINEST = 32  # [1] points a sample at most
 PADDED = 64  # [samples] of mirror image at either end
 QUIETEST = 0.05  # [1] share of the frequencies whose power is taken for noise: the least
 
+# Set by theory: a band-limited signal follows from samples that lie off even ones by less than a quarter of a step
+# (Kadec). Check: `pytest tests/test_monitors.py -k jitter`
+JITTER = 0.24  # [1] of the time between samples: how far off an even clock they lie at most
+EVENED = 1e-3  # [1] of the signal's rms: what even samples may miss the recorded ones by (rms)
+EVENING = 20  # [1] passes at most
+
 # Set by theory: of a parabola. Check: `pytest tests/test_monitors.py`
 LINE = float(np.sqrt(8 / 15))  # [1] rms over its chord, in units of what the chord misses in the middle
 BEND = float(np.sqrt(1 / 720))  # [1] rms beside the line that has its mean, in units of curvature times step^2
@@ -47,6 +53,29 @@ def band_limited(
     fine = _finer(values, finer, corrected=not direct)
     step = (time[-1] - time[0]) / (time.size - 1) / finer
     return time[0] + step * np.arange(fine.size), fine, missed(values, finer)
+
+
+def even(time: np.ndarray) -> np.ndarray:
+    """The even times next to those of samples (n,)."""
+    index = np.arange(time.size)
+    line = np.polyval(np.polyfit(index, time - time[0], 1), index)
+    off = time - time[0] - line
+    return np.asarray(time[0] + line + (off.max() + off.min()) / 2)
+
+
+def evened(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Even times, and the values there of the band-limited signal that has `values` (n,) at an uneven `time` (n,).
+
+    Again and again by what it still misses them by.
+    """
+    there, found = even(time), values.copy()
+    fine = np.linspace(there[0], there[-1], FINEST * (time.size - 1) + 1)
+    for _ in range(EVENING):
+        missed = values - np.interp(time, fine, _finer(found, FINEST))
+        if np.std(missed) <= EVENED * np.std(values):
+            break
+        found = found + missed
+    return there, found
 
 
 def _cut(values: np.ndarray, finer: int) -> float:

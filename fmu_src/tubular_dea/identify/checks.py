@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -23,11 +23,19 @@ BELOW_REST = 0.05  # [1] of its size at rest by which a plant is not smaller
 SMOOTHED = 9  # [samples] over which noise is averaged for that
 
 
-def inputs(values: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray) -> Iterator[str]:
-    """The faults of a recording's inputs (SI units), the most obvious first; `lines` (n,) are those of the file."""
+def inputs(
+    recorded: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray, commanded: Collection[str] = ()
+) -> Iterator[str]:
+    """The faults of a recording's inputs (n,) (SI units, NaN where missing), the most obvious first.
+
+    `lines` (n,) are those of the file. What is held, or was `commanded` and not measured, may rest as long as it likes.
+    """
     for signal in plant.inputs:
-        yield from _wrong_unit(values[signal.name], signal.name, signal, plant.quantity(signal.name).unit, lines)
-        yield from _standstill(values[signal.name], signal.name, lines, stops=(np.max,))
+        seen = np.flatnonzero(np.isfinite(recorded[signal.name]))
+        values, there = recorded[signal.name][seen], lines[seen]
+        yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
+        if not signal.held and signal.name not in commanded:
+            yield from _standstill(values, signal.name, there, stops=(np.max,))
 
 
 def output(

@@ -7,7 +7,7 @@ a frozen or saturated sensor, a radius below that of the tube at rest.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -33,7 +33,7 @@ AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less
 class Source:
     """How a file was understood: its `format`, the column of every signal (`heading [unit]`), those not used, remarks.
 
-    `missing` counts the cells of each signal that hold no number.
+    `missing` counts the cells of each signal that hold no number; `units` are those of the file's columns, by signal.
     """
 
     path: Path
@@ -42,6 +42,7 @@ class Source:
     unused: tuple[str, ...]
     remarks: tuple[str, ...]
     missing: dict[str, int]
+    units: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,8 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     experiments, left_out, still = [], [], {}
     for path in files:
         try:
-            experiments.append(_placed(read_experiment(path, plant, said.geometry, chosen, said.rate), said, plant))
+            read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, _commanded(said))
+            experiments.append(_placed(read_one, said, plant))
         except NoTableError:
             if path.suffix.lower() not in NOTES:
                 raise
@@ -128,7 +130,7 @@ def of_tables(
         raise DataError("recordings: expected at least one table but was given none")
     said = said or BenchFile()
     chosen = said.columns | choices(columns, plant)
-    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate) for t in tables}
+    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, _commanded(said)) for t in tables}
     experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
     return Recordings(plant, experiments, said.geometry, said.noise, "recordings")
 
@@ -137,6 +139,11 @@ def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment
     """The experiment with its kind of start, from bench.toml or from its first samples, and its start time."""
     start = said.start.get(experiment.name, said.start.get("default", "")) or detected(experiment, plant)
     return replace(experiment, start=start, begins=said.order.get(experiment.name))
+
+
+def _commanded(said: BenchFile) -> list[str]:
+    """The signals without noise: they were not measured."""
+    return [name for name, level in said.noise.items() if level == 0]
 
 
 def _files(folder: Path, plant: Plant) -> list[Path]:
@@ -165,13 +172,14 @@ def read_experiment(
     geometry: Mapping[str, float] | None = None,
     chosen: Mapping[str, Choice] | None = None,
     rate: float | None = None,
+    commanded: Collection[str] = (),
 ) -> Experiment:
     """One file, checked. `geometry` has the values of parameters that are subtracted from a column (a radius).
 
-    `chosen` says which column a signal is, `rate` [Hz] how a file without a time was sampled. `DataError` for what
-    cannot be used.
+    `chosen` says which column a signal is, `rate` [Hz] how a file without a time was sampled, `commanded` which inputs
+    were not measured. `DataError` for what cannot be used.
     """
-    return experiment_of(read(path, signals(plant)), plant, geometry, chosen, rate)
+    return experiment_of(read(path, signals(plant)), plant, geometry, chosen, rate, commanded)
 
 
 def experiment_of(
@@ -180,6 +188,7 @@ def experiment_of(
     geometry: Mapping[str, float] | None = None,
     chosen: Mapping[str, Choice] | None = None,
     rate: float | None = None,
+    commanded: Collection[str] = (),
 ) -> Experiment:
     """One table of numbers, checked; the arguments are those of `read_experiment`."""
     path, chosen = table.path, chosen or {}
@@ -194,7 +203,7 @@ def experiment_of(
     time = taken.time - (taken.time[0] if columns["time"].column.clock else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
-    for finding in checks.inputs(inputs, plant, lines):
+    for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
     outputs: dict[str, np.ndarray] = {}
@@ -246,7 +255,8 @@ def _there(values: np.ndarray) -> np.ndarray:
 def _source(table: Table, columns: Mapping[str, Assigned], remarks: Sequence[str]) -> Source:
     shown = {name: _shown(a) for name, a in columns.items()}
     missing = {name: a.column.missing for name, a in columns.items() if a.column.missing}
-    return Source(table.path, table.format, shown, tuple(unused(table, columns)), (*table.remarks, *remarks), missing)
+    units, said = {name: a.unit for name, a in columns.items() if a.unit}, (*table.remarks, *remarks)
+    return Source(table.path, table.format, shown, tuple(unused(table, columns)), said, missing, units)
 
 
 def _shown(a: Assigned) -> str:

@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from ..plants.plant import Input
 from ..protocol import Protocol
 from . import hum as hums
-from .band import band_limited, noise_floor
+from .band import JITTER, band_limited, even, evened, noise_floor
 from .data import DataError, Experiment
 from .edges import MATTERS, Edge, Rise, Transitions, located, transitions
 from .edges import rise as rise_of
@@ -147,7 +147,7 @@ def drive(
             drawn[name] = _band_limited(experiment, signal, levels[name])
         elif not signal.held:
             lines = _mains([experiment], name) if mains is None else mains[name]
-            drawn[name] = _continuous(experiment, signal, levels[name], lines)
+            drawn[name] = _continuous(experiment, signal, levels[name], lines, name in (noise or {}))
         elif _staircase(values, levels[name]):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
@@ -220,17 +220,38 @@ def _levels(
 
 
 def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn:
-    _check_even(experiment, signal.name)
-    values = experiment.inputs[signal.name]
-    times, fine, error = band_limited(experiment.time, values, noise, signal.direct is not False)
+    time, values = experiment.time, experiment.inputs[signal.name]
+    step = np.diff(time)
+    irregular = np.abs(step / np.median(step) - 1)
+    if irregular.max() > CLOCK_JITTER:
+        if _off_even(time) > JITTER:
+            worst = int(np.argmax(irregular))
+            raise DataError(
+                f"{experiment.name}, line {experiment.lines[worst + 1]}: {step[worst]:.6g} s after the sample before; "
+                f"expected samples about every {np.median(step):.6g} s, as the input {signal.name!r} is band_limited "
+                "and is computed between them from all of them: leave this file out, or declare the input held=True "
+                "(each value holds until the next) or with neither of the two (straight lines)"
+            )
+        time, values = evened(time, values)
+    times, fine, error = band_limited(time, values, noise, signal.direct is not False)
     return _Drawn(_unmoved(times, fine), noise, error, experiment.time)
 
 
-def _continuous(experiment: Experiment, signal: Input, noise: float, mains: Sequence[float]) -> _Drawn:
-    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away."""
+def _off_even(time: np.ndarray) -> float:
+    """How far the samples lie off an even clock, in steps of it."""
+    return float(np.abs(time - even(time)).max() / np.median(np.diff(time)))
+
+
+def _continuous(
+    experiment: Experiment, signal: Input, noise: float, mains: Sequence[float], stated: bool = False
+) -> _Drawn:
+    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away.
+
+    `stated`: the noise is known, not estimated from the record.
+    """
     name = signal.name
     if float(np.abs(experiment.inputs[name]).max()) > signal.least:  # else nothing but noise is in it
-        _check_sampling(experiment, name, noise)
+        _check_sampling(experiment, name, noise, stated)
     time, values = experiment.time, experiment.inputs[name]
     hum = hums.at(mains, time, _within_a_turn(time, values))
     for _ in range(HUM_PASSES):  # the line follows what is left of the hum
@@ -373,21 +394,11 @@ def _missed(
     return error
 
 
-def _check_even(experiment: Experiment, name: str) -> None:
-    step = np.diff(experiment.time)
-    worst = int(np.argmax(np.abs(step - np.median(step))))
-    if abs(step[worst] - np.median(step)) > CLOCK_JITTER * np.median(step):
-        raise DataError(
-            f"{experiment.name}, line {experiment.lines[worst + 1]}: {step[worst]:.6g} s after the sample before; "
-            f"expected samples every {np.median(step):.6g} s, as the input {name!r} is band-limited and is computed "
-            "between them from all of them: leave this file out, or declare the input without band_limited"
-        )
-
-
-def _check_sampling(experiment: Experiment, name: str, noise: float) -> None:
+def _check_sampling(experiment: Experiment, name: str, noise: float, stated: bool) -> None:
     """`DataError` where an input moves so much between samples that its values there are unknown.
 
     The error of a straight line over one omitted sample is measured; over half the distance it is a quarter of that.
+    Noise that is not `stated` may be the signal itself, and only a little of it counts.
     """
     time, values = experiment.time, experiment.inputs[name]
     if time.size < 3:
@@ -395,16 +406,21 @@ def _check_sampling(experiment: Experiment, name: str, noise: float) -> None:
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     left_out = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
     span = float(np.abs(values).max())  # of a record that holds still, the range is noise
-    noise = min(noise, LARGEST * span)  # more than that is the signal itself, which looks like noise
-    unknown = float(np.sqrt(max(np.mean(left_out**2) - 1.5 * noise**2, 0.0))) / 4
+    noise = noise if stated else min(noise, LARGEST * span)
+    missed = float(np.mean(left_out**2))
+    unknown = float(np.sqrt(max(missed - 1.5 * noise**2, 0.0))) / 4
     allowed = max(noise, COARSE_INPUT * span)
-    if unknown > allowed:
-        rate = 1 / float(np.median(np.diff(time)))
-        raise DataError(
-            f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
-            f"unknown by {unknown:.3g} (rms, SI), beside a noise of {noise:.3g}; expected a rate that follows it: "
-            f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or declare the input band_limited"
-        )
+    if unknown <= allowed:
+        return
+    rate = 1 / float(np.median(np.diff(time)))
+    curves = ", band_limited=True (a smooth curve through all samples)" if _off_even(time) <= JITTER else ""
+    raise DataError(
+        f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
+        f"unknown by {unknown:.3g} (rms, SI), beside a noise of {noise:.3g}; expected a rate that follows it: "
+        f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or say how these records are to be read: "
+        f"declare the input held=True (each value holds until the next){curves}, or say under [noise] in bench.toml "
+        f"that {name} = {np.sqrt(missed / 1.5):.2g} (SI) if what is fast is noise"
+    )
 
 
 def joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:

@@ -14,13 +14,22 @@ from ..identify.drive import Drive, drives
 from ..identify.sampling import rate
 from ..identify.study import sensor_noise
 from ..model.declare import Quantity
-from ..plants.plant import Output
+from ..model.units import Amount, converted
+from ..plants.plant import Output, Plant
 from ..recordings.table import some
 from .colours import COLOURS
 from .figures import png, sized
 from .parts import readable, shown_unit
 
 FIRST = 5  # samples whose median is what a record begins with
+SHORT = 0.01  # up to its inverse a number is short
+SLOW = 0.1  # Hz below which the time between samples says more than the rate
+DAY = 86400.0
+DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
+EXPLAINED = (
+    "edges: how often held inputs switch; rise: how long that takes; start: rested, in equilibrium, or unknown or\n"
+    "estimated, which fits find out; the columns after it: what each signal reads first"
+)
 
 
 class Understanding:
@@ -77,17 +86,38 @@ class Understanding:
         for signal in plant.inputs:
             level = float(np.median([d.noise[signal.name] for d in self.drives]))
             said.append(
-                f"{signal.name} {_amount(level, plant.quantity(signal.name))}"
+                f"{signal.name} {self._noise_amount(level, signal.name)}"
                 f"{' (bench.toml)' if signal.name in stated else ''}"
             )
         for name, noise in self.noise.items():
-            words = f"{_output(plant.outputs, name).headings[0]} {_amount(noise.rms, plant.quantity(name))}"
-            said.append(words + (f" (correlation {noise.correlation:.2f})" if noise.correlation else ""))
+            headings = _output(plant.outputs, name).headings
+            words = f"{headings[0]} {self._noise_amount(noise.rms, name)}"
+            if not noise.quiet and stated.keys().isdisjoint(headings):
+                words = f"{headings[0]} not known yet (no part of the recordings is quiet)"
+            elif noise.correlation:
+                words += f" (correlation {noise.correlation:.2f})"
+            said.append(words)
         yield f"noise      {', '.join(said)}"
+
+    def unit(self, name: str) -> str:
+        """The unit in which a signal is shown: the plant's customary one, else that of the files if they agree."""
+        plant = self.recordings.plant
+        headings = next((o.headings for o in plant.outputs if o.name == name), (name,))
+        sources = [e.source for e in self.recordings.experiments if e.source]
+        there = {s.units[h] for s in sources for h in headings if h in s.units}
+        quantity = plant.quantity(name)
+        return quantity.display_unit or (there.pop() if len(there) == 1 else quantity.unit)
+
+    def _noise_amount(self, level: float, name: str) -> str:
+        """A noise (SI) in the unit of the files where that makes a short number, else in SI with a prefix."""
+        quantity, unit = self.recordings.plant.quantity(name), self.unit(name)
+        size = _shown(level, quantity, unit) - _shown(0.0, quantity, unit)
+        short = SHORT <= abs(size) < 1 / SHORT and not quantity.display_unit
+        return f"{size:.3g} {unit}" if short else _amount(level, quantity)
 
     def _table(self) -> Iterator[str]:
         """How each file was sampled, how it starts and what it reads then, how often a held input switches."""
-        shown = {name: shown_unit(self.recordings.plant.quantity(name)) for name in self.signals}
+        quantities = {name: self.recordings.plant.quantity(name) for name in self.signals}
         rows = [
             [
                 "file",
@@ -97,15 +127,17 @@ class Understanding:
                 "edges",
                 "rise",
                 "start",
-                *(f"{name} [{unit}]" for name, (_, unit) in shown.items()),
+                *(f"{name} [{self.unit(name)}]" for name in quantities),
             ]
         ]
         for experiment, driven in zip(self.recordings.experiments, self.drives, strict=True):
-            rows.append([*_row(experiment, driven), *(_first(experiment, n, s) for n, (s, _) in shown.items())])
+            first = (_first(experiment, q, self.unit(name), name) for name, q in quantities.items())
+            rows.append([*_row(experiment, driven, self.recordings.plant), *first])
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         for row in rows:
             padded = [c.rjust(w) for c, w in zip(row, widths, strict=True)]
             yield "  ".join([row[0].ljust(widths[0]), *padded[1:]])
+        yield EXPLAINED
 
     @property
     def signals(self) -> list[str]:
@@ -132,10 +164,15 @@ class Understanding:
         axes = figure.subplots(len(experiments), len(names), squeeze=False)
         for number, (row, experiment, driven) in enumerate(zip(axes, experiments, self.drives, strict=True)):
             for column, (axis, name) in enumerate(zip(row, names, strict=True)):
-                scale, unit = shown_unit(plant.quantity(name))
+                quantity, unit = plant.quantity(name), self.unit(name)
                 values = experiment.inputs.get(name, experiment.outputs.get(name))
                 if values is not None:
-                    axis.plot(experiment.time, values / scale, color=COLOURS[column % len(COLOURS)], linewidth=0.8)
+                    axis.plot(
+                        experiment.time,
+                        _shown(values, quantity, unit),
+                        color=COLOURS[column % len(COLOURS)],
+                        linewidth=0.8,
+                    )
                 _dressed(axis, f"{name} [{unit}]" if number == 0 else "", driven, name)
             row[0].set_ylabel(experiment.name, rotation=0, ha="right", va="center", fontsize=8)
         for axis in axes[-1]:
@@ -153,25 +190,38 @@ def _dressed(axis: Axes, title: str, driven: Drive, name: str) -> None:
             axis.axvline(edge.time, color="0.6", linewidth=0.5, zorder=0)
 
 
-def _first(experiment: Experiment, name: str, scale: float) -> str:
+def _first(experiment: Experiment, quantity: Quantity, unit: str, name: str) -> str:
     """What a signal reads first; "" where the file has none."""
     values = experiment.inputs.get(name, experiment.outputs.get(name))
-    return "" if values is None else f"{float(np.nanmedian(values[:FIRST])) / scale + 0.0:.2f}".replace("-0.00", "0.00")
+    return "" if values is None else f"{_shown(float(np.nanmedian(values[:FIRST])), quantity, unit) + 0.0:.4g}"
 
 
-def _row(experiment: Experiment, driven: Drive) -> list[str]:
+def _shown(value: Amount, quantity: Quantity, unit: str) -> Amount:
+    """An SI value in the unit in which it is shown."""
+    return converted(value, quantity.unit, unit)
+
+
+def _row(experiment: Experiment, driven: Drive, plant: Plant) -> list[str]:
     steps = np.diff(experiment.time)
     uneven = "" if np.max(steps) < 1.5 * np.median(steps) else " with gaps"
     rises = [edge.rise for edge in driven.edges if edge.rise > 0]
+    per_second = rate(experiment.time)
+    estimated = any(p.start for p in plant.model.parameters)
     return [
         experiment.name,
         f"{experiment.time.size}",
-        f"{np.ptp(experiment.time):.4g} s",
-        f"{rate(experiment.time):.5g} Hz{uneven}",
+        duration(float(np.ptp(experiment.time)), 4),
+        (f"{per_second:.5g} Hz" if per_second >= SLOW else f"every {duration(1 / per_second, 4)}") + uneven,
         f"{len(driven.edges)}",
-        f"{1e3 * float(np.median(rises)):.2g} ms" if rises else "-",
-        experiment.start,
+        duration(float(np.median(rises)), 2) if rises else "-",
+        "estimated" if estimated else experiment.start,
     ]
+
+
+def duration(seconds: float, digits: int) -> str:
+    """A time in the unit that suits it, to some significant digits."""
+    size, unit = next((s, u) for least, s, u in DURATIONS if seconds >= least)
+    return f"{float(f'{seconds / size:.{digits}g}'):.{digits + 2}g} {unit}"
 
 
 def _remarks_of(source: Source) -> Iterator[str]:

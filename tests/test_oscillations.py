@@ -1,0 +1,31 @@
+"""Oscillations in what a model leaves of a record: each is told once, and only if it lasts."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tubular_dea.discover import oscillations
+from tubular_dea.identify.noise import Noise
+
+TIME = np.arange(0, 4000, 1.0)
+STEADY = 1e-3 * np.sin(2 * np.pi * 0.2 * TIME)
+AFTER_A_PULSE = np.where((TIME > 1000) & (TIME < 1040), 0.2 * STEADY / 1e-3, 0.0)
+
+
+@pytest.mark.parametrize(("left", "told"), [(STEADY, 1), (AFTER_A_PULSE, 0)])
+def test_a_line_that_lasts_is_told_once_and_the_trace_of_a_pulse_is_none(
+    monkeypatch: pytest.MonkeyPatch, left: np.ndarray, told: int
+) -> None:
+    record = left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
+    case = SimpleNamespace(readings=[SimpleNamespace(output="voltage", times=TIME)], parts=lambda: [slice(None)])
+    piece = SimpleNamespace(name="a", record=record, case=case)
+    noise = {"voltage": Noise(1e-4, 0.0, lines=(0.18, 0.2, 0.21), step=1.0)}
+    answers = SimpleNamespace(outputs=lambda values: [np.zeros(TIME.size)])
+    study = SimpleNamespace(noise=noise, pieces=[piece], response=lambda ids, pieces: answers)
+    named = SimpleNamespace(ids=(), fitted=SimpleNamespace(values={}))
+    monkeypatch.setattr(oscillations, "with_nuisances", lambda study, piece, answer: answer)
+    waves = oscillations.oscillations(SimpleNamespace(study=study, named=named))
+    assert [w.frequency for w in waves] == pytest.approx([0.2] * told, abs=3e-3)
