@@ -9,10 +9,12 @@ import plotly.graph_objects as go
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
 from ..discover.outcome import floor, remainder
+from ..discover.remarks import thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
+from ..recordings.table import some
 from .effects import effects
-from .in_short import in_short, least, not_seen
+from .in_short import LEFT, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, readable, record_and_residuals
@@ -64,13 +66,15 @@ def headline(found: Discovery) -> str:
 
 
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
-    """The errors before and after in a line."""
+    """The errors before and after, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
     noise = floor(found.study, after["rmse"])
-    held = ""
+    held, little = "", thin(found)
     if before["held_out_rmse"] is not None:
-        held = f"held out {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
-    return [f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"]
+        names = some([p.name for p in found.study.held_out])
+        held = f"held out ({names}) {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
+    said = f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"
+    return [said, f"these recordings prove little: {little}"] if little else [said]
 
 
 def _one_of(found: Discovery, effect: str) -> str:
@@ -120,17 +124,19 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
     state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
+    quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
+    where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
     page.text(
-        f"1. The noise, estimated in the quietest parts of the recordings: {_size(found, noise['rms'])}, correlation "
-        f"between samples {noise['correlation']:.2f}. The noise of the "
-        f"monitors passes through the model and adds {_size(found, noise['from_monitors'])}."
+        f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
+        f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
+        f"{_size(found, noise['from_monitors'])}. Where a residual is told as so many times the noise, both are meant."
     )
     page.text(
         f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "
-        f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations. Numerical errors account "
-        f"for a gain of at most {found.numeric:.2g}."
+        f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations."
+        + (f" Numerical errors account for a gain of at most {found.numeric:.2g}." if found.numeric else "")
     )
-    _channels(page, found)
+    _channels(page, found, outcome["residual"]["channel"])
     for number, step in enumerate(found.search.rounds, start=4):
         beside = f" added to {', '.join(step.present)}" if step.present else ""
         page.text(
@@ -145,9 +151,9 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         )
     beyond = f"{_size(found, after.structure)} rms of it" if after.structure else "nothing of its rms"
     page.text(
-        f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part is by "
-        f"{after.z_slow:.1f} standard deviations); on the held-out experiments the residual is {found.held_ratio:.3f} "
-        "times the noise."
+        f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part differs from "
+        f"that of the noise by {after.z_slow:.1f} standard deviations); on the held-out experiments the residual is "
+        f"{found.held_ratio:.3f} times {LEFT}."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
 
@@ -162,8 +168,8 @@ def _undone(found: Discovery, step: Round) -> str:
     )
 
 
-def _channels(page: Page, found: Discovery) -> None:
-    """The fault isolation: the channel in which the residual arises."""
+def _channels(page: Page, found: Discovery, told: str | None) -> None:
+    """The fault isolation: the channel in which the residual arises; `told` is the one that the summary names."""
     if not found.isolated:
         page.text("3. No channel is sought: the residual is noise.")
         return
@@ -172,8 +178,10 @@ def _channels(page: Page, found: Discovery) -> None:
         if found.isolated.disturbance
         else "from a latent input of free form in each channel"
     )
+    later = f" An effect in the {told} channel explains more of it; so the summary names that one."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
-    page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.")
+    differs = told not in (None, found.isolated.channel)
+    page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")
     page.figure(bars(dict(evidence), "log evidence"), "The evidence for each channel.")
 
 
@@ -201,7 +209,7 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     for r in outcome["ranking"]:
         meaning = "; ".join(found.study.catalogue[i].summary for i in r["effects"])
         rows.append([" + ".join(r["effects"]), meaning, _number(r["evidence"]), f"{r['ratio']:.3f}"])
-    page.table(["refitted with", "what it means", "log evidence over the base", "residual over noise"], rows)
+    page.table(["refitted with", "what it means", "log evidence over the base", "residual / noise"], rows)
     for name, others in found.equivalent.items() if found.named.ids else ():
         page.text(
             f"Not distinguishable from {name}: {', '.join(others)}."

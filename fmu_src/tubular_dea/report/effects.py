@@ -7,6 +7,7 @@ residual is drawn over whichever quantity of its equation, or of its own states,
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -56,7 +57,7 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry, found.study.plant.model))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
-        page.lines(equations(found.study.plant.model, effect))
+        page.lines(re.sub(r"`(.+?)`", r"“\1”", equations(found.study.plant.model, effect)))
         curve = own_curve(isolated, excitations)
         drawn = [] if curve is None else [_own(effect, curve)]
         page.drawings([*drawn, _over(isolated, excitations, records)])

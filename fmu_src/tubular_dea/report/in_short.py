@@ -23,10 +23,13 @@ CONFIDENCE = {
     "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
     "the fits.",
 }
+LEFT = "what the noise of the sensor and of the monitors leaves together"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 SHOWN = 3  # effects that could not be seen
+ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
+FAR = f"even {MOST_USUAL:.0f} times as strong as usual"
 
 
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
@@ -60,10 +63,11 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     if not outcome["invisible"]:
         return
     page.heading("What these recordings would not have shown", level=3)
+    values = [value for sizes in outcome["invisible"].values() for value in sizes.values()]
     page.text(
         "The detection limit of every effect: the smallest size that would have been seen (with a power of 80 % and "
-        "5 % false alarms). For a parameter whose effect grows as it falls, such as a rate limit, it is the largest. "
-        '"None" means that the model\'s own parameters compensate for the effect at any size.'
+        "5 % false alarms). For a parameter whose effect grows as it falls, such as a rate limit, it is the largest."
+        + (f' "{ANY_SIZE}": the model\'s own parameters compensate for the effect.' if None in values else "")
     )
     rows = [
         [name, parameter, _shown_limit(found.study.catalogue[name], parameter, value)]
@@ -130,9 +134,7 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     if best is None or not rivals:
         return []
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
-    said = (
-        f"The nearest other explanation, {other}, leaves a residual of {ratio:.2f} times the noise on fitted recordings"
-    )
+    said = f"The nearest other explanation, {other}, leaves a residual on fitted recordings of {ratio:.2f} times {LEFT}"
     if ratio <= best["ratio"]:
         return [f"{said}, this one {best['ratio']:.2f} times, but it predicts the held-out ones worse."]
     return [f"{said}; this one leaves {best['ratio']:.2f} times."]
@@ -151,13 +153,19 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
             else:
                 known.append((share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
-    said = "; ".join(f"{e.id} {_limit(e, parameter, value)} ({parameter})" for _, e, parameter, value in known[:SHOWN])
-    texts = [f"{said}. Larger ones would have been seen; the table below lists all effects."] if said else []
+    said = "; ".join(f"{e.id} ({_meaning(e, name)}: {_limit(e, name, value)})" for _, e, name, value in known[:SHOWN])
+    texts = [f"{said}. Stronger ones would have been seen; the table below lists all effects."] if said else []
     if far:
-        texts.append(f"{', '.join(far)} up to {MOST_USUAL:.0f} times their usual sizes; further no estimate goes.")
+        texts.append(f"{', '.join(far)}, {FAR}.")
     if none:
         texts.append(f"{', '.join(none)} at any size: the model's own parameters compensate for it.")
     return texts
+
+
+def _meaning(effect: Effect, parameter: str) -> str:
+    """What a parameter of an effect is, for the middle of a sentence."""
+    words = next(q.description for q in effect.parameters if q.name == parameter) or parameter.replace("_", " ")
+    return f"{words[0].lower()}{words[1:]}"
 
 
 def _share(effect: Effect, parameter: str, value: float) -> float:
@@ -174,9 +182,8 @@ def _smaller_is_more(effect: Effect, parameter: str) -> bool:
 
 def _shown_limit(effect: Effect, parameter: str, value: float | None) -> str:
     if value is None:
-        return "none"
-    far = _share(effect, parameter, value) > MOST_USUAL
-    return f"{MOST_USUAL:.0f} times its usual size and more" if far else _limit(effect, parameter, value)
+        return ANY_SIZE
+    return FAR if _share(effect, parameter, value) > MOST_USUAL else _limit(effect, parameter, value)
 
 
 def _limit(effect: Effect, parameter: str, value: float) -> str:

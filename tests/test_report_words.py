@@ -1,0 +1,50 @@
+"""What a report says, sentence by sentence, on made-up results."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from tubular_dea.plants.tube import PLANT
+from tubular_dea.report import close_loop, in_short
+from tubular_dea.report.page import Page
+
+FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
+
+
+def hidden(invisible: dict[str, dict[str, float | None]]) -> str:
+    return " ".join(in_short._hidden(FOUND, {"invisible": invisible}))
+
+
+def table(invisible: dict[str, dict[str, float | None]]) -> str:
+    page = Page("a", "b")
+    in_short.not_seen(page, FOUND, {"invisible": invisible})
+    return page.document()
+
+
+def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
+    effect = PLANT.catalogue["pressure_gain"]
+    said = hidden({"pressure_gain": {"pressure_gain": 0.05}})
+    (meaning,) = (q.description for q in effect.parameters if q.name == "pressure_gain")
+    assert f"pressure_gain ({meaning[0].lower()}{meaning[1:]}: within 0.05 of 1). Stronger ones" in said
+    assert "Larger" not in said
+
+
+def test_any_size_is_explained_only_where_it_stands_in_the_table() -> None:
+    some, none = {"pressure_gain": {"pressure_gain": 0.05}}, {"pressure_gain": {"pressure_gain": None}}
+    assert "any size" not in table(some)
+    assert table(none).count("any size") == 2
+    far = {"pressure_gain": {"pressure_gain": 1e3}}
+    assert "10 times as strong as usual" in table(far) and "even 10 times as strong" in hidden(far)
+
+
+def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
+    monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
+    held = [SimpleNamespace(name="ramp, second half")]
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held))
+    errors = {"rmse": 15e-6, "held_out_rmse": 16e-6}
+    first, second = close_loop.error_lines(found, {"recalibrated": errors, "after": errors})
+    assert "held out (ramp, second half) 16 um" in first
+    assert second == "these recordings prove little: there is only one experiment"
