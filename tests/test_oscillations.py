@@ -15,8 +15,11 @@ STEADY = 1e-3 * np.sin(2 * np.pi * 0.2 * TIME)
 AFTER_A_PULSE = np.where((TIME > 1000) & (TIME < 1040), 0.2 * STEADY / 1e-3, 0.0)
 
 
-@pytest.mark.parametrize(("left", "told"), [(STEADY, 1), (AFTER_A_PULSE, 0)])
-def test_a_line_that_lasts_is_told_once_and_the_trace_of_a_pulse_is_none(
+SLOW = 0.2 * (TIME % 500) / 500  # a ramp in every part of the record
+
+
+@pytest.mark.parametrize(("left", "told"), [(STEADY, 1), (AFTER_A_PULSE, 0), (SLOW, 0)])
+def test_a_line_that_lasts_is_told_once_and_what_a_model_misses_otherwise_is_none(
     monkeypatch: pytest.MonkeyPatch, left: np.ndarray, told: int
 ) -> None:
     record = left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)

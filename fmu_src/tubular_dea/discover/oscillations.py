@@ -19,6 +19,9 @@ LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer
 LINE_PLACES = 61  # [1] places there that are compared
 LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
 
+# Set by theory: white noise in a mean with the weights of Hann, two phases. Check: `pytest tests/test_oscillations.py`
+WINDOW = 3.0  # [1] over the number of samples: squared error of an amplitude, in units of the noise
+
 # Set by judgement. Check: `pytest tests/test_oscillations.py`
 PARTS = 8  # [1] equal parts of a record in most of which a line is, or it is the trace of a few events
 STEADY = 0.5  # [1] of its amplitude in the whole record that it has there at least
@@ -58,7 +61,7 @@ def oscillations(found: Discovery) -> list[Oscillation]:
             if any(w.output == output and abs(w.frequency - fine) < LINE_NEAR for w in told):
                 continue
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
-            errors = {name: noise.slow_at(_step(times)) * np.sqrt(2 / times.size) for name, times, _ in records}
+            errors = {name: noise.slow_at(_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records}
             seen = [r for r in records if amplitudes[r[0]] > LINE_TOLD * errors[r[0]]]
             if any(_steady(fine, times, residual) for _, times, residual in seen):
                 told.append(Oscillation(output, fine, amplitudes))
@@ -80,9 +83,10 @@ def _steady(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
 
 
 def _wave(frequency: float, times: np.ndarray, values: np.ndarray) -> complex:
-    """The complex amplitude of a wave in some values, their mean taken out."""
-    turns = np.exp(-2j * np.pi * frequency * (times - times[0]))
-    return complex(2 * np.mean(turns * (values - values.mean())))
+    """The complex amplitude of a wave in some values, their mean taken out; their ends count least (Hann), as what a
+    model misses slowly would otherwise look like a wave of any frequency."""
+    turns, weight = np.exp(-2j * np.pi * frequency * (times - times[0])), np.hanning(times.size)
+    return complex(2 * np.sum(weight * turns * (values - np.average(values, weights=weight))) / weight.sum())
 
 
 def _step(times: np.ndarray) -> float:
