@@ -109,6 +109,7 @@ def rough(count: int = 2000) -> tuple[np.ndarray, np.ndarray]:
 def test_jitter_of_a_clock_is_taken_out_of_a_band_limited_input() -> None:
     time, values = rough()
     driven = drive(recorded(time, "force", values), [Input("force", band_limited=True)], {"force": 0.0})
+    assert driven.protocol.time[[0, -1]] == pytest.approx(time[[0, -1]], abs=0)
     inner = slice(100, -100)
     missed = np.interp(time, driven.protocol.time, driven.protocol.inputs["force"])[inner] - values[inner]
     ignored = np.interp(np.arange(2000) / 100, time, values)[inner] - values[inner]

@@ -234,7 +234,9 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
             )
         time, values = evened(time, values)
     times, fine, error = band_limited(time, values, noise, signal.direct is not False)
-    return _Drawn(_unmoved(times, fine), noise, error, experiment.time)
+    first, last = experiment.time[[0, -1]]  # even times may begin later, and end earlier
+    covered = np.concatenate([[first], times[(times > first) & (times < last)], [last]])
+    return _Drawn(_unmoved(covered, np.interp(covered, times, fine)), noise, error, experiment.time)
 
 
 def _off_even(time: np.ndarray) -> float:
