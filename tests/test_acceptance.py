@@ -26,7 +26,7 @@ BASE = option(excess=LARGE, held_out=12_000.0)
 
 def found(base: Option, chosen: Option, **more: object) -> Search:
     """A search that ended so."""
-    return Search(base, chosen, None, None, **more)
+    return Search(base, chosen, more.pop("study", STUDY), None, **more)
 
 
 @pytest.mark.parametrize(
@@ -290,6 +290,9 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
 
     assert refused(5.0 * LARGE - 1) == "creep explains less than 25% of the remaining residual"
     assert refused(5.0 * LARGE + 1) == ""
+    much = option(excess=4000 * LARGE)  # of which the first effect explains nearly all: its law is not so exact
+    assert "another form of lag could" in acceptance.no_further_effect(much, before, 15.9 * LARGE, "creep")
+    assert acceptance.no_further_effect(much, before, 16.0 * LARGE, "creep") == ""
     worse = option("lag", "creep", excess=15 * LARGE, held_out=2.1e5, turned=0.2)
     assert acceptance.accept(base, before, worse, 30.0) == (
         False,
@@ -394,7 +397,9 @@ def test_equals_differ_in_one_effect_and_are_listed_best_first() -> None:
 
 STUDY = SimpleNamespace(
     catalogue={
-        name: SimpleNamespace(typical={name: 1.0}, parameters=[SimpleNamespace(name=name)], refine=refine)
+        name: SimpleNamespace(
+            typical={name: 1.0}, off={name: 0.0}, fit=(name,), parameters=[SimpleNamespace(name=name)], refine=refine
+        )
         for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
     }
 )
@@ -436,11 +441,44 @@ def test_an_earlier_effect_is_exchanged_where_another_does_better_in_company(mon
         },
     )
     search = two_effects()
-    revision.revise(STUDY, search, lambda what: None)
+    revision.revise(search, lambda what: None)
     assert search.chosen is better
     assert [r.ids for r in search.rivals] == [("lag", "creep")]
     assert search.gains == {"creep": 1200.0, "slew": 30_100.0}
     assert (("set", "creep"), ()) not in asked  # it was further behind than creep brought, times 2.5
+
+
+def test_an_effect_far_from_the_plant_is_exchanged_by_what_its_own_starts_foretell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Far from the plant a start that was estimated with another effect makes the right one predict badly."""
+    left = LARGE * 25
+    first = taken(option("lag", excess=left), option("slew", excess=left + 1000.0))
+    chosen = option("lag", "creep", excess=left / 5)
+    misled = option("slew", "creep", excess=1000.0, held_out=1e7)
+    mended = replace(misled, unseen=misled.unseen / 100)
+    asked = refits(monkeypatch, {(("slew", "creep"), ()): misled})
+    monkeypatch.setattr(revision, "iterated", lambda study, one: ("its own", mended))
+    search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": left})
+    revision._exchange(search, lambda what: None)
+    assert asked and search.chosen is mended and search.study == "its own"
+    monkeypatch.setattr(revision, "iterated", lambda study, one: ("its own", misled))
+    search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": left})
+    revision._exchange(search, lambda what: None)
+    assert search.chosen is chosen and search.study is STUDY
+
+
+def test_of_effects_that_do_as_well_in_place_of_one_the_usual_size_is_taken() -> None:
+    """Far from the plant a fifth of what is left says nothing."""
+    chosen = option("lag", "creep", excess=4e5)
+    wild = option("slew", "creep", excess=2e5)
+    wild = replace(wild, fitted=replace(wild.fitted, values={"base": 1.0, "slew": 12.0}))
+    plain, behind = option("set", "creep", excess=2.3e5), option("set", "creep", excess=2.6e5)
+    for other, best in ((plain, plain), (behind, wild)):
+        search = found(BASE, chosen)
+        assert revision._better(search, "lag", [(STUDY, wild), (STUDY, other)]) == (STUDY, best)
+    slightly = option("set", "creep", excess=3.4e5)
+    assert revision._better(found(BASE, chosen), "lag", [(STUDY, slightly)]) == (STUDY, chosen)
 
 
 def test_rivals_are_tried_again_that_lacked_no_more_than_later_effects_brought() -> None:
@@ -457,7 +495,7 @@ def test_an_effect_without_which_next_to_nothing_is_lost_goes(monkeypatch: pytes
             {(("creep",), ()): option("creep", excess=lost, z_slow=0.0), (("lag",), ()): option("lag", excess=1000.0)},
         )
         search = two_effects()
-        revision.revise(STUDY, search, lambda what: None)
+        revision.revise(search, lambda what: None)
         assert search.chosen.ids == (("lag", "creep") if stays else ("creep",))
         assert search.gains["lag"] == lost
 
@@ -468,7 +506,7 @@ def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.
     def revised(coarse: Option, finer: Option, finer_rival: Option | None = None) -> Search:
         refits(monkeypatch, {(("lag",), ("lag",)): finer, (("set",), ("set",)): finer_rival})
         search = found(BASE, coarse, rivals=[rival], gains={"lag": 38_000.0})
-        revision.revise(STUDY, search, lambda what: None)
+        revision.revise(search, lambda what: None)
         return search
 
     coarse, finer = option("lag", excess=2000.0), option("lag", excess=100.0, refined=("lag",))
@@ -487,6 +525,16 @@ def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.
     assert search.gains == {"set": 38_000.0}
 
 
+def test_far_from_the_plant_a_finer_form_of_a_rival_has_to_do_much_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen, rival = option("lag", excess=5e5), option("set", excess=5.5e5)
+    for left, wins in ((4.1e5, False), (3.8e5, True)):
+        finer = option("set", excess=left, refined=("set",))
+        refits(monkeypatch, {(("set",), ("set",)): finer})
+        search = found(BASE, chosen, rivals=[rival], gains={"lag": 1e6})
+        revision._refine_rivals(STUDY, search, chosen, lambda what: None)
+        assert search.chosen is (finer if wins else chosen)
+
+
 def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> None:
     names = [f"rival{i}" for i in range(9)]
     catalogue = STUDY.catalogue | {
@@ -496,14 +544,14 @@ def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> No
     rivals = [option(n, excess=2001.0 + i) for i, n in enumerate(names)]
     finer = option("lag", excess=100.0, refined=("lag",))
     asked = refits(monkeypatch, {(("lag",), ("lag",)): finer})
-    search = found(BASE, option("lag", excess=2000.0), rivals=rivals, gains={"lag": 38_000.0})
-    revision.revise(study, search, lambda what: None)
+    search = found(BASE, option("lag", excess=2000.0), study=study, rivals=rivals, gains={"lag": 38_000.0})
+    revision.revise(search, lambda what: None)
     assert sorted(asked[1:]) == [((n,), (n,)) for n in names[:4]]
     asked = refits(monkeypatch, {})
     chosen = option("lag", "creep", excess=0.0, z_slow=0.0)
     first = taken(option("lag", excess=1000.0), *rivals)
-    search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": 1000.0})
-    revision.revise(study, search, lambda what: None)
+    search = found(BASE, chosen, study=study, rounds=[first, taken(chosen)], gains={"creep": 1000.0})
+    revision.revise(search, lambda what: None)
     assert [ids for ids, _ in asked if ids[0] in names] == [(n, "creep") for n in names[:2]]
 
 

@@ -197,12 +197,15 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
 
     Where the slow part of the residual of `after` is noise, the rest is the uncertainty of the noise's level.
     """
+    form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     if far(before):
         held = 0.0 if after is None else after.held_out - (1 - FURTHER) * before.held_out
+        if gain < SECOND_PART * (base.fitted.cost - before.fitted.cost):
+            return form
         little = gain < FURTHER * before.lack_of_fit.excess or held > 0
         return f"{name} explains less than {FURTHER:.0%} of the remaining residual" if little else ""
     if gain < _least_gain(base, before, gain):
-        return f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
+        return form
     settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE
     if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
         return f"{name} removes less than half of the remaining residual"

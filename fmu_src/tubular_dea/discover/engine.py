@@ -38,6 +38,7 @@ from .operating_point import repeats
 from .options import Option, fitted_option, option
 from .parameters import base_parameters
 from .revision import Search
+from .settle import iterated
 
 # Set by convention. Check: `pytest tests/test_discover.py::test_the_same_recordings_and_seed_give_the_same_result`
 SEED = 20240  # [1] of all random numbers: the same recordings give the same answer
@@ -183,7 +184,7 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
             break
         tell("the noise is less")
         work, fitted = _base_settled(replace(found.base_study, noise=limited.noise), found.base.fitted, seed)
-        found = selection.search(work, fitted, numeric, seed, tell)
+        found = selection.search(work, fitted, numeric, seed, tell, found.rounds)
     return found
 
 
@@ -278,7 +279,7 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
     work, fitted = _base_settled(work, fitted, seed)
     lost = base.elsewhere(work, fitted)
     if lost is not None:
-        moved, again = selection.iterated(work, option(work, (), lost))
+        moved, again = iterated(work, option(work, (), lost))
         if again.fitted.cost < fitted.cost - AGREE:
             return _base_settled(moved, again.fitted, seed)
     return work, fitted

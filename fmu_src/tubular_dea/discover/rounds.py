@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..identify.compiled import Ids
@@ -17,7 +17,7 @@ from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
 from .parameters import unusual
 from .power import Sizes, detection_limits
-from .refit import FULL_STEPS, first_refit, further
+from .refit import FIRST_STEPS, FULL_STEPS, first_refit, further
 from .wander import explained_by_wandering
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
@@ -73,8 +73,14 @@ class Round:
     listed: list[bank.Candidate] = field(default_factory=list, repr=False)
 
 
-def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed: int, tell: Progress) -> Round:
-    """Seek one effect in addition to those of `chosen`; `numeric` is the gain that numerical errors may cause."""
+def take_round(
+    study: Study, base: Option, chosen: Option, numeric: float, seed: int, tell: Progress, known: Sequence[Option] = ()
+) -> Round:
+    """Seek one effect in addition to those of `chosen`; `numeric` is the gain that numerical errors may cause.
+
+    `known` are the options of the same round at another level of noise (best first): refits start from these, and the
+    last of them are not refitted again.
+    """
     tell("scores of the catalogue")
     listed = bank.candidates(study, chosen.fitted, chosen.ids)
     scored = bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian)
@@ -90,8 +96,10 @@ def take_round(study: Study, base: Option, chosen: Option, numeric: float, seed:
     if hopeless:
         return replace(blank, reason=hopeless)
     shortlist = _shortlist(ranked, threshold, ALL_REFITS if _astray(chosen, ranked[0]) else MOST_REFITS)
+    behind = [o.ids[-1] for o in known[REFITS:]]
+    shortlist = [i for i in shortlist if i not in behind]
     study.compiled.gather(chosen.ids, shortlist)
-    options = _refits(study, chosen, scored, shortlist, tell)
+    options = _refits(study, chosen, scored, shortlist, {o.ids[-1]: o.fitted for o in known}, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
     said = [_said(study, base, chosen, o, threshold) for o in options]
@@ -143,11 +151,16 @@ def _shortlist(ranked: Sequence[Score], threshold: float, most: int) -> list[str
     return [s.id for s in standing[: max(REFITS, min(len(near), most))]]
 
 
-def _refits(study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], tell: Progress) -> list[Option]:
-    """The candidates refitted: each for a few steps, those close to the best until they converge."""
+def _refits(
+    study: Study, chosen: Option, scored: Sequence[Score], ids: Sequence[str], known: Mapping[str, Fit], tell: Progress
+) -> list[Option]:
+    """The candidates refitted: each for a few steps (from its `known` fit), those close to the best until they
+    converge."""
 
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
+        if name in known:
+            return further(study, (*chosen.ids, name), known[name], FIRST_STEPS, chosen.refined)
         shapes = [s for s in scored if s.id == name and s.statistic > 0]
         return first_refit(study, chosen.ids, chosen.fitted, _distinct(shapes), chosen.refined)
 

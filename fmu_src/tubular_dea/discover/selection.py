@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..identify.adjust import MOST_SETTLES, adjusted
 from ..identify.fit import AGREE, Fit, FitError
 from ..identify.study import Study
 from ..identify.threads import side_by_side
-from .acceptance import clean, far, finished, settled
-from .equivalence import CHANCE
-from .options import Option, fitted_option, option
+from .acceptance import far, finished, settled
+from .equivalence import CHANCE, error_reach
+from .options import Option, option
 from .refit import fit_effects, further
 from .revision import Search, revise
-from .rounds import Progress, take_round
+from .rounds import Progress, Round, take_round
+from .settle import own_nuisances
 
 # Set by judgement. Check: `python -m measured.table`, `python -m blind.score --pairs 20 --seed 1000`
 ROUNDS = 3  # [1] effects that are sought one after the other
@@ -27,25 +27,29 @@ SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 
 
-def search(study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress) -> Search:
-    """The whole search from the recalibrated base; `numeric` is the gain that numerical errors may cause."""
+def search(
+    study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress, earlier: Sequence[Round] = ()
+) -> Search:
+    """The whole search from the recalibrated base; `numeric` is the gain that numerical errors may cause, `earlier`
+    are the rounds of a search at another level of noise."""
     base = option(study, (), base_fit)
     found = Search(base, base, study, study)
     stages: list[Search] = []
     for number in range(MOST_ROUNDS):
         if number >= ROUNDS and not far(found.chosen):
             break
-        step = take_round(found.study, base, found.chosen, numeric, seed, tell)
+        known = next((r.options for r in earlier if r.present == found.chosen.ids), [])
+        step = take_round(found.study, base, found.chosen, numeric, seed, tell, known)
         deeper = _better_base(study, found, step.options)
         if deeper is not None:
-            return search(study, deeper, numeric, seed, tell)
+            return search(study, deeper, numeric, seed, tell, earlier)
         found.rounds.append(step)
         if not step.accepted:
             break
         found.chosen = _converged(found.study, step.options[0], tell)
         found.rivals = step.options[1:]
         found.gains = {found.chosen.ids[-1]: base.misfit - found.chosen.misfit}
-        revise(found.study, found, tell)
+        revise(found, tell)
         _settle(found, tell)
         stages.append(replace(found))
         if finished(base, found.chosen):
@@ -58,51 +62,22 @@ def _settle(found: Search, tell: Progress) -> None:
     that were behind by no more than the choice gains by it."""
     tell("switching instants and zeros")
     before, name = found.chosen, found.chosen.ids[-1]
-    found.study, found.chosen = _own_nuisances(found.study, before)
+    found.study, found.chosen = own_nuisances(found.study, before)
     gained = before.misfit - found.chosen.misfit
     if gained < AGREE:
         return
     near = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and r.misfit - before.misfit < gained]
     near = [r for r in near if not r.impossible][:SETTLED_RIVALS]
-    settled = side_by_side(lambda r: _own_nuisances(found.study, r), near)
+    settled = side_by_side(lambda r: own_nuisances(found.study, r), near)
     others = [r for r in found.rivals if not any(r is n for n in near)]
     found.gains[name] = found.gains.get(name, 0.0) + gained
     everyone = sorted([(found.study, found.chosen), *settled], key=lambda s: -s[1].evidence)
     study, best = everyone[0]
-    if 2 * (best.evidence - found.chosen.evidence) > CHANCE:
+    if 2 * (best.evidence - found.chosen.evidence) > max(CHANCE, error_reach(found.chosen)):
         found.gains[best.ids[-1]] = found.gains.pop(name) + found.chosen.misfit - best.misfit
         found.study, found.chosen = study, best
     rest = [o for _, o in everyone if o is not found.chosen]
     found.rivals = sorted([*rest, *others], key=lambda o: -o.evidence)
-
-
-def _own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
-    """An option with nuisance parameters as it makes them likely itself, and the study that has these.
-
-    A start under load and the parameters that it is estimated with change together, in several steps. Where more than
-    noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values.
-    """
-    study, one = iterated(study, one)
-    if clean(one.lack_of_fit):
-        return study, one
-    again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
-    if again is None or not study.plant.restart:
-        return study, one
-    return min((study, one), iterated(study, again), key=lambda settled: settled[1].misfit)
-
-
-def iterated(study: Study, one: Option) -> tuple[Study, Option]:
-    """An option and its nuisance parameters, each taken anew until the option gains no more."""
-    for _ in range(MOST_SETTLES):
-        moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
-        again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
-        if again is None:
-            break
-        gained = one.misfit - again.misfit
-        study, one = moved, again
-        if abs(gained) < AGREE:
-            break
-    return study, one
 
 
 def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit | None:
