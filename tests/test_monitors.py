@@ -62,6 +62,16 @@ def test_a_moving_signal_is_not_taken_for_noise_with_a_memory() -> None:
         assert memory(truth + 25 * np.random.default_rng(2).standard_normal(time.size)) in (None, NO_MEMORY)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_spike_of_noise_in_a_long_record_is_no_corner(seed: int) -> None:
+    """Of 200 000 samples of white noise ten are more than four standard deviations off."""
+    time = np.arange(200_000) / 5000
+    noisy = 400.0 * time + 25.0 * np.random.default_rng(seed).standard_normal(time.size)
+    assert np.diff(polyline(time, noisy, 25.0).corners).min() > 5
+    noisy[[50_000, 50_001]] += 200.0  # eight on two samples are no chance
+    assert np.diff(polyline(time, noisy, 25.0).corners).min() < 3
+
+
 @pytest.mark.parametrize("step", [12.5, 50.0, 133.322])
 def test_a_coarse_monitor(step: float) -> None:
     noisy = step * np.round((HOLDS + 25 * np.random.default_rng(3).standard_normal(TIME.size)) / step)
