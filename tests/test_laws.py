@@ -151,6 +151,24 @@ def test_a_law_is_only_where_it_can_be_told_from_others() -> None:
     assert {"relaxation(strain)", "orifice(strain)"} <= {e.id for e in at("sensor", 1)}
 
 
+@pytest.mark.parametrize(
+    ("unit", "moves"), [("m/s", True), ("mm/s", True), ("rad/s", True), ("K", False), ("1/s", False)]
+)
+def test_a_speed_without_a_displacement_has_friction_and_no_overflow(unit: str, moves: bool) -> None:
+    m = Build("Wheel", "A motor on a wheel")
+    current = m.input("current", "A", nominal=2.0)
+    push = m.parameter("push", f"{unit}/s/A" if unit != "1/s" else "1/s2/A", 1.0)
+    w = m.state("w", unit, nominal=0.3)
+    m.derivative(w, push * current - w * m.parameter("drag", "1/s", 2.0))
+    m.output("speed", unit, w)
+    found = {e.id: e for e in effects_at(m.model(), Balance("w"))}
+    assert ({"dry_friction(w)", "quadratic_drag(w)"} <= {*found}) == moves
+    assert ("spill_over(w)" in found) != moves
+    assert not {"stop(w)", "quadratic(w)", "hysteresis(w)"} & {*found}
+    if moves:
+        assert mismatches(found["dry_friction(w)"](m.model())) == []
+
+
 def test_the_check_of_dimensions_can_fail() -> None:
     model = tanks()
     assert mismatches(model) == []

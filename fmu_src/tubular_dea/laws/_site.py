@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -346,6 +347,19 @@ class BalanceSite(Site):
     receives: Quantity | None = None
 
     @property
+    def moves(self) -> bool:
+        """Whether the balance is that of a speed; else it is that of a store."""
+        angular = {"rad", "deg", "rpm"} & {*re.split(r"[./]", self.unit)}
+        return self.displaced is not None or _alike(self.unit, "m/s") or bool(angular)
+
+    @property
+    def travelled(self) -> tuple[str, float]:
+        """Unit and usual size of the displacement; without one, of what a speed covers in the usual time."""
+        if self.displaced is not None:
+            return self.displaced.unit, self.displaced.nominal
+        return combined((self.unit, 1), ("s", 1)), self.nominal * self.seconds
+
+    @property
     def rate_unit(self) -> str:
         """Unit of a term of the balance."""
         return combined((self.unit, 1), ("s", -1))
@@ -434,7 +448,12 @@ def site(model: Model, place: Place) -> AnySite:
 
 
 def _same(unit: str, other: str) -> bool:
+    return _alike(unit, other) and abs(factor(unit, other) - 1) < 1e-9
+
+
+def _alike(unit: str, other: str) -> bool:
     try:
-        return abs(factor(unit, other) - 1) < 1e-9
+        factor(unit, other)
     except UnitError:
         return False
+    return True

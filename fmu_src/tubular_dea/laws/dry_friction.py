@@ -20,6 +20,8 @@ tools and compensation methods for the control of machines with friction", Autom
 Typical: 5 % of the balance, within 0.1 to 10 % of the displacement; breakaway 0 to 1, within 1 to 10 % of the speed.
 """
 
+import sympy
+
 from ..model.declare import Model
 from ..model.effect import Effect
 from ..model.smooth import positive_part
@@ -27,21 +29,21 @@ from ._site import BalanceSite
 from .places import Balance
 
 KINDS = (Balance,)
-NEEDS = "a `displacement`"
-TRAVELS = (1e-3, 1e-2, 1e-1)  # of the displacement's nominal value
+NEEDS = "the balance of a speed"
+TRAVELS = (1e-3, 1e-2, 1e-1)  # of the displacement's usual size
 
 
 def law(at: BalanceSite) -> Effect | None:
     """Elastoplastic friction."""
-    if at.displaced is None:
+    if not at.moves:
         return None
-    x, v, size = at.displaced, at.quantity.symbol, at.displaced.nominal
+    v, (length, size) = at.quantity.symbol, at.travelled
     force = at.knob(
         "force", at.rate_unit, f"Dry friction on {at.words}", 0.05 * at.rate_size, 0.0, 20 * at.rate_size, off=0.0
     )
     travel = at.knob(
         "travel",
-        x.unit,
+        length,
         "Displacement within which it builds up",
         0.01 * size,
         1e-5 * size,
@@ -68,7 +70,7 @@ def law(at: BalanceSite) -> Effect | None:
             "1",
             "Friction over its largest value",
             lambda z: (v - positive_part(v * z) * z * positive_part(z**2 - c) / (1 - c)) / travel.symbol,
-            x.symbol * 0,
+            sympy.Integer(0),
         )
         stribeck = 1 + more.symbol / (1 + (v / speed.symbol) ** 2)
         return at.added(model, -force.symbol * z * stribeck)

@@ -22,7 +22,7 @@ from .places import Balance, Path
 KINDS = (Path, Balance)
 NEEDS = "nothing else"
 MOST = 0.05  # of the nominal value: what is further off is no matter of a zero
-LOAD = 0.3  # of the balance
+LOAD = 1.0  # of the balance of a speed: a lift's motor carries its weight
 INFLOW = 1.0  # of the balance of a store: what drains it may end at a level of its own (a venous pressure)
 
 
@@ -42,7 +42,7 @@ def law(at: SignalSite | BalanceSite) -> Effect:
 
 def _load(at: BalanceSite) -> Effect:
     size = at.rate_size
-    low, high = (-LOAD * size, LOAD * size) if at.displaced else (0.0, INFLOW * size)
+    low, high = (-LOAD * size, LOAD * size) if at.moves else (0.0, INFLOW * size)
     load = at.knob("", at.rate_unit, f"Constant term on {at.words}", 0.02 * size, low, high, off=0.0)
 
     def apply(model: Model) -> Model:

@@ -57,9 +57,9 @@ class Path(Place):
 class Balance(Place):
     """The balance behind the derivative of the state `name`, to which a term may be added.
 
-    In mechanics `name` is a velocity and `displacement` the state whose rate it is: friction, drag, springs and stops
-    act there. Without `displacement` it is a store (a level, a pressure, a charge); `below` is the state that receives
-    what spills over.
+    In mechanics `name` is a velocity, in m/s, rad/s or units like these: friction and drag act there, and springs and
+    stops too if `displacement` names the state whose rate it is. Another state is a store (a level, a pressure, a
+    charge); `below` is the state that receives what spills over.
     """
 
     displacement: str = ""

@@ -22,12 +22,12 @@ from ._site import BalanceSite
 from .places import Balance
 
 KINDS = (Balance,)
-NEEDS = "a `displacement`"
+NEEDS = "the balance of a speed"
 
 
 def law(at: BalanceSite) -> Effect | None:
     """Drag with the square of the velocity."""
-    if at.displaced is None:
+    if not at.moves:
         return None
     v, size = at.quantity.symbol, at.rate_size / at.nominal**2
     drag = at.knob(

@@ -26,7 +26,7 @@ from ._site import BalanceSite
 from .places import Balance
 
 KINDS = (Balance,)
-NEEDS = "a store (no `displacement`), and no equilibrium curve"
+NEEDS = "a store (no speed), and no equilibrium curve"
 LEVELS = (0.5, 0.7, 0.9, 1.2, 1.7, 2.4, 3.5, 5.0)  # of the state's nominal value
 STRENGTHS = (5.0, 30.0)  # over the usual time there: what runs over does so at once
 CORNER = 1e-3  # of the state's nominal value: where it begins
@@ -34,7 +34,7 @@ CORNER = 1e-3  # of the state's nominal value: where it begins
 
 def law(at: BalanceSite) -> Effect | None:
     """The store overflows above a level."""
-    if at.displaced is not None or at.model.curve:
+    if at.moves or at.model.curve:
         return None
     n, below = at.nominal, at.receives
     usual = 1 / at.seconds
