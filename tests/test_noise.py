@@ -203,3 +203,14 @@ def test_rounding_to_steps_larger_than_the_noise_is_white_where_the_signal_moves
         assert error.std() < found.innovation < 1.3 * np.hypot(error.std(), RMS)
     else:
         assert found.innovation == pytest.approx(np.hypot(error.std(), RMS * np.sqrt(1 - phi**2)), rel=0.15)
+
+
+def test_ringing_that_has_not_settled_is_no_noise() -> None:
+    """A carriage on a spring after two pushes: what rests is the force, not the carriage."""
+    time, random = np.arange(0, 10, 0.01), np.random.default_rng(4)
+    records = []
+    for size in (0.09, -0.06, 0.05):
+        since = np.maximum(time - 1.0, 0.0)
+        ringing = size * (1 - np.exp(-0.75 * since) * np.cos(9.4 * since))
+        records.append((time, ringing + 1e-4 * random.standard_normal(time.size), np.array([1.0])))
+    assert not estimate(records).quiet

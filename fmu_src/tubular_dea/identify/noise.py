@@ -213,6 +213,7 @@ def estimate(records: Records) -> Noise:
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = _coloured(plain, step) if lines else found
     colour = found.colour(step)
+    quiet = quiet and found.variance < _variance(records)
     form = max(FORM, found.uncertainty, 0.0 if quiet else UNQUIET)
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
@@ -229,6 +230,11 @@ def estimate(records: Records) -> Noise:
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
         slow_known=quiet and (not 0 < colour.white < 1 or colour.phi <= 0 or _longest(chosen) >= SLOW_STRETCH),
     )
+
+
+def _variance(records: Records) -> float:
+    """The largest variance of a record: noise with more is a signal, the ringing of a plant that has not settled."""
+    return max(float(np.var(values)) for _, values, _ in records)
 
 
 def _longest(quiet: Sequence[Stretches]) -> float:
