@@ -215,3 +215,15 @@ def test_a_file_whose_own_signal_hides_the_hum_learns_of_it_from_the_others() ->
     humming = [2 * abs(np.mean((line - busy) * wave)) for line in (alone, among)]
     assert humming[0] > 35.0
     assert humming[1] < 20.0
+
+
+def test_a_command_that_is_new_at_every_sample_has_no_noise() -> None:
+    """Rain of every day: what looks like noise is the command. A noisy monitor of few levels keeps its noise."""
+    random, time = np.random.default_rng(8), 86400.0 * np.arange(365)
+    rain = np.where(random.random(365) < 0.5, random.gamma(0.6, 8.0, 365), 0.0)
+    held = [Input("rain", held=True)]
+    found = drive(recorded(time, "rain", rain), held)
+    assert found.noise["rain"] == 0.0
+    assert np.array_equal(found.protocol.at(time[1:-1] + 3600.0)["rain"], rain[1:-1])
+    levels = 30.0 * (np.arange(365) % 50 > 25) + 0.2 * random.standard_normal(365)
+    assert drive(recorded(time, "rain", levels), held).noise["rain"] == pytest.approx(0.2, rel=0.4)

@@ -215,7 +215,9 @@ def _levels(
             found[signal.name] = noise_floor(values)
         else:
             known = (memories or {}).get(signal.name) or (memory(values) if signal.linear else None)
-            found[signal.name] = level(values, known or NO_MEMORY)
+            estimated, most = level(values, known or NO_MEMORY), float(np.abs(values).max())
+            moves = signal.held and estimated > LARGEST * most > LARGEST * signal.least
+            found[signal.name] = 0.0 if moves else estimated  # a command that is new at every sample, such as rain
     return found
 
 
