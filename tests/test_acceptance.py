@@ -17,6 +17,7 @@ from tubular_dea.discover.revision import Search
 from tubular_dea.discover.rounds import Round
 from tubular_dea.identify import noise_limit
 from tubular_dea.identify.colour import Colour
+from tubular_dea.identify.fit import interval
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free
 
@@ -303,6 +304,15 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
     assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) == ("lag", "slew")  # a fifth of what is left
     rival = option("slew", excess=20 * LARGE + 0.21 * before.misfit, held_out=2e5)
     assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) is None
+
+
+def test_an_interval_ends_at_the_bounds_of_its_parameter() -> None:
+    fitted = option("lag").fitted
+    for lower, upper in ((None, None), (0.0, 2.0)):
+        free = [replace(fitted.free[0], lower=lower, upper=upper), fitted.free[1]]
+        one = replace(fitted, free=free, covariance=np.diag([9.0, 1.0]), scaled=np.array([0.7, 0.0]))
+        ends = interval(one, "base")
+        assert ends == ((0.0, 2.0) if upper else pytest.approx((0.7 - 1.96 * 3, 0.7 + 1.96 * 3), abs=0.01))
 
 
 def test_noise_is_no_more_than_a_residual_hides_from_its_past() -> None:

@@ -199,11 +199,13 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     """
     form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     if far(before):
-        held = 0.0 if after is None else after.held_out - (1 - FURTHER) * before.held_out
         if gain < SECOND_PART * (base.fitted.cost - before.fitted.cost):
             return form
-        little = gain < FURTHER * before.lack_of_fit.excess or held > 0
-        return f"{name} explains less than {FURTHER:.0%} of the remaining residual" if little else ""
+        if gain < FURTHER * before.lack_of_fit.excess:
+            return f"{name} explains less than {FURTHER:.0%} of the remaining residual"
+        if after is not None and after.held_out > (1 - FURTHER) * before.held_out:
+            return f"{name} explains less than {FURTHER:.0%} of what the held-out experiments leave"
+        return ""
     if gain < _least_gain(base, before, gain):
         return form
     settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE

@@ -214,12 +214,14 @@ def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, flo
 
 
 def interval(fitted: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of a parameter (SI) from the covariance; not symmetric where the scale is logarithmic."""
+    """The 95 % interval of a parameter (SI) from the covariance, within its bounds; not symmetric where the scale is
+    logarithmic."""
     i = fitted.names.index(name)
     free = fitted.free[i]
     half = NORMAL_95 * float(np.sqrt(max(fitted.covariance[i, i], 0.0)))
     ends = sorted([free.to_si(fitted.scaled[i] - half), free.to_si(fitted.scaled[i] + half)])
-    return ends[0], ends[1]
+    low = ends[0] if free.lower is None else max(ends[0], free.lower)
+    return low, ends[1] if free.upper is None else min(ends[1], free.upper)
 
 
 def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
