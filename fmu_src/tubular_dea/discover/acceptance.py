@@ -199,18 +199,22 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     """
     form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     if far(before):
-        if gain < SECOND_PART * (base.fitted.cost - before.fitted.cost):
-            return form
-        if gain < FURTHER * before.lack_of_fit.excess:
-            return f"{name} explains less than {FURTHER:.0%} of the remaining residual"
-        if after is not None and after.held_out > (1 - FURTHER) * before.held_out:
-            return f"{name} explains less than {FURTHER:.0%} of what the held-out experiments leave"
-        return ""
+        first = base.fitted.cost - before.fitted.cost
+        return form if gain < SECOND_PART * first else _little(before, gain, name, after)
     if gain < _least_gain(base, before, gain):
         return form
     settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE
     if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
         return f"{name} removes less than half of the remaining residual"
+    return ""
+
+
+def _little(before: Option, gain: float, name: str, after: Option | None) -> str:
+    """Why an effect explains too little of what a model leaves that is far from the plant; "" if it does not."""
+    if gain < FURTHER * before.lack_of_fit.excess:
+        return f"{name} explains less than {FURTHER:.0%} of the remaining residual"
+    if after is not None and after.held_out > (1 - FURTHER) * before.held_out:
+        return f"{name} explains less than {FURTHER:.0%} of what the held-out experiments leave"
     return ""
 
 
