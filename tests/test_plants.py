@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover.next_experiment import Proposal, kind, sweeps
+from tubular_dea.discover.next_experiment import Proposal, at_channel, kind, sweeps
 from tubular_dea.discover.outcome import advice
+from tubular_dea.laws.places import Balance, Coefficient, Path
+from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants.effects import catalogue
 from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
@@ -163,3 +165,20 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
         found = SimpleNamespace(verdict=verdict, proposal=proposal, chosen=chosen, equivalent=equals, study=study)
         assert words in advice(found)
     assert kind(PLANT) == "of those declared for the TubularDEA"
+
+
+def test_what_to_do_in_a_channel_can_be_done() -> None:
+    """Nobody can put a second sensor on a coefficient."""
+    m = Build("Cell", "A store that drains")
+    pump = m.input("pump", "m/s", nominal=1.0)
+    level = m.state("level", "m", start=0.0, nominal=0.5)
+    drain = m.define("drain", "m/s", m.parameter("k", "1/s", 1.0) * level)
+    m.derivative(level, pump - drain)
+    m.output("reading", "m", level)
+    places = [Path("reading"), Balance("level"), Coefficient("drain", of="level"), Coefficient("k", of="pump")]
+    plant = Plant(m.model(), inputs=[Input("pump")], outputs=[Output("reading")], places=places)
+    told = {c: at_channel(plant, c) for c in ("reading", "level", "drain", "k")}
+    assert told["reading"] == "repeat an experiment with a second sensor in the reading channel"
+    assert told["level"] == "repeat an experiment and measure level itself too, or what else acts on it"
+    assert told["drain"].startswith("repeat one course of pump at several levels of level")
+    assert told["k"].startswith("record steps of pump of several heights")

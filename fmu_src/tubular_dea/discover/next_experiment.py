@@ -16,6 +16,7 @@ from ..identify.problem import whitened
 from ..identify.response import Case, Reading
 from ..identify.study import Study
 from ..kernel import KernelError
+from ..laws.places import Balance, Coefficient
 from ..model.units import factor
 from ..plants.plant import Plant
 from ..protocol import Protocol
@@ -64,6 +65,19 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
         if apart and (best is None or min(apart) > best.discrimination):
             best = Proposal(words, min(apart))
     return best
+
+
+def at_channel(plant: Plant, channel: str) -> str:
+    """What to do in a channel in which something acts that no effect explains, so that it can be followed."""
+    place = next((p for p in plant.places if (p.channel or p.name) == channel), None)
+    if isinstance(place, Coefficient):
+        others = " and ".join(s.name for s in plant.inputs)
+        if place.of in {s.name for s in plant.inputs}:
+            return f"record steps of {place.of} of several heights, as {channel} may depend on more than {place.of}"
+        return f"repeat one course of {others} at several levels of {place.of}, as {channel} may depend on more than it"
+    if isinstance(place, Balance):
+        return f"repeat an experiment and measure {place.name} itself too, or what else acts on it"
+    return f"repeat an experiment with a second sensor in the {channel} channel"
 
 
 def _within(study: Study, output: str, answers: Sequence[np.ndarray]) -> bool:

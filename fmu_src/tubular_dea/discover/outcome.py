@@ -17,7 +17,7 @@ from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import noise_alone, size_interval
 from .engine import Discovery
-from .next_experiment import DIFFER, kind
+from .next_experiment import DIFFER, at_channel, kind
 from .options import Option
 from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
@@ -258,7 +258,7 @@ def _beside(found: Discovery) -> str:
     because = (
         "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
     )
-    return f"repeat an experiment with a second sensor in the {channel(found)} channel, because {because}"
+    return f"{at_channel(found.study.plant, channel(found) or '')}, because {because}"
 
 
 def _nowhere(found: Discovery) -> bool:
