@@ -306,6 +306,26 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
     assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) is None
 
 
+def test_nothing_is_missing_only_if_the_held_out_experiments_are_foretold() -> None:
+    nothing = found(option(excess=0.0), option(excess=0.0))
+    assert engine.decide(nothing, 1.5, {}) == "no_effect"
+    assert engine.decide(nothing, 1.6, {}) == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("excess", "ratio", "samples", "exchanged"),
+    [(0.0, 1.6, 5000, True), (0.0, 1.4, 5000, False), (5000.0, 1.6, 5000, False), (0.0, 1.6, 200, False)],
+)
+def test_what_only_the_held_out_experiments_see_is_sought_there(
+    monkeypatch: pytest.MonkeyPatch, excess: float, ratio: float, samples: int, exchanged: bool
+) -> None:
+    base = option(excess=excess)
+    monkeypatch.setattr(engine, "option", lambda work, ids, fitted: base)
+    monkeypatch.setattr(engine, "_held_ratio", lambda work, chosen: ratio)
+    work = SimpleNamespace(held_out=[SimpleNamespace(record=np.zeros(samples))])
+    assert engine._seen_elsewhere(work, base.fitted) == exchanged
+
+
 def test_an_interval_ends_at_the_bounds_of_its_parameter() -> None:
     fitted = option("lag").fitted
     for lower, upper in ((None, None), (0.0, 2.0)):

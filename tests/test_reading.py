@@ -267,7 +267,8 @@ PLANT = Plant(m.model(), inputs=[Input("inflow", held=True)], outputs=[Output("l
 def test_slow_records_are_shown_in_the_units_of_their_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random = np.random.default_rng(0)
     level = 300 + np.cumsum(random.normal(0, 3, 200))  # never quiet
-    data = {"time [d]": np.arange(200.0), "inflow [mm/d]": random.exponential(5.0, 200), "level [mm]": level}
+    inflow = 5.0 * (np.arange(200) % 50 > 25) + random.normal(0, 0.02, 200)
+    data = {"time [d]": np.arange(200.0), "inflow [mm/d]": inflow, "level [mm]": level}
     written(tmp_path / "data", data)
     (tmp_path / "store.py").write_text(STORE)
     assert main(["close-loop", str(tmp_path / "data"), "--plant", str(tmp_path / "store.py"), "--dry-run"]) == 0
@@ -277,7 +278,7 @@ def test_slow_records_are_shown_in_the_units_of_their_files(tmp_path: Path, caps
     assert re.search(r"inflow [\d.]+ mm/d,", said) and "nm/s" not in said
     first = f"{np.median(level[:5]):.4g}"
     assert any(line.endswith(first) for line in said.splitlines()), said
-    (tmp_path / "data" / "bench.toml").write_text('[noise]\ninflow = "0 mm/d"\n')  # it switches at every sample
+    (tmp_path / "data" / "bench.toml").write_text('[noise]\ninflow = "0 mm/d"\n')  # it is new at every sample
     assert main(["close-loop", str(tmp_path / "data"), "--plant", str(tmp_path / "store.py"), "--dry-run"]) == 0
     assert "level not known yet (no part of the recordings is quiet)" in capsys.readouterr().out
 

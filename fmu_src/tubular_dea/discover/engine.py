@@ -132,6 +132,10 @@ def discover(
         )
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed, held_out is None)
+    if held_out is None and _seen_elsewhere(work, fitted):
+        tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
+        pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
+        work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
     numeric = numerics.numeric_gain(work, fitted.values)
     found = _searched(work, fitted, numeric, seed, tell)
     work, fitted = found.study, found.base.fitted
@@ -212,7 +216,7 @@ def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]], w
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     noise = wanders or acceptance.noise_alone(state)
     if not found.chosen.ids:
-        return "no_effect" if noise else "unexplained"
+        return "no_effect" if noise and held_ratio <= acceptance.FORETOLD else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
     if held_ratio > acceptance.FORETOLD and acceptance.earned(found.base, found.chosen):
@@ -320,6 +324,14 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     wider = with_law(work, problem, option.ids, wider)
     wider = wider.with_covariance(wider.covariance * option.lack_of_fit.coloured)
     return replace(option, fitted=still_there(work, option.ids, fitted, wider, gains))
+
+
+def _seen_elsewhere(work: Study, fitted: Fit) -> bool:
+    """Whether a base that leaves noise in training does not predict the held-out experiments, which suffice for a
+    fit."""
+    alone = option(work, (), fitted)
+    enough = sum(p.record.size for p in work.held_out) >= LEAST_SAMPLES
+    return enough and acceptance.clean(alone.lack_of_fit) and _held_ratio(work, alone) > acceptance.FORETOLD
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

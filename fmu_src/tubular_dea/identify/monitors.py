@@ -24,7 +24,7 @@ from scipy.stats import norm
 REMOVE = 16.0  # [squared standard deviations] below which a corner is taken out again
 
 # Set by convention: one in twenty. Check: `pytest tests/test_monitors.py -k spike`
-SPIKE = 0.05  # [1] chance that a record of pure noise has a corner as brief and as far off somewhere
+SPIKE_CHANCE = 0.05  # [1] chance that a record of pure noise has a corner as brief and as far off somewhere
 
 # Set by measurement: a third polish changes no corner on the bench sets. Check: `pytest tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions plain --seed 1000`
@@ -296,7 +296,7 @@ def _least(corners: np.ndarray, samples: int) -> np.ndarray:
     """
     gaps = np.diff(corners, prepend=-samples, append=corners[-1] + samples)
     brief = np.minimum(gaps[:-1], gaps[1:])
-    return np.maximum(REMOVE, norm.isf(np.minimum(SPIKE * brief / (2 * samples), 0.5)) ** 2)
+    return np.maximum(REMOVE, norm.isf(np.minimum(SPIKE_CHANCE * brief / (2 * samples), 0.5)) ** 2)
 
 
 def _loss(pieces: _Segments, noise: float) -> np.ndarray:
