@@ -110,6 +110,8 @@ def test_what_is_held_or_commanded_may_rest_and_what_is_missing_is_no_rest() -> 
     assert [fault for fault in checks.inputs(still, PLANT, lines) if "frozen" in fault]
     assert not list(checks.inputs(still, held, lines))
     assert not list(checks.inputs(still, PLANT, lines, commanded=["pressure"]))
+    monitored = {"pressure": moving, "voltage": np.where(resting == 0, 5e3, 5e3 + (moving - 5e3) / 75)}  # 4 V of noise
+    assert [fault for fault in checks.inputs(monitored, PLANT, lines) if "'voltage'" in fault and "frozen" in fault]
     missing = np.where(resting == 0, np.nan, moving)
     assert not list(checks.inputs({"pressure": missing, "voltage": moving}, PLANT, lines))
 

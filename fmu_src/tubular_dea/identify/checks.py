@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model.declare import Quantity
 from ..plants.plant import Input, Output, Plant
-from .monitors import QUIET, noise_level, resolution
+from .monitors import LARGEST, QUIET, noise_level, resolution
 
 # Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
@@ -28,13 +28,15 @@ def inputs(
 ) -> Iterator[str]:
     """The faults of a recording's inputs (n,) (SI units, NaN where missing), the most obvious first.
 
-    `lines` (n,) are those of the file. What is held, or was `commanded` and not measured, may rest as long as it likes.
+    `lines` (n,) are those of the file. What was `commanded` and not measured may rest as long as it likes, as may what
+    is held and changes by more than the noise of a monitor (a heating that is off at night).
     """
     for signal in plant.inputs:
         seen = np.flatnonzero(np.isfinite(recorded[signal.name]))
         values, there = recorded[signal.name][seen], lines[seen]
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
-        if not signal.held and signal.name not in commanded:
+        itself = signal.held and noise_level(values) > LARGEST * float(np.abs(values).max(initial=0.0))
+        if not itself and signal.name not in commanded:
             yield from _standstill(values, signal.name, there, stops=(np.max,))
 
 
