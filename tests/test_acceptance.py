@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import acceptance, engine, equivalence, held_out, parameters, power, revision
+from tubular_dea.discover import acceptance, engine, equivalence, held_out, parameters, power, revision, selection
 from tubular_dea.discover.bank import Candidate, scores
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
@@ -509,6 +509,36 @@ def test_of_effects_that_do_as_well_in_place_of_one_the_usual_size_is_taken() ->
         assert revision._better(search, "lag", [(STUDY, wild), (STUDY, other)]) == (STUDY, best)
     slightly = option("set", "creep", excess=3.4e5)
     assert revision._better(found(BASE, chosen), "lag", [(STUDY, slightly)]) == (STUDY, chosen)
+
+
+@pytest.mark.parametrize(
+    ("score", "gained", "taken"),
+    [
+        (990.0, 5.0, "lag"),  # with switching instants of its own it gains what it promised
+        (890.0, 5.0, "slew"),  # others promised more
+        (990.0, 500.0, "slew"),  # it was fitted well
+    ],
+)
+def test_a_refit_that_keeps_nothing_of_its_promise_begins_anew(
+    monkeypatch: pytest.MonkeyPatch, score: float, gained: float, taken: str
+) -> None:
+    scores = [SimpleNamespace(id="slew", statistic=1000.0), SimpleNamespace(id="lag", statistic=score)]
+    chosen, rival = option("slew", excess=LARGE - 1000.0), option("lag", excess=LARGE - gained)
+    mended = option("lag", excess=LARGE - 2000.0)
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: (study, one))
+    monkeypatch.setattr(selection, "adjusted", lambda study, ids, values, free: STUDY)
+    monkeypatch.setattr(selection, "start_values", lambda fitted, score: {"lag": 1.0})
+    monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: mended)
+    search = found(
+        BASE,
+        chosen,
+        rivals=[rival],
+        rounds=[replace(Round((), [], None, 30.0, [chosen, rival], True, "", {}), scores=scores)],
+    )
+    search.gains = {"slew": 1000.0}
+    selection._settle(search, BASE, lambda what: None)
+    assert search.chosen.ids == (taken,)
+    assert search.gains == {taken: 1000.0 if taken == "slew" else 2000.0}
 
 
 def test_rivals_are_tried_again_that_lacked_no_more_than_later_effects_brought() -> None:

@@ -28,5 +28,5 @@ EFFECT = Effect(
     PARAMETERS,
     off={"added_mass": 0.0},
     typical={"added_mass": 0.035},
-    strengths={"added_mass": (0.02, 0.05, 0.1, 0.2)},
+    strengths={"added_mass": (0.02, 0.03, 0.045, 0.065, 0.1, 0.14, 0.2)},
 )
