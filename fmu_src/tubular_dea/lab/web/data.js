@@ -155,6 +155,7 @@ function drawData() {
   D.plots.overlay.lines(x, [{ name: "record", q, values: e.outputs[output], colour: "--ink", width: 1.25 }, ...(changed ? [{ name: "model before", q, values: cutAt(D.before[k].values[output], D.before[k]), colour: "--c1", dash: [4, 3] }] : []), { name: "model", q, values: cutAt(run.values[output], run), colour: "--c2" }]);
   D.plots.residual.lines(x, [...(changed ? [{ name: "before", q: fine, values: base.left, colour: "--c1", width: 1 }] : []), { name: changed ? "now" : "left over", q: fine, values: now.left, colour: "--c2", width: 1.25 }]);
   const over = signalFacts(state.data.over || D.over, facts.all), along = run.values[over.name] ?? e.inputs[over.name];
+  if (!along) return; // a run that was asked for before: the next one has this quantity, and is drawn then
   const cloud = (left) => { const at = indicesOf(Array.from(left), (v, i) => Number.isFinite(v) && Number.isFinite(along[i])); return { x: Float64Array.from(at, (i) => along[i]), y: Float64Array.from(at, (i) => left[i]) }; };
   D.plots.over.loops(over, fine, [...(changed ? [{ name: "before", colour: "--c1", dot: 1, ...cloud(base.left) }] : []), { name: changed ? "now" : "left over", colour: "--c2", dot: 1, ...cloud(now.left) }]);
   const input = facts.all.inputs.find((i) => i.name === D.driveName);
