@@ -591,7 +591,7 @@ def test_far_from_the_plant_a_finer_form_of_a_rival_has_to_do_much_better(monkey
         finer = option("set", excess=left, refined=("set",))
         refits(monkeypatch, {(("set",), ("set",)): finer})
         search = found(BASE, chosen, rivals=[rival], gains={"lag": 1e6})
-        revision._refine_rivals(STUDY, search, chosen, lambda what: None)
+        revision._refine_rivals(search, chosen, lambda what: None)
         assert search.chosen is (finer if wins else chosen)
 
 

@@ -46,8 +46,8 @@ def revise(found: Search, tell: Progress) -> None:
     """After a round: replace earlier effects by rivals, drop effects, refine forms, where that is better."""
     if len(found.chosen.ids) > 1:
         _exchange(found, tell)
-        _drop(found.study, found)
-    _refine(found.study, found, tell)
+        _drop(found)
+    _refine(found, tell)
 
 
 def _exchange(found: Search, tell: Progress) -> None:
@@ -117,11 +117,11 @@ def _fitted_alone(found: Search, name: str) -> dict[str, float]:
     return {}
 
 
-def _drop(study: Study, found: Search) -> None:
+def _drop(found: Search) -> None:
     """Drop each effect whose removal costs almost nothing; for the others that cost is their gain."""
     for name in found.chosen.ids:
         rest = tuple(i for i in found.chosen.ids if i != name)
-        without = fitted_option(study, rest, found.chosen.fitted.values, found.chosen.refined)
+        without = fitted_option(found.study, rest, found.chosen.fitted.values, found.chosen.refined)
         if without is None:
             found.gains[name] = found.base.misfit - found.chosen.misfit
             continue
@@ -130,26 +130,26 @@ def _drop(study: Study, found: Search) -> None:
             found.chosen = without
 
 
-def _refine(study: Study, found: Search, tell: Progress) -> None:
+def _refine(found: Search, tell: Progress) -> None:
     """Use finer forms of the chosen effects where the recordings support them; then of promising rivals too."""
     coarse = found.chosen
     for name in coarse.ids:
-        if clean(coarse.lack_of_fit) or not study.catalogue[name].refine or name in found.chosen.refined:
+        if clean(coarse.lack_of_fit) or not found.study.catalogue[name].refine or name in found.chosen.refined:
             continue
-        finer = _finer(study, found.chosen, (name,), tell)
+        finer = _finer(found.study, found.chosen, (name,), tell)
         if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
             found.chosen = finer
-    _refine_rivals(study, found, coarse, tell)
+    _refine_rivals(found, coarse, tell)
 
 
-def _refine_rivals(study: Study, found: Search, coarse: Option, tell: Progress) -> None:
+def _refine_rivals(found: Search, coarse: Option, tell: Progress) -> None:
     """Refine the rivals that may pass the choice in a finer form, as it was refined; choose the best."""
     near = [r for r in found.rivals if stands_in(r, coarse, found.gains) or _promising(r, coarse, found.gains)]
 
     def refined(rival: Option) -> Option:
         finest = [i for i in rival.ids if i in found.chosen.refined or i not in coarse.ids]
-        wanted = [i for i in finest if study.catalogue[i].refine]
-        finer = _finer(study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
+        wanted = [i for i in finest if found.study.catalogue[i].refine]
+        finer = _finer(found.study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
         return finer if finer and finer.evidence > rival.evidence else rival
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)

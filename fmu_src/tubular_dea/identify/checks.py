@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model.declare import Quantity
 from ..plants.plant import Input, Output, Plant
-from .monitors import LARGEST, QUIET, noise_level, resolution
+from .monitors import QUIET, changes_by_itself, noise_level, resolution
 
 # Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
@@ -35,8 +35,8 @@ def inputs(
         seen = np.flatnonzero(np.isfinite(recorded[signal.name]))
         values, there = recorded[signal.name][seen], lines[seen]
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
-        itself = signal.held and noise_level(values) > LARGEST * float(np.abs(values).max(initial=0.0))
-        if not itself and signal.name not in commanded:
+        command = signal.name in commanded or (signal.held and changes_by_itself(values))
+        if not command:
             yield from _standstill(values, signal.name, there, stops=(np.max,))
 
 

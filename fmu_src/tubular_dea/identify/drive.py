@@ -24,6 +24,7 @@ from .monitors import (
     NO_MEMORY,
     WRONG,
     Polyline,
+    changes_by_itself,
     halved,
     level,
     long_run,
@@ -215,9 +216,9 @@ def _levels(
             found[signal.name] = noise_floor(values)
         else:
             known = (memories or {}).get(signal.name) or (memory(values) if signal.linear else None)
-            estimated, most = level(values, known or NO_MEMORY), float(np.abs(values).max())
-            moves = signal.held and estimated > LARGEST * most > LARGEST * signal.least
-            found[signal.name] = 0.0 if moves else estimated  # a command that is new at every sample, such as rain
+            there = float(np.abs(values).max()) > signal.least  # else nothing but noise is in it
+            command = signal.held and there and changes_by_itself(values)
+            found[signal.name] = 0.0 if command else level(values, known or NO_MEMORY)
     return found
 
 

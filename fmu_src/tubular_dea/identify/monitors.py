@@ -82,6 +82,12 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
     return float(1.4826 * np.median(np.abs(thirds))) / float(np.sqrt(20.0))
 
 
+def changes_by_itself(values: np.ndarray) -> bool:
+    """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
+    as rain or a heating."""
+    return noise_level(values) > LARGEST * float(np.abs(values).max(initial=0.0))
+
+
 def memory(values: np.ndarray) -> tuple[float, float] | None:
     """How much larger a monitor's noise is than its differences show, and the correlation of neighbouring samples.
 
