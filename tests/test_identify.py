@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -123,12 +124,12 @@ def test_linearised_intervals_hold() -> None:
     assert 0.5 < np.sqrt(np.mean(off**2)) < 1.3
 
 
-def test_a_misfit_is_said(capsys: pytest.CaptureFixture, tmp_path: Path) -> None:
-    assert main(["identify", str(EXAMPLE), "--starts", "1", "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
+def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
+    out = carried_out("identify", str(EXAMPLE))
+    said = out.with_suffix(".said").read_text(encoding="utf-8")
     assert "the model lacks something" in said
     assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"times the noise of \S+ um", said)
-    content = json.loads((tmp_path / "parameters.json").read_text())
+    content = json.loads((out / "parameters.json").read_text())
     assert content["verdict"] == "misfit"
     assert content["residual_over_noise"] > 1.1
 

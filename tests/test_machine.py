@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from functools import partial
@@ -133,23 +134,16 @@ def test_no_home(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("obstacle", ["file", "link"])
-def test_a_cache_that_cannot_be_made(tmp_path: Path, obstacle: str) -> None:
+def test_a_cache_that_cannot_be_made(
+    own_cache: Path, obstacle: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The temporary folder takes its place, and a line says so."""
-    place = tmp_path / "cache"
-    place.write_text("") if obstacle == "file" else place.symlink_to(tmp_path / "nowhere" / "at all")
-    temporary = tmp_path / "temporary"
+    own_cache.write_text("") if obstacle == "file" else own_cache.symlink_to(own_cache.parent / "nowhere" / "at all")
+    temporary = own_cache.parent / "temporary"
     temporary.mkdir()
-    zig = cache.compiler_environment()["ZIG_GLOBAL_CACHE_DIR"]
-    done = command(
-        *SIMULATE,
-        "--out",
-        str(tmp_path / "out"),
-        TUBULAR_DEA_CACHE=str(place),
-        TMPDIR=str(temporary),
-        ZIG_GLOBAL_CACHE_DIR=zig,
-    )
-    assert done.returncode == 0, done.stderr
-    assert f"{place} cannot be used as a cache" in done.stderr
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    shared_library(SOURCE, host())
+    assert f"{own_cache} cannot be used as a cache" in capsys.readouterr().err
     assert list(temporary.glob(f"tubular-dea-*/*{host().suffix}"))
 
 

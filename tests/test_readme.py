@@ -35,6 +35,7 @@ SHARED = (
     "close-loop cosim_examples/data/bench --out",
     "close-loop cosim_examples/data/mock_loop --plant",
     "assist --patient failing --optimise --out",
+    "identify cosim_examples/data/bench --out",
 )
 
 # Commands that no test here executes, by what they begin with, and why.
@@ -45,7 +46,7 @@ EXCUSED = {
     "pip install": "the extras are installed here; that there are such is tested below",
     "python -m blind.score": "hours; tests/test_blind_laboratory.py runs its parts",
     "python -m blind.peers": "hours; tests/benchmarks/test_peers.py runs its parts",
-    "python -m measured.table": "minutes, on data not shipped; tests/measured runs the same (one on 6 of 9 files)",
+    "python -m measured.table": "minutes, on data not shipped; tests/measured runs the same (two of them on parts)",
     "python tests/benchmarks/": "minutes of a quiet machine",
     "pytest tests/": "tests of this suite, some with more cases than by default",
     "python build_fmu.py --platforms all": "tests/test_package.py builds for all platforms",

@@ -48,7 +48,7 @@ class Page:
         return self
 
     def close(self) -> None:
-        """Leave the page; the browser stays."""
+        """Leave the page, which plays on while it is open and takes a processor; the browser stays."""
         self.driver.get("about:blank")
 
     def ready(self) -> Page:

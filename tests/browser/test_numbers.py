@@ -101,6 +101,7 @@ def test_the_copied_tube_command_computes_the_figure_again(page: Page, tmp_path:
     """,
         tube,
     )
+    page.close()
     commands(tmp_path, got["command"])
     made = table(tmp_path / "run" / "response.csv")
     n = min(len(got["time"]), made["time"].size)
@@ -136,6 +137,7 @@ def test_the_copied_heart_command_finds_the_same_indices(page: Page, tmp_path: P
         return { command: lab.command(), python: lab.python(), course: lab.H.result.course,
                  told: document.getElementById("heart-told").textContent };
     """)
+    page.close()
     commands(tmp_path, got["command"])
     summary = json.loads((tmp_path / "assisted" / "summary.json").read_text())
     assert got["told"] == summary["verdict"]["text"]
@@ -165,6 +167,7 @@ def test_the_copied_data_command_and_python_leave_the_same_residual(page: Page, 
         return { command: lab.command(), python: lab.python(), time: Array.from(run.time), model: Array.from(model),
                  rmse: 1e6 * Math.sqrt(left.reduce((a, v) => a + v * v, 0) / left.length) };
     """)
+    page.close()
     commands(tmp_path, got["command"])
     made = table(tmp_path / "run" / "response.csv")
     at = np.interp(made["time"], got["time"], got["model"])

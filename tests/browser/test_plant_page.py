@@ -37,9 +37,7 @@ def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
         )
         played = Kernel(plant.model).simulate(Protocol.of(values[2], pump=values[3]), np.array(values[0]))
         assert np.array_equal(played["level_2"], values[1])
-        commands(tmp_path, browser.run("return lab.command();"))
-        again = table(tmp_path / "run" / "response.csv")
-        np.testing.assert_allclose(np.interp(again["time"], values[0], values[1]), again["level_2"], rtol=1e-6)
+        simulated = browser.run("return lab.command();")
         browser.show("data")
         assert browser.run("return lab.facts.effects.map((e) => e.id);") == list(plant.catalogue)
         text = "\n".join(lines)
@@ -54,13 +52,18 @@ def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
             "(v, i) => Math.abs(v - lab.D.experiments[0].outputs.level_2[i])));"
         )
         assert left < 1e-5
-        commands(tmp_path, browser.run("return lab.command();"))
-        again = table(tmp_path / "run" / "response.csv")
-        np.testing.assert_allclose(
-            np.interp(recorded.time, again["time"], again["level_2"]), recorded["level_2"], rtol=1e-5
-        )
-        made = json.loads((tmp_path / "model.json").read_text())
-        assert (made["plant"], made["parameters"]["k1"]["value"]) == (str(TANKS), 0.03)
+        compared = browser.run("return lab.command();")
         assert browser.messages() == [] and browser.requests() == []
     finally:
+        browser.close()
         browser.path = own
+    commands(tmp_path, simulated)
+    again = table(tmp_path / "run" / "response.csv")
+    np.testing.assert_allclose(np.interp(again["time"], values[0], values[1]), again["level_2"], rtol=1e-6)
+    commands(tmp_path, compared)
+    again = table(tmp_path / "run" / "response.csv")
+    np.testing.assert_allclose(
+        np.interp(recorded.time, again["time"], again["level_2"]), recorded["level_2"], rtol=1e-5
+    )
+    made = json.loads((tmp_path / "model.json").read_text())
+    assert (made["plant"], made["parameters"]["k1"]["value"]) == (str(TANKS), 0.03)

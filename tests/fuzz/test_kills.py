@@ -84,7 +84,6 @@ eps_r = {{ from = 2, to = 3, count = 6 }}
 """
 SIMULATE = ["simulate", "--pressure", "95 mmHg", "--stop", "0.1", "--voltage"]
 ASSIST = ["assist", "--beats", "5", "--step", "0.005", "--voltage"]
-IDENTIFY = ["identify", str(BENCH), "--starts", "1", "--free"]
 
 
 def commands(name: str, folder: Path) -> tuple[list[str], list[str]]:
@@ -94,7 +93,11 @@ def commands(name: str, folder: Path) -> tuple[list[str], list[str]]:
             (folder / f"{file}.json").write_text(as_json(tubular_dea().with_values(values), file))
         return tuple(["build", "--model", str(folder / f"{file}.json")] for file in ("old", "new"))
     if name == "identify":
-        return [*IDENTIFY, "C_1"], [*IDENTIFY, "eta_o"]
+        few = folder / "few"
+        few.mkdir()
+        for file in ("bench.toml", "04_ramp_7kV.csv", "08_heartbeat_5kV.csv"):
+            shutil.copy(BENCH / file, few)
+        return tuple(["identify", str(few), "--starts", "1", "--free", free] for free in ("C_1", "eta_o"))
     start = {"simulate": SIMULATE, "assist": ASSIST}[name]
     return [*start, "4 kV"], [*start, "5 kV"]
 

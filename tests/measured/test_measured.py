@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,15 +13,16 @@ from shared_data import shared
 HELD_OUT = ("05", "10", "15")  # of the mock loop's levels
 
 
-def result_of(name: str, folder: Path, *recordings: str) -> dict:
-    """result.json of a row of the table, from all its recordings or those that are named."""
+def result_of(name: str, folder: Path, parts: dict[str, slice] | None = None) -> dict:
+    """result.json of a row of the table, from all its recordings or from parts of those that are named."""
     shared("measured"), shared("aorta")
     case = next(c for c in cases(folder) if c.name == name)
-    if recordings:
+    if parts:
         some = folder / "some"
         some.mkdir()
-        for recording in recordings:
-            shutil.copy(case.data / f"{recording}.csv", some)
+        for recording, samples in parts.items():
+            heading, *lines = (case.data / f"{recording}.csv").read_text().splitlines()
+            (some / f"{recording}.csv").write_text("\n".join([heading, *lines[samples]]))
         case = replace(case, data=some)
     return run(case, folder / "out")[0]
 
@@ -45,17 +45,19 @@ def test_the_pigs_flow_probe_is_late(tmp_path: Path) -> None:
 
 
 def test_the_silverbox_hardens_with_the_third_power(tmp_path: Path) -> None:
-    result = result_of("silverbox", tmp_path)
+    """On a fifth of each record: of the arrow, whose force grows, on its end, beyond what the others reach."""
+    first, last = slice(8000), slice(-8000, None)
+    result = result_of("silverbox", tmp_path, {"multisine_1": first, "multisine_2": first, "arrow": last})
     assert [e["id"] for e in result["effects"]] == ["cubic(velocity)"]
-    after = result["error"]["after"]["per_experiment"]
-    assert after["arrow"]["rmse"] <= 0.45e-3
+    before, after = (result["error"][k]["per_experiment"] for k in ("recalibrated", "after"))
+    assert after["arrow"]["rmse"] <= min(0.55e-3, 0.035 * before["arrow"]["rmse"])
     assert after["multisine_2"]["rmse"] <= 0.35e-3
 
 
 def test_what_leaves_the_mock_loop_meets_a_resistance_that_grows(tmp_path: Path) -> None:
-    """Fitted to three of the table's six levels, and held against the same three others."""
-    levels = [f"NV_step{n}" for n in ("03", "08", "21", *HELD_OUT)]
-    result = result_of("mock loop", tmp_path, *levels)
+    """Fitted to two of the table's six levels, and held against the same three others."""
+    levels = [f"NV_step{n}" for n in ("03", "21", *HELD_OUT)]
+    result = result_of("mock loop", tmp_path, dict.fromkeys(levels, slice(None)))
     first = result["effects"][0]
     assert "quadratic_resistance(outflow)" in [first["id"], *first["equivalent"]]
     after = result["error"]["after"]["per_experiment"]
