@@ -1,11 +1,14 @@
-"""Options as the search compares them, made up by their numbers alone."""
+"""Options as the search compares them, and searches that ended with them, made up by their numbers alone."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.residuals import LackOfFit
+from tubular_dea.discover.revision import Search
 from tubular_dea.identify.fit import Fit
 from tubular_dea.identify.problem import Free
 
@@ -61,3 +64,20 @@ def option(
         exact,
         pinned,
     )
+
+
+LARGE = 40_000.0  # what a large effect leaves unexplained
+BASE = option(excess=LARGE, held_out=12_000.0)
+STUDY = SimpleNamespace(
+    catalogue={
+        name: SimpleNamespace(
+            typical={name: 1.0}, off={name: 0.0}, fit=(name,), parameters=[SimpleNamespace(name=name)], refine=refine
+        )
+        for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
+    }
+)
+
+
+def found(base: Option, chosen: Option, **more: object) -> Search:
+    """A search that ended so."""
+    return Search(base, chosen, more.pop("study", STUDY), None, **more)

@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,13 +78,13 @@ def against_python(beats: int = 2) -> None:
             )
 
 
-def coupled(name: str, how: Mapping[str, object]) -> tuple[Run, float, float]:
+def coupled(name: str, how: Mapping[str, Any]) -> tuple[Run, float, float]:
     """A run, its error over the pressure's amplitude, and its energy gap."""
     values = case(name)
     start = {"tube.lambda_2_start": stretch(values["aortic_pressure_start"]), "tube.start_at_equilibrium": 0.0}
     drive = pulses(BEATS, 6000.0)
     system = driven_tube(slaves(), values, drive, start)
-    with Simulation(system, 0.0, BEATS * PERIOD, Options(**how)) as simulation:  # type: ignore[arg-type]
+    with Simulation(system, 0.0, BEATS * PERIOD, Options(**how)) as simulation:
         run = simulation.run()
     if run.reason:
         return run, np.nan, np.nan

@@ -26,14 +26,14 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from pythonfmu import FmuBuilder
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from hosts.compile import compile_host, time_host
+from tubular_dea.export.package import native_fmu
+from tubular_dea.export.python_fmu import python_fmu
+from tubular_dea.model.dea import MMHG, tubular_dea
+
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
-
-from hosts.compile import compile_host, time_host  # noqa: E402
-from tubular_dea.export.package import native_fmu  # noqa: E402
-from tubular_dea.export.python_fmu import python_fmu  # noqa: E402
-from tubular_dea.model.dea import MMHG, tubular_dea  # noqa: E402
-
 STEP = 1e-3  # s
 BEAT = 0.8  # s
 

@@ -37,12 +37,12 @@ from time import perf_counter
 import numpy as np
 from scipy.integrate import odeint
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import independent as tube
+
 HERE = Path(__file__).resolve().parent
 REFERENCE = HERE.parent / "reference"
-sys.path.insert(0, str(HERE.parent))
-
-import independent as tube  # noqa: E402
-
 Solve = Callable[[tube.Protocol, np.ndarray, float], np.ndarray]
 
 SIZES = np.array([1.0, 1.0, 1e4, 1e4])  # 1, 1/s, Pa, Pa

@@ -26,18 +26,17 @@ from typing import Any
 import numpy as np
 import psutil
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import peers  # noqa: E402
-from peers import tube  # noqa: E402
-from tubular_dea.kernel import Kernel  # noqa: E402
-from tubular_dea.kernel.batch import Batch, Breakpoints, Probe  # noqa: E402
-from tubular_dea.model.dea import tubular_dea  # noqa: E402
-from tubular_dea.protocol import Protocol  # noqa: E402
-from tubular_dea.sweep.backends import Cluster, Threads, backend  # noqa: E402
-from tubular_dea.sweep.plan import Plan, make_plan, read_plan  # noqa: E402
-from tubular_dea.sweep.run import carry_out  # noqa: E402
+import peers
+from peers import tube
+from tubular_dea.kernel import Kernel
+from tubular_dea.kernel.batch import Batch, Breakpoints, Probe
+from tubular_dea.model.dea import tubular_dea
+from tubular_dea.protocol import Protocol
+from tubular_dea.sweep.backends import Cluster, Threads, backend
+from tubular_dea.sweep.plan import Plan, make_plan, read_plan
+from tubular_dea.sweep.run import carry_out
 
 ERROR = 1e-5
 Seconds = tuple[float, float]  # on the clock, and of the processors
@@ -263,7 +262,7 @@ def _beats(rows: int) -> Plan:
     """The plan of the example, with as many rows of 16 beats."""
     import tomllib
 
-    path = HERE.parents[1] / "cosim_examples" / "sweep_assist.toml"
+    path = Path(__file__).resolve().parents[2] / "cosim_examples" / "sweep_assist.toml"
     content = tomllib.loads(path.read_text(encoding="utf-8"))
     content |= {"name": f"{rows} x 16 assisted beats", "design": {"kind": "random", "points": rows}}
     assert read_plan(path).design.rows > 0

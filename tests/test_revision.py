@@ -1,0 +1,221 @@
+"""How a search is revised: effects exchanged, given up, refined or withdrawn again; on made-up numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from made_up import BASE, LARGE, STUDY, found, option
+from tubular_dea.discover import engine, revision, selection
+from tubular_dea.discover.options import Option
+from tubular_dea.discover.revision import Search
+from tubular_dea.discover.rounds import Round
+
+
+def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> list[tuple]:
+    """Refits of `revision` give these options, by effects and finer forms; returns what was asked for."""
+    asked: list[tuple] = []
+
+    def fitted_option(study: object, ids: tuple, start: object, refined: tuple) -> Option | None:
+        finer = tuple(i for i in ids if i in refined)
+        asked.append((ids, finer))
+        return options.get((ids, finer))
+
+    monkeypatch.setattr(revision, "fitted_option", fitted_option)
+    return asked
+
+
+def taken(*options: Option) -> Round:
+    """A round in which the first of some options was accepted."""
+    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "", {})
+
+
+def two_effects(**more: object) -> Search:
+    """Lag was found first (slew behind it by 100), then creep, which brought 1000."""
+    first = taken(option("lag", excess=1000.0), option("slew", excess=1100.0), option("set", excess=4000.0))
+    chosen = option("lag", "creep", excess=0.0, z_slow=0.0)
+    return found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": 1000.0}, **more)
+
+
+def test_an_earlier_effect_is_exchanged_where_another_does_better_in_company(monkeypatch: pytest.MonkeyPatch) -> None:
+    better = option("slew", "creep", excess=-100.0, z_slow=0.0)
+    asked = refits(
+        monkeypatch,
+        {
+            (("slew", "creep"), ()): better,
+            (("slew",), ()): option("slew", excess=1100.0),
+            (("creep",), ()): option("creep", excess=30_000.0),
+        },
+    )
+    search = two_effects()
+    revision.revise(search, lambda what: None)
+    assert search.chosen is better
+    assert [r.ids for r in search.rivals] == [("lag", "creep")]
+    assert search.gains == {"creep": 1200.0, "slew": 30_100.0}
+    assert (("set", "creep"), ()) not in asked  # it was further behind than creep brought, times 2.5
+
+
+def test_an_effect_far_from_the_plant_is_exchanged_by_what_its_own_starts_foretell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Far from the plant a start that was estimated with another effect makes the right one predict badly."""
+    left = LARGE * 25
+    first = taken(option("lag", excess=left), option("slew", excess=left + 1000.0))
+    chosen = option("lag", "creep", excess=left / 5)
+    misled = option("slew", "creep", excess=1000.0, held_out=1e7)
+    mended = replace(misled, unseen=misled.unseen / 100)
+    asked = refits(monkeypatch, {(("slew", "creep"), ()): misled})
+    monkeypatch.setattr(revision, "iterated", lambda study, one: ("its own", mended))
+    search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": left})
+    revision._exchange(search, lambda what: None)
+    assert asked and search.chosen is mended and search.study == "its own"
+    monkeypatch.setattr(revision, "iterated", lambda study, one: ("its own", misled))
+    search = found(BASE, chosen, rounds=[first, taken(chosen)], gains={"creep": left})
+    revision._exchange(search, lambda what: None)
+    assert search.chosen is chosen and search.study is STUDY
+
+
+def test_of_effects_that_do_as_well_in_place_of_one_the_usual_size_is_taken() -> None:
+    """Far from the plant a fifth of what is left says nothing."""
+    chosen = option("lag", "creep", excess=4e5)
+    wild = option("slew", "creep", excess=2e5)
+    wild = replace(wild, fitted=replace(wild.fitted, values={"base": 1.0, "slew": 12.0}))
+    plain, behind = option("set", "creep", excess=2.3e5), option("set", "creep", excess=2.6e5)
+    for other, best in ((plain, plain), (behind, wild)):
+        search = found(BASE, chosen)
+        assert revision._better(search, "lag", [(STUDY, wild), (STUDY, other)]) == (STUDY, best)
+    slightly = option("set", "creep", excess=3.4e5)
+    assert revision._better(found(BASE, chosen), "lag", [(STUDY, slightly)]) == (STUDY, chosen)
+
+
+@pytest.mark.parametrize(
+    ("score", "gained", "taken"),
+    [
+        (990.0, 5.0, "lag"),  # with switching instants of its own it gains what it promised
+        (890.0, 5.0, "slew"),  # others promised more
+        (990.0, 500.0, "slew"),  # it was fitted well
+    ],
+)
+def test_a_refit_that_keeps_nothing_of_its_promise_begins_anew(
+    monkeypatch: pytest.MonkeyPatch, score: float, gained: float, taken: str
+) -> None:
+    scores = [SimpleNamespace(id="slew", statistic=1000.0), SimpleNamespace(id="lag", statistic=score)]
+    chosen, rival = option("slew", excess=LARGE - 1000.0), option("lag", excess=LARGE - gained)
+    mended = option("lag", excess=LARGE - 2000.0)
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: (study, one))
+    monkeypatch.setattr(selection, "adjusted", lambda study, ids, values, free: STUDY)
+    monkeypatch.setattr(selection, "start_values", lambda fitted, score: {"lag": 1.0})
+    monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: mended)
+    search = found(
+        BASE,
+        chosen,
+        rivals=[rival],
+        rounds=[replace(Round((), [], None, 30.0, [chosen, rival], True, "", {}), scores=scores)],
+    )
+    search.gains = {"slew": 1000.0}
+    selection._settle(search, BASE, lambda what: None)
+    assert search.chosen.ids == (taken,)
+    assert search.gains == {taken: 1000.0 if taken == "slew" else 2000.0}
+
+
+def test_rivals_are_tried_again_that_lacked_no_more_than_later_effects_brought() -> None:
+    first = taken(option("lag", excess=1000.0), option("slew", excess=3400.0), option("set", excess=3600.0))
+    search = found(BASE, option("lag", "creep", excess=0.0), rounds=[first])  # creep brought 1000
+    assert revision._earlier_rivals(search, 0) == ["slew"]
+    assert revision._earlier_rivals(search, 1) == []
+
+
+def test_an_effect_without_which_next_to_nothing_is_lost_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for lost, stays in ((11.0, False), (13.0, True)):
+        refits(
+            monkeypatch,
+            {(("creep",), ()): option("creep", excess=lost, z_slow=0.0), (("lag",), ()): option("lag", excess=1000.0)},
+        )
+        search = two_effects()
+        revision.revise(search, lambda what: None)
+        assert search.chosen.ids == (("lag", "creep") if stays else ("creep",))
+        assert search.gains["lag"] == lost
+
+
+def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    rival = option("set", excess=2100.0)
+
+    def revised(coarse: Option, finer: Option, finer_rival: Option | None = None) -> Search:
+        refits(monkeypatch, {(("lag",), ("lag",)): finer, (("set",), ("set",)): finer_rival})
+        search = found(BASE, coarse, rivals=[rival], gains={"lag": 38_000.0})
+        revision.revise(search, lambda what: None)
+        return search
+
+    coarse, finer = option("lag", excess=2000.0), option("lag", excess=100.0, refined=("lag",))
+    assert revised(coarse, finer).chosen is finer
+    assert revised(option("lag", excess=300.0, z_slow=4.0), finer).chosen.refined == ()  # noise asks for nothing
+    little = option("lag", excess=1981.0, refined=("lag",))  # 9.5 in log evidence
+    assert revised(coarse, little).chosen is coarse
+    enough = option("lag", excess=1979.0, refined=("lag",))
+    assert revised(coarse, enough).chosen is enough
+    denied = option("lag", excess=100.0, refined=("lag",), held_out=2000.0 + 0.05 * 1900.0 + 1.0)
+    assert revised(coarse, denied).chosen is coarse
+    best = option("set", excess=0.0, refined=("set",))  # a near rival gets its finer form too, and wins
+    search = revised(coarse, finer, best)
+    assert search.chosen is best
+    assert search.rivals == [finer]
+    assert search.gains == {"set": 38_000.0}
+
+
+def test_far_from_the_plant_a_finer_form_of_a_rival_has_to_do_much_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen, rival = option("lag", excess=5e5), option("set", excess=5.5e5)
+    for left, wins in ((4.1e5, False), (3.8e5, True)):
+        finer = option("set", excess=left, refined=("set",))
+        refits(monkeypatch, {(("set",), ("set",)): finer})
+        search = found(BASE, chosen, rivals=[rival], gains={"lag": 1e6})
+        revision._refine_rivals(search, chosen, lambda what: None)
+        assert search.chosen is (finer if wins else chosen)
+
+
+def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"rival{i}" for i in range(9)]
+    catalogue = STUDY.catalogue | {
+        n: SimpleNamespace(typical={n: 1.0}, parameters=[SimpleNamespace(name=n)], refine=("shape",)) for n in names
+    }
+    study = SimpleNamespace(catalogue=catalogue)
+    rivals = [option(n, excess=2001.0 + i) for i, n in enumerate(names)]
+    finer = option("lag", excess=100.0, refined=("lag",))
+    asked = refits(monkeypatch, {(("lag",), ("lag",)): finer})
+    search = found(BASE, option("lag", excess=2000.0), study=study, rivals=rivals, gains={"lag": 38_000.0})
+    revision.revise(search, lambda what: None)
+    assert sorted(asked[1:]) == [((n,), (n,)) for n in names[:4]]
+    asked = refits(monkeypatch, {})
+    chosen = option("lag", "creep", excess=0.0, z_slow=0.0)
+    first = taken(option("lag", excess=1000.0), *rivals)
+    search = found(BASE, chosen, study=study, rounds=[first, taken(chosen)], gains={"creep": 1000.0})
+    revision.revise(search, lambda what: None)
+    assert [ids for ids, _ in asked if ids[0] in names] == [(n, "creep") for n in names[:2]]
+
+
+def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact, vague = (
+        SimpleNamespace(off={name: off}, fit=(name,), parameters=[SimpleNamespace(name=name, minimum=None)])
+        for name, off in (("lag", 0.0), ("creep", 1.0))
+    )
+    study = SimpleNamespace(catalogue={"lag": exact, "creep": vague})
+    both = option("lag", "creep")
+    both = replace(both, fitted=replace(both.fitted, scaled=np.ones(3), covariance=0.01 * np.eye(3)))
+    alone = option("lag", excess=50.0)
+    search = found(BASE, both, gains={"lag": 11.0, "creep": 500.0})
+    monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: alone if ids == ("lag",) else None)
+    assert engine._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
+    assert search.rivals == [both]
+    assert engine._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
+
+
+def test_few_rivals_are_looked_at_again_where_an_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple] = []
+    monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: asked.append(ids))
+    monkeypatch.setattr(engine, "_vague", lambda work, found, described: ["creep"])
+    rivals = [option(f"rival{i}", "creep", excess=10.0 * i) for i in range(9)]
+    both = option("lag", "creep")
+    assert engine._withdrawn(None, found(BASE, both, rivals=rivals, gains={"creep": 5.0}), both) is BASE
+    assert sorted(asked) == [("lag",), *((f"rival{i}",) for i in range(4))]
