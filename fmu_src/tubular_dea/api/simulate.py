@@ -12,7 +12,6 @@ import numpy as np
 from .. import tabular
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify.checks import mislabelled
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
 from ..model.declare import Model, nearest
 from ..model.units import factor
@@ -220,6 +219,8 @@ def _protocol(
 
 def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
     """Columns that seem to have another unit; a small signal may be intended."""
+    from ..identify.checks import mislabelled  # half a second, which a run without a file need not wait for
+
     said = []
     for signal in plant.inputs:
         problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name).unit)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ..model.dea import MMHG
 from ..protocol import Protocol
@@ -69,6 +68,8 @@ def _levels(levels: Sequence[float], hold: float) -> Knots:
 
 def _beats() -> Knots:
     """A heart's pressure, smooth through the points of its beat."""
+    from scipy.interpolate import PchipInterpolator  # half a second, for the atlas alone
+
     shares, heights = np.array([*BEAT, (1.0, BEAT[0][1])]).T
     fine = np.linspace(0, 1, 60, endpoint=False)
     wave = PchipInterpolator(shares, heights)(fine)

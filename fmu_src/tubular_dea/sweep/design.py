@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import qmc
 
 from .axes import Axis, Columns, grid_points
 from .expression import PlanError
@@ -83,7 +82,9 @@ class Design:
         return np.concatenate(blocks)[start - first * BLOCK : stop - first * BLOCK]
 
     def _sobol(self, start: int, stop: int) -> np.ndarray:
-        engine = qmc.Sobol(self.dimensions, scramble=True, seed=self.seed)
+        from scipy.stats.qmc import Sobol  # half a second, which a grid need not wait for
+
+        engine = Sobol(self.dimensions, scramble=True, seed=self.seed)
         first = engine.random(1)  # the engine counts from here, and warns of nothing that depends on pieces
         if start > 0:
             engine.fast_forward(start - 1)
@@ -93,7 +94,9 @@ class Design:
     @cached_property
     def _drawn(self) -> np.ndarray:
         if self.kind == "latin_hypercube":
-            return qmc.LatinHypercube(self.dimensions, seed=self.seed).random(self.points)
+            from scipy.stats.qmc import LatinHypercube
+
+            return LatinHypercube(self.dimensions, seed=self.seed).random(self.points)
         if self.kind == "sobol_indices":
             return saltelli(self.dimensions, self.points, self.seed)
         middle = np.full((self.rows, self.dimensions), 0.5)
