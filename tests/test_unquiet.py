@@ -59,6 +59,6 @@ def test_the_noise_is_less_where_an_effect_explains_what_looked_like_it(monkeypa
 def test_a_fit_alone_limits_the_noise() -> None:
     """Before any fit the signal itself is taken for noise."""
     work = study(recordings(bent=0.0), held_out=())
-    assert work.noise["reading"].rms > 3 * NOISE
+    assert work.noise["reading"].rms > 2 * NOISE
     found = settled(work, PLANT.model.parameter_values())[0]
     assert found.noise["reading"].rms == pytest.approx(NOISE, rel=0.05)

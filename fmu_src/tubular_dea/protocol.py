@@ -87,7 +87,8 @@ class Protocol:
         missing = [name for name in names if name not in self.inputs]
         if missing:
             raise ProtocolError(f"the protocol lacks {', '.join(missing)}; it has {', '.join(self.inputs)}")
-        return np.column_stack([self.inputs[name] for name in names]).astype(float)
+        columns = np.array([self.inputs[name] for name in names], dtype=float)
+        return columns.reshape(len(names), self.time.size).T
 
     def at(self, times: Sequence[float] | np.ndarray, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """The inputs `names` (default: all) at `times`; at a jump, the value after it."""
@@ -148,7 +149,7 @@ def from_specifications(specifications: Mapping[str, str], units: Mapping[str, s
     if not (math.isfinite(stop) and stop > 0):
         raise ProtocolError(f"stop time: expected a positive number of seconds but was given {stop:g}")
     pieces = {name: _pieces(name, text, units[name], stop) for name, text in specifications.items()}
-    marks = sorted({t for times, _ in pieces.values() for t in times})
+    marks = sorted({0.0, stop, *(t for times, _ in pieces.values() for t in times)})
     jumps = {t for times, _ in pieces.values() for t in times if times.count(t) > 1}
     grid = [t for mark in marks for t in ([mark, mark] if mark in jumps else [mark])]
     inputs = {name: _on_grid(grid, times, values) for name, (times, values) in pieces.items()}

@@ -29,6 +29,7 @@ from . import (
     second_output,
     selection,
     wander,
+    zeros,
 )
 from .channels import Isolation
 from .held_out import with_held_out
@@ -83,6 +84,7 @@ class Discovery:
     proposal: Proposal | None
     repeated: bool
     wandering: tuple[str, float] | None = None
+    shifted: zeros.Shift | None = None
 
     @property
     def base(self) -> Option:
@@ -153,7 +155,8 @@ def discover(
         equivalent, described = _judged(work, found, repeated)
     held = _held_ratio(work, found.chosen)
     wandering = _wandering(work, found.chosen)
-    verdict = decide(found, held, equivalent, wandering is not None)
+    shifted = zeros.impossible(work, found.chosen)
+    verdict = decide(found, held, equivalent, wandering is not None, shifted is not None)
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -173,6 +176,7 @@ def discover(
         next_experiment.propose(work, _competitors(found, equivalent)),
         repeated,
         wandering,
+        shifted,
     )
 
 
@@ -208,12 +212,17 @@ def _wandering(work: Study, chosen: Option) -> tuple[str, float] | None:
     return wander.largest(work, chosen)
 
 
-def decide(found: Search, held_ratio: float, equivalent: dict[str, list[str]], wanders: bool = False) -> str:
+def decide(
+    found: Search, held_ratio: float, equivalent: dict[str, list[str]], wanders: bool = False, shifted: bool = False
+) -> str:
     """no_effect, effect_found, ambiguous, partly_explained or unexplained.
 
-    `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do.
+    `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do; `shifted`
+    whether a file would need a zero that no sensor has.
     """
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
+    if shifted:
+        return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
     noise = wanders or acceptance.noise_alone(state)
     if not found.chosen.ids:
         return "no_effect" if noise and held_ratio <= acceptance.FORETOLD else "unexplained"

@@ -101,6 +101,10 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if found.verdict not in ("partly_explained", "unexplained"):
         return None
     state, before = found.named.lack_of_fit, found.base.lack_of_fit
+    if found.shifted and noise_alone(state):
+        shift = found.shifted
+        unit = _unit(found, shift.output)
+        return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
     left = errors(found.named_study, found.named.ids, found.named.fitted.values)["rmse"]
@@ -135,6 +139,8 @@ def channel(found: Discovery) -> str | None:
         return None
     if _by_effect(found):
         return found.study.catalogue[found.chosen.ids[0]].channel
+    if found.shifted:
+        return next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
     known = found.study.plant.own_channels
     moved = [known[n] for n in remarks.implausible(found, found.base.fitted) if n in known]
     if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks

@@ -24,7 +24,7 @@ MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experime
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
-    said = [*_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
+    said = [*shifted(found), *_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
     said += [*_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
@@ -140,6 +140,20 @@ def _spread(found: Discovery) -> list[str]:
             unit = found.study.plant.quantity(name).unit
             said.append(f"The zero of {name} differs by {spread:.2g} {unit} from file to file.")
     return said
+
+
+def shifted(found: Discovery) -> list[str]:
+    """A zero that no sensor has."""
+    if found.shifted is None:
+        return []
+    shift = found.shifted
+    q = found.study.plant.quantity(shift.output)
+    unit = q.display_unit or q.unit
+    off, usual = (f"{v / factor(unit, q.unit):.3g} {unit}" for v in (shift.value, found.study.zero(shift.output)))
+    return [
+        f"In {shift.piece} {shift.output} would have to read {off} too much, where its zero is usually {usual}: the "
+        "plant differs between the files, or what shifts it is missing. Errors are told with this taken off."
+    ]
 
 
 def _wandering(found: Discovery) -> list[str]:

@@ -15,7 +15,8 @@ therefore a nuisance parameter, too: what it leaves to a delay is odd in time.
 
 Where an input switched between two samples, the instant within its bounds that best explains the following samples is
 used, and its uncertainty is integrated out. The first of these samples decides: the plant has responded for a part of
-the sampling interval, whatever the model lacks.
+the sampling interval, whatever the model lacks. Where a plant rings, or moves on from where it was, what an instant
+changes lasts beyond the next switching: there all instants of a record are estimated together, from all that follows.
 """
 
 from __future__ import annotations
@@ -57,6 +58,11 @@ TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the sam
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
 FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
 
+# Set by judgement. Check: `pytest tests/test_adjust.py -k lasts`
+LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
+MOST_LASTING = 64  # [1] edges of a record that are estimated together: each needs a simulation of its own
+EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference quotient
+
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
 # `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
 LATEST = 1.0  # [samples] by which filters against aliasing make monitors late at most
@@ -78,7 +84,7 @@ GAIN = 2e-3  # [1] by which they usually do
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
 START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient
-START_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start that are tried in turn
+STEP_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start, or instants, that are tried in turn
 START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
 
 # Set by theory: the mean of neighbours has less noise, so that a third of a sample is best replaced by it.
@@ -89,23 +95,26 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
 
 GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
+EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
 
 
 @dataclass(frozen=True)
 class _Linearised:
     """A piece linearised at the present model: its white residual and whitened columns, before any marginalisation.
 
-    `windows` are the samples that depend on the instant of each edge, and their response to shifts within its bounds.
+    `windows` are the samples that depend on the instant of each edge, and their response to shifts within its bounds;
+    `lasting` (k,) are the shifts [s] of edges that have a column in their place, and 0 for the other columns.
     """
 
     residual: np.ndarray
     windows: list[_EdgeResponse]
     columns: np.ndarray
+    lasting: np.ndarray
 
     def undecided(self) -> np.ndarray:
         """The residual (N,) with every edge at its first estimate, about which its prior is: what all edges have been
         shifted by alike may be the delay of their monitor."""
-        found = self.residual.copy()
+        found = self.residual - self.columns @ self.lasting
         for edge in self.windows:
             found[edge.where] += edge.change(0.0)
         return found
@@ -155,12 +164,12 @@ def adjusted(
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
     would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
     """
-    fixed = study.geometry | study.shared(values)
+    fixed = study.shared(values) | study.geometry
     owned = side_by_side(lambda p: _with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=[p for p in owned if p is not None])
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
     spread, later = _spreads(work, ids, fixed, linear, free)
-    pieces = [_settled(work, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
+    pieces = [_settled(work, ids, fixed, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
     work = replace(work, pieces=pieces, spread=spread, late=later)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
@@ -192,15 +201,45 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
-    here, *others = study.asked(ids, [piece.case, *(c for _, c, _ in cases), *moved]).possible(values)
+    switched = _lasting_edges(study, ids, values, piece)
+    asked = [*(c for _, c, _ in cases), *moved, *(c for _, c, _ in switched)]
+    here, *others = study.asked(ids, [piece.case, *asked]).possible(values)
     if here is None:
         return None
     steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP) for name, _ in starts]
+    steps += [(name, step) for name, _, step in switched]
     for (name, step), answer in zip(steps, others, strict=True):
         names.append(name)
         columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
+
+
+def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> list[tuple[str, Case, float]]:
+    """Every edge by name, with the case in which it alone has moved and by how much [s], if what an instant changes
+    lasts; none otherwise."""
+    edges = piece.driven.edges
+    if not 1 < len(edges) <= MOST_LASTING:
+        return []
+
+    def moved(number: int) -> tuple[str, Case, float]:
+        edge, now = edges[number], float(piece.shifts[number])
+        ends = np.array([edge.earliest, edge.latest]) - edge.time - now
+        step = EDGE_STEP * float(ends[np.argmax(np.abs(ends))])
+        shifts = np.where(np.arange(len(edges)) == number, now + step, piece.shifts)
+        return f"{EDGE_OF}{number}", replace(piece.case, protocol=piece.driven_by(shifts)), step
+
+    first, second = np.argsort([e.time for e in edges], kind="stable")[:2]
+    _, case, step = moved(int(first))
+    here, there = study.asked(ids, [piece.case, case]).possible(values)
+    if here is None or there is None or step == 0.0:
+        return []
+    seen, rows = piece.case.readings[0], piece.case.parts()[0]
+    squares = (there - here)[rows] ** 2
+    later = float(np.sum(squares[seen.times > edges[second].latest]))
+    if later <= LASTS * float(squares.sum()):
+        return []
+    return [m for m in map(moved, range(len(edges))) if m[2] != 0.0]
 
 
 def _step_of(piece: Piece) -> float:
@@ -241,7 +280,23 @@ def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piec
     here = response.outputs_alone(values)[0]
     residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
-    return _Linearised(residual, _edges(study, response, values, piece), columns)
+    lasting = _lasting_shifts(piece)
+    edges = [] if _lasts(piece) else _edges(study, response, values, piece)
+    return _Linearised(residual, edges, columns, lasting)
+
+
+def _lasts(piece: Piece) -> bool:
+    """Whether the edges of a piece are estimated together."""
+    return any(n.startswith(EDGE_OF) for n in piece.nuisances.names)
+
+
+def _lasting_shifts(piece: Piece) -> np.ndarray:
+    """The shift [s] of every nuisance parameter (k,) that is an edge's instant, 0 for the others."""
+    numbers = [(k, int(n.removeprefix(EDGE_OF))) for k, n in enumerate(piece.nuisances.names) if n.startswith(EDGE_OF)]
+    found = np.zeros(len(piece.nuisances.names))
+    for k, number in numbers:
+        found[k] = piece.shifts[number]
+    return found
 
 
 def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_EdgeResponse]:
@@ -428,7 +483,13 @@ def _alike(late: np.ndarray) -> np.ndarray:
 
 
 def _settled(
-    study: Study, piece: Piece, linear: _Linearised, spread: Mapping[str, float], later: Mapping[str, float]
+    study: Study,
+    ids: Ids,
+    values: Mapping[str, float],
+    piece: Piece,
+    linear: _Linearised,
+    spread: Mapping[str, float],
+    later: Mapping[str, float],
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
@@ -442,10 +503,43 @@ def _settled(
         left = linear.residual + linear.columns @ own
         best = np.array([m.best(left[m.where]) for m in linear.windows])
         shifts = _kept_in_place(piece, best, late)
+    elif _lasts(piece):
+        shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _together(
+    study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, linear: _Linearised, sd: np.ndarray
+) -> np.ndarray:
+    """The shifts [s] of all edges together: a Gauss-Newton step, or the part of it that fits better.
+
+    The other nuisance parameters are integrated out.
+    """
+    mine = np.array([n.startswith(EDGE_OF) for n in piece.nuisances.names])
+    change = piece.nuisances.mean(linear.columns, linear.residual, sd, linear.lasting)
+    left = marginal([], linear.columns, np.where(mine, 0.0, sd))
+    numbers = [int(n.removeprefix(EDGE_OF)) for n in np.array(piece.nuisances.names)[mine]]
+    low, high = (np.array([getattr(e, end) - e.time for e in piece.driven.edges]) for end in ("earliest", "latest"))
+
+    def cost(shifts: np.ndarray) -> float:
+        case = replace(piece.case, protocol=piece.driven_by(shifts))
+        answer = study.asked(ids, [case]).possible(values)[0]
+        if answer is None:
+            return np.inf
+        off = left.apply(whitened(case, answer - piece.record, study.noise, piece.weight))
+        return float(off @ off + np.sum((shifts[numbers] / sd[mine]) ** 2))
+
+    least = cost(piece.shifts)
+    for part in STEP_PARTS:
+        shifts = piece.shifts.copy()
+        shifts[numbers] += part * change[mine]
+        shifts = np.clip(shifts, low, high)
+        if cost(shifts) < least:
+            return shifts
+    return piece.shifts
 
 
 def _begun(
@@ -471,7 +565,7 @@ def _begun(
         return float(np.sum(left.apply(whitened(case, answer - piece.record, study.noise, piece.weight)) ** 2))
 
     least, own = cost(piece.case), piece.case.own
-    for part in START_PARTS:
+    for part in STEP_PARTS:
         begins = {n: own.get(n, 0.0) + part * size * float(found[f"start {n}"]) for n, size in sought.items()}
         case = replace(piece.case, own=dict(own) | _inside(study, begins))
         if cost(case) < least:
@@ -512,23 +606,23 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
     """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
     if name in spread:
         return spread[name] * _left(piece, name)
-    if name.startswith(LATE_OF):
-        return TURN * _step_of(piece)
-    if name.startswith(SMOOTH_OF):
-        return SMOOTHER
-    if name.startswith("start "):
-        return START_SPREAD
-    if not name.startswith("hum "):
-        return _usual(study, piece, name)
-    output = name.rsplit(" ", 1)[1]
-    return HUM_SIZE * study.noise[output].rms
+    if name.startswith(EDGE_OF):
+        return _reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
+    if name.startswith("hum "):
+        return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
+    kinds = {LATE_OF: TURN * _step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
+    return next((size for kind, size in kinds.items() if name.startswith(kind)), _usual(study, piece, name))
 
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
     """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters."""
+    return answer + piece.nuisances.columns @ likeliest(study, piece, answer)
+
+
+def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+    """The most likely values (k,) of the nuisance parameters of a piece, for which a model has the output `answer`
+    (N,)."""
     residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     local = Marginal(piece.marginal.windows)
-    return answer + piece.nuisances.columns @ piece.nuisances.mean(
-        local.apply(columns), local.apply(residual), piece.nuisances.sd
-    )
+    return piece.nuisances.mean(local.apply(columns), local.apply(residual), piece.nuisances.sd)

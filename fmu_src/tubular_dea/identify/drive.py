@@ -157,7 +157,8 @@ def drive(
         large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
         numbered[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
         edges += [e for e, matters in zip(drawn[name].edges, large, strict=True) if matters]
-    protocol = joined([(line.time, line.values) for line in numbered.values()], list(numbered))
+    whole = [(line.time, line.values) for line in numbered.values()]
+    protocol = joined(whole, list(numbered)) if whole else Protocol(experiment.time[[0, -1]], {})
     return Drive(
         protocol,
         {n: d.noise for n, d in drawn.items()},

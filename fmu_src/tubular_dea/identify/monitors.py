@@ -59,6 +59,9 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
+# Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
+ROUNDING = 1e-12  # [1] of its largest value: by so much a record without noise is off a straight line, all the same
+
 # Set by theory. Check: `pytest tests/test_monitors.py -k memory`
 NO_MEMORY = (1.0, 0.0)  # [1] what `memory` tells of white noise: differences show all of it
 
@@ -184,11 +187,14 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
     `starts` are samples at which a new line begins (the first one is understood): lines are not joined there.
     """
     n = values.size
-    if n <= 3 or noise <= 0:
+    if n <= 3:
         return Polyline(np.arange(n), values.copy())
     begins = np.array([], dtype=int) if starts is None else starts
     fixed, broken = np.zeros((2, n), dtype=bool)
     fixed[np.concatenate([[0, n - 1], begins, begins - 1])] = True
+    if noise <= 0:
+        corners = np.flatnonzero(fixed | _bends(time, values))
+        return Polyline(corners, values[corners])
     broken[begins - 1] = True  # no line from this sample to the next
     mean = float(values.mean())
     centred = values - mean  # so that sums lose no digits
@@ -203,6 +209,14 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
     if far.any():
         corners = np.union1d(corners, np.flatnonzero(np.convolve(far, np.ones(MISSED_BLOCK), mode="same") > 0.5))
     return Polyline(corners, mean + _fit(time, centred, corners))
+
+
+def _bends(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """At which samples (n,) a record without noise is not on the line between its neighbours, by more than rounding."""
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    chord = values[:-2] + share * (values[2:] - values[:-2])
+    off = np.abs(values[1:-1] - chord) > ROUNDING * float(np.abs(values).max(initial=0.0))
+    return np.concatenate([[False], off, [False]])
 
 
 def halved(time: np.ndarray, values: np.ndarray, line: Polyline) -> Polyline:

@@ -14,23 +14,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import minimize, minimize_scalar
 
 from . import hum as hums
 from .colour import Colour
+from .monitors import resolution
+from .quiet import Records, Stretches, calm, louder, steady, stretches
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
-LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
-LEAST_STRETCH = 30  # [samples] that it has at least
-SETTLED = 0.1  # [s] after an event until the plant moves slowly
-DEGREE = 3  # [1] degree of the polynomial that is taken out
-BENDS = 0.3  # [1/s] by which it is more in longer stretches
-FASTEST = 0.02  # [s] shortest time constant of creep that is taken out
-APART = 4.0  # [1] ratio of one time constant to the next
-SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 MOST_LINES = 12  # [1] lines that are looked for
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -44,6 +37,10 @@ SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
 # Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
 FORM = 0.012  # [1] relative error of the variance that remains however long the record
 UNQUIET = 0.2  # [1] the same where no stretch is quiet
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py -k quiet`, `python -m measured.table`
+MOSTLY = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
+BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal
 
 # Set by judgement. Check: `pytest tests/test_noise.py`
 SLOWEST_COLOUR = 0.996  # [1] correlation between neighbouring samples up to which one is sought
@@ -62,8 +59,6 @@ NO_WHITE = -6.0  # [1] logit of a white share that is none
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
-
-Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -145,7 +140,7 @@ class Noise:
         if time.size < 2:
             return values / self.total
         colour = self.colour(float(np.median(np.diff(time))))
-        begins = [0, *(np.flatnonzero(~_steady(time)) + 1).tolist(), time.size]
+        begins = [0, *(np.flatnonzero(~steady(time)) + 1).tolist(), time.size]
         parts = [colour.whiten(values[a:b]) for a, b in zip(begins[:-1], begins[1:], strict=True)]
         return np.concatenate(parts) / self.total
 
@@ -155,57 +150,10 @@ class Noise:
         return self.total * self.colour(step).sample(time.size, random)
 
 
-def _steady(time: np.ndarray) -> np.ndarray:
-    step = np.diff(time)
-    return step < SKIPPED * np.median(step)
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """Quiet stretches of one length and sampling `step` [s]: `values` (n, m), and what is taken out, `basis` (n, p).
-
-    Stretch j is that of record `record[j]` from its sample `first[j]` on.
-    """
-
-    step: float
-    values: np.ndarray
-    basis: np.ndarray
-    record: np.ndarray
-    first: np.ndarray
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom left."""
-        return self.values.shape[1] * (self.values.shape[0] - self.basis.shape[1])
-
-    def without(self, lines: Sequence[float]) -> Stretches:
-        """With lines at some frequencies [Hz] taken out as well."""
-        waves = hums.columns(lines, np.arange(len(self.values)) * self.step)
-        return replace(self, basis=_orthonormal(np.concatenate([self.basis, waves], axis=1)))
-
-    def rest(self, colour: Colour) -> np.ndarray:
-        """The whitened values without the basis (n, m)."""
-        q, _ = np.linalg.qr(colour.whiten(self.basis))
-        white = colour.whiten(self.values)
-        return white - q @ (q.T @ white)
-
-    def restricted(self, colour: Colour) -> tuple[float, float]:
-        """The sum of squares of `rest`, and half the logarithm of the determinant of the basis' normal equations."""
-        basis, white = colour.whiten(self.basis), colour.whiten(self.values)
-        factor = np.linalg.cholesky(basis.T @ basis)
-        along = solve_triangular(factor, basis.T @ white, lower=True)
-        squares = float(np.vdot(white, white) - np.vdot(along, along))
-        return squares, float(np.log(np.diag(factor)).sum())
-
-
 @one_blas_thread
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
-    chosen, quiet = stretches(records), True
-    if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
-        other = stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
-        if _freedom(other) > 2 * _freedom(chosen):
-            chosen, quiet = other, False
+    chosen, quiet, rings = _chosen(records)
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0))
     found = _coloured(plain, step)
@@ -213,8 +161,8 @@ def estimate(records: Records) -> Noise:
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = _coloured(plain, step) if lines else found
     colour = found.colour(step)
-    quiet = quiet and found.variance < _variance(records)
-    form = max(FORM, found.uncertainty, 0.0 if quiet else UNQUIET)
+    quiet = quiet and found.variance < _variance(records) and not (rings and colour.phi > np.exp(-1 / BRIEF))
+    form = max(FORM, found.uncertainty) if quiet else UNQUIET
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
     return Noise(
@@ -230,6 +178,18 @@ def estimate(records: Records) -> Noise:
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
         slow_known=quiet and (not 0 < colour.white < 1 or colour.phi <= 0 or _longest(chosen) >= SLOW_STRETCH),
     )
+
+
+def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
+    """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
+    coarse = float(np.median([resolution(y) for _, y, _ in records]))
+    every = stretches(records)
+    chosen = calm(every, coarse)
+    if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
+        other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
+        if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
+            return other, False, True
+    return chosen, True, _freedom(chosen) < MOSTLY * _freedom(every)
 
 
 def _variance(records: Records) -> float:
@@ -286,55 +246,6 @@ def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> 
         for parts in rests.values()
     ]
     return hums.strongest([(t, r) for t, r in joined], step)
-
-
-def stretches(records: Records, settled: float = SETTLED) -> list[Stretches]:
-    """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other."""
-    cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
-    for number, (time, _, events) in enumerate(records):
-        step = round(float(np.median(np.diff(time))), 9)
-        sizes = _sizes(step)
-        marks = np.union1d(events, time[1:][~_steady(time)])
-        marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
-        firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
-        lasts = np.searchsorted(time, marks[1:])
-        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
-            at = first
-            for size in sizes:
-                while last - at >= size:
-                    cut.setdefault((step, size), []).append((number, at))
-                    at += size
-    made = []
-    for (step, size), places in sorted(cut.items()):
-        values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
-        smooth = basis(size, step)
-        values -= smooth @ (smooth.T @ values)  # the rest is small beside it: no digits are lost later
-        made.append(Stretches(step, values, smooth, *np.array(places).T))
-    return made
-
-
-def _sizes(step: float) -> list[int]:
-    """Lengths of stretches in samples, the longest first."""
-    longest = max(LONGEST_STRETCH / step, 2 * LEAST_STRETCH)
-    return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST_STRETCH)) + 1)]
-
-
-def basis(size: int, step: float) -> np.ndarray:
-    """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
-    lasts = size * step
-    degree = min(DEGREE + int(BENDS * lasts), size // 4)
-    columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]
-    time = np.arange(size) * step
-    tau = FASTEST
-    while tau < lasts / APART and len(columns) < size // 8:
-        columns.append(np.exp(-time / tau)[:, None])
-        tau *= APART
-    return _orthonormal(np.concatenate(columns, axis=1))
-
-
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, values > 1e-7 * values[0]]
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from .drive import drives as all_drives
 from .marginal import Marginal
 from .monitors import resolution, slow_level
 from .noise import Noise
+from .noise_bound import limited
 from .problem import Free, Problem
 from .response import Case, Reading, Response
 from .start import RESTED, UNKNOWN, loosened, zeroed
@@ -43,13 +44,19 @@ class Nuisances:
     columns: np.ndarray
     sd: np.ndarray
 
-    def mean(self, white: np.ndarray, residual: np.ndarray, sd: np.ndarray) -> np.ndarray:
-        """Their most likely values (k,) given whitened columns (N, k) and a whitened residual (N,)."""
+    def mean(
+        self, white: np.ndarray, residual: np.ndarray, sd: np.ndarray, now: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Their most likely values (k,) given whitened columns (N, k) and a whitened residual (N,).
+
+        Where the residual is that at values `now` (k,), by how much they change.
+        """
         used = sd > 0
         found = np.zeros(sd.size)
         columns = white[:, used] * sd[used]
         information = columns.T @ columns + np.eye(int(used.sum()))
-        found[used] = -np.linalg.solve(information, columns.T @ residual) * sd[used]
+        pulled = 0.0 if now is None else now[used] / sd[used]
+        found[used] = -np.linalg.solve(information, columns.T @ residual + pulled) * sd[used]
         return found
 
 
@@ -278,6 +285,8 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
                     (experiment.time[seen], experiment.outputs[output.name][seen], np.unique(driven.protocol.time))
                 )
         noise = noises.estimate(records)
+        if not noise.quiet:
+            noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
         floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
         if stated and not noise.quiet:  # the colour would be the signal's

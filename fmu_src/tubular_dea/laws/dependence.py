@@ -6,12 +6,15 @@
                                |   .'
                            1 --+.'-------- of
 
-Equation: coefficient' = coefficient (1 + slope of + bend of^2); a signal' = signal + slope of + bend of^2.
+Equation: coefficient' = coefficient exp(slope of + bend of^2), which keeps its sign at any value, also beyond what was
+recorded; a signal' = signal + slope of + bend of^2.
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (modifying and interfering inputs).
 
 Typical: 5 % of the coefficient (of the signal) at the nominal value of the other quantity.
 """
+
+import sympy
 
 from ..model.declare import Model
 from ..model.effect import Effect
@@ -33,7 +36,7 @@ def law(at: SignalSite) -> Effect | None:
     slope = at.knob(
         "slope",
         at.per((unit, 1), (of.unit, -1)),
-        f"Change of {at.words} with {of.name}",
+        f"{'Relative change' if factor else 'Change'} of {at.words} with {of.name}",
         0.05 * one,
         -20 * one,
         20 * one,
@@ -53,6 +56,6 @@ def law(at: SignalSite) -> Effect | None:
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
         change = slope.symbol * of.symbol + bend.symbol * of.symbol**2
-        return at.put(model, signal * (1 + change) if factor else signal + change)
+        return at.put(model, signal * sympy.exp(change) if factor else signal + change)
 
     return at.effect(f"A dependence on {of.name} changes {at.words}", "Doebelin 2004", apply, slope, bend)

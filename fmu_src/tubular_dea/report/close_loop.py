@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
 from ..discover.outcome import floor, remainder
-from ..discover.remarks import thin
+from ..discover.remarks import shifted, thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
 from ..recordings.table import some
@@ -47,6 +47,7 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     not_seen(page, found, outcome)
     if found.verdict in ("unexplained", "partly_explained"):
         page.heading("Where the model fails", level=3)
+    if found.study.plant.inputs:
         page.figure(latent_map(found), "The residual over the model's output and over an input.")
     page.heading("The recordings", level=3)
     for figure, caption in _records(found):
@@ -66,7 +67,7 @@ def headline(found: Discovery) -> str:
 
 
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
-    """The errors before and after, and whether the data are few, a line each."""
+    """The errors before and after, a zero that no sensor has, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
     noise = floor(found.study, after["rmse"])
     held, little = "", thin(found)
@@ -74,7 +75,8 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
         names = some([p.name for p in found.study.held_out])
         held = f"held out ({names}) {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
     said = f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"
-    return [said, f"these recordings prove little: {little}"] if little else [said]
+    few = [f"these recordings prove little: {little}"] if little else []
+    return [said, *shifted(found), *few]
 
 
 def _one_of(found: Discovery, effect: str) -> str:

@@ -1,0 +1,178 @@
+"""Stretches of a record in which nothing happens: what a smooth curve leaves of them is the sensor's noise.
+
+Between events a plant creeps, so exponentials of all time constants and polynomials are taken out; what slow drift a
+sensor has goes with them. A plant that rings after every event is at rest nowhere but before the first one, and where
+it has rung out: stretches that move much more from sample to sample than the calmest ones are no quiet ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from . import hum as hums
+from .colour import Colour
+
+# Set by judgement. Check: `pytest tests/test_noise.py`,
+# `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
+LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
+LEAST_STRETCH = 30  # [samples] that it has at least
+SETTLED = 0.1  # [s] after an event until the plant moves slowly
+DEGREE = 3  # [1] degree of the polynomial that is taken out
+BENDS = 0.3  # [1/s] by which it is more in longer stretches
+FASTEST = 0.02  # [s] shortest time constant of creep that is taken out
+APART = 4.0  # [1] ratio of one time constant to the next
+SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
+
+# Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
+CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
+RINGING = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
+LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
+COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
+LAGS = (1, 4, 16)  # [samples] over which differences are taken
+SHARE = 8  # [1] a stretch is at least so many times as long as a lag
+
+Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Quiet stretches of one length and sampling `step` [s]: `values` (n, m), and what is taken out, `basis` (n, p).
+
+    Stretch j is that of record `record[j]` from its sample `first[j]` on.
+    """
+
+    step: float
+    values: np.ndarray
+    basis: np.ndarray
+    record: np.ndarray
+    first: np.ndarray
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom left."""
+        return self.values.shape[1] * (self.values.shape[0] - self.basis.shape[1])
+
+    def only(self, chosen: np.ndarray) -> Stretches:
+        """Some of them, (m,) of truth values."""
+        return replace(self, values=self.values[:, chosen], record=self.record[chosen], first=self.first[chosen])
+
+    def without(self, lines: Sequence[float]) -> Stretches:
+        """With lines at some frequencies [Hz] taken out as well."""
+        waves = hums.columns(lines, np.arange(len(self.values)) * self.step)
+        return replace(self, basis=_orthonormal(np.concatenate([self.basis, waves], axis=1)))
+
+    def rest(self, colour: Colour) -> np.ndarray:
+        """The whitened values without the basis (n, m)."""
+        q, _ = np.linalg.qr(colour.whiten(self.basis))
+        white = colour.whiten(self.values)
+        return white - q @ (q.T @ white)
+
+    def restricted(self, colour: Colour) -> tuple[float, float]:
+        """The sum of squares of `rest`, and half the logarithm of the determinant of the basis' normal equations."""
+        basis, white = colour.whiten(self.basis), colour.whiten(self.values)
+        factor = np.linalg.cholesky(basis.T @ basis)
+        along = solve_triangular(factor, basis.T @ white, lower=True)
+        squares = float(np.vdot(white, white) - np.vdot(along, along))
+        return squares, float(np.log(np.diag(factor)).sum())
+
+
+def stretches(records: Records, settled: float = SETTLED) -> list[Stretches]:
+    """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other."""
+    cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
+    for number, (time, _, events) in enumerate(records):
+        step = round(float(np.median(np.diff(time))), 9)
+        sizes = _sizes(step)
+        marks = np.union1d(events, time[1:][~steady(time)])
+        marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
+        firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
+        lasts = np.searchsorted(time, marks[1:])
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
+            at = first
+            for size in sizes:
+                while last - at >= size:
+                    cut.setdefault((step, size), []).append((number, at))
+                    at += size
+    made = []
+    for (step, size), places in sorted(cut.items()):
+        values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
+        smooth = basis(size, step)
+        values -= smooth @ (smooth.T @ values)  # the rest is small beside it: no digits are lost later
+        made.append(Stretches(step, values, smooth, *np.array(places).T))
+    return made
+
+
+def _sizes(step: float) -> list[int]:
+    """Lengths of stretches in samples, the longest first."""
+    longest = max(LONGEST_STRETCH / step, 2 * LEAST_STRETCH)
+    return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST_STRETCH)) + 1)]
+
+
+def basis(size: int, step: float) -> np.ndarray:
+    """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
+    lasts = size * step
+    degree = min(DEGREE + int(BENDS * lasts), size // 4)
+    columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]
+    time = np.arange(size) * step
+    tau = FASTEST
+    while tau < lasts / APART and len(columns) < size // 8:
+        columns.append(np.exp(-time / tau)[:, None])
+        tau *= APART
+    return _orthonormal(np.concatenate(columns, axis=1))
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, values > 1e-7 * values[0]]
+
+
+def calm(groups: Sequence[Stretches], step: float) -> list[Stretches]:
+    """The stretches that move no more from sample to sample than the calmest ones do, but for chance.
+
+    Nor more than a sensor with this smallest `step` does, which is calm in the middle of one and not between two.
+    Those without any noise are none to hold others against.
+    """
+    rings = [np.zeros(g.values.shape[1], dtype=bool) for g in groups]
+    for lag in LAGS if groups else ():
+        moved = [_differences(g.values, lag) for g in groups]
+        calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)])
+        limit = max(RINGING * calmest, COARSE * step**2)
+        rings = [r | (m > limit) for r, m in zip(rings, moved, strict=True)]
+    return [g.only(~r) if r.any() else g for g, r in zip(groups, rings, strict=True) if not r.all()]
+
+
+def louder(groups: Sequence[Stretches], quiet: Sequence[Stretches]) -> bool:
+    """Whether stretches move more from sample to sample than quiet ones, of which there are enough to tell."""
+    if sum(g.freedom for g in quiet) < CALMEST:
+        return False
+    here, there = (np.concatenate([_differences(g.values, 1) for g in each]) for each in (groups, quiet))
+    return bool(here.mean() > LOUDER * there.mean())
+
+
+def _differences(values: np.ndarray, lag: int) -> np.ndarray:
+    """The mean square of differences over a lag of every stretch (m,); not a number where it is too short for that."""
+    if len(values) < SHARE * lag:
+        return np.full(values.shape[1], np.nan)
+    return np.asarray(np.mean((values[lag:] - values[:-lag]) ** 2, axis=0))
+
+
+def _calmest(groups: Sequence[tuple[np.ndarray, int]]) -> float:
+    """The mean of the smallest of values (m,), each with so many degrees of freedom; infinite where there are few."""
+    values = np.concatenate([v for v, _ in groups])
+    freedom = np.concatenate([np.full(v.size, f) for v, f in groups])
+    order = np.argsort(values)
+    order = order[values[order] > 0]  # not a number is not
+    total = np.cumsum(freedom[order])
+    if not total.size or total[-1] < CALMEST:
+        return np.inf
+    few = order[: int(np.searchsorted(total, CALMEST)) + 1]
+    return float(np.average(values[few], weights=freedom[few]))
+
+
+def steady(time: np.ndarray) -> np.ndarray:
+    """Whether each step (n - 1,) of a record's time (n,) is a usual one, and no gap."""
+    step = np.diff(time)
+    return step < SKIPPED * np.median(step)
