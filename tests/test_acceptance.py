@@ -13,7 +13,7 @@ from tubular_dea.discover import acceptance, engine, equivalence, held_out, para
 from tubular_dea.discover.bank import Candidate, scores
 from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
-from tubular_dea.identify import noise_limit
+from tubular_dea.identify import noise_bound
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.fit import interval
 from tubular_dea.identify.noise import Noise
@@ -303,9 +303,9 @@ def test_noise_is_no_more_than_a_residual_hides_from_its_past() -> None:
     random, time = np.random.default_rng(6), np.arange(4000) / 250
     slow = 3.0 * np.sin(2 * np.pi * 0.7 * time) + np.exp(-time)
     noise = 0.2 * random.standard_normal((2, time.size))
-    bound = noise_limit.prediction_error([slow + n for n in noise])
-    assert 0.99 * noise.std() < bound < noise_limit.TOO_MUCH * noise.std()
-    assert noise_limit.prediction_error([np.zeros(100)]) == 0.0
+    bound = noise_bound.prediction_error([slow + n for n in noise])
+    assert 0.99 * noise.std() < bound < noise_bound.TOO_MUCH * noise.std()
+    assert noise_bound.prediction_error([np.zeros(100)]) == 0.0
 
 
 def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
@@ -394,7 +394,7 @@ def test_noise_that_no_quiet_stretch_shows_keeps_a_colour_that_no_signal_has(cor
     known = Noise(1.0, correlation, 1e4, step=0.004, quiet=False)
     colour = Colour(correlation, 0.0)
     left = [colour.sample(4000, np.random.default_rng(seed)) for seed in range(3)]
-    found = noise_limit.limited(known, left)
+    found = noise_bound.limited(known, left)
     assert found.correlation == pytest.approx(correlation if kept else 0.0, rel=0.02)
     assert found.innovation == pytest.approx(known.innovation, rel=0.03)
 
@@ -403,7 +403,7 @@ def test_noise_is_no_larger_than_the_residual_that_it_is_part_of() -> None:
     """Short quiet stretches tell what is new in a sample, and not a memory of seconds."""
     left = [Colour(0.9, 0.0).sample(4000, np.random.default_rng(seed)) for seed in range(3)]
     known = Noise(3.0, np.sqrt(1 - (Noise(1.0, 0.9, step=0.004).innovation / 3.0) ** 2), 1e4, step=0.004)
-    found = noise_limit.limited(known, left)
+    found = noise_bound.limited(known, left)
     assert found.rms == pytest.approx(1.0, rel=0.1) and found.correlation == pytest.approx(0.9, rel=0.03)
     assert found.innovation == pytest.approx(known.innovation, rel=0.03)
 

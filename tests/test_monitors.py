@@ -227,3 +227,13 @@ def test_a_command_that_is_new_at_every_sample_has_no_noise() -> None:
     assert np.array_equal(found.protocol.at(time[1:-1] + 3600.0)["rain"], rain[1:-1])
     levels = 30.0 * (np.arange(365) % 50 > 25) + 0.2 * random.standard_normal(365)
     assert drive(recorded(time, "rain", levels), held).noise["rain"] == pytest.approx(0.2, rel=0.4)
+
+
+def test_an_exact_record_keeps_its_corners_alone() -> None:
+    time = np.arange(500) * 0.004
+    values = np.interp(time, [0.0, 0.4, 1.2, 1.996], [0.0, 3.0, 3.0, -1.0])
+    line = polyline(time, values, 0.0)
+    assert time[line.corners] == pytest.approx([0.0, 0.4, 1.2, 1.996])
+    assert np.interp(time, time[line.corners], line.values) == pytest.approx(values, abs=1e-12)
+    wavy = np.sin(time)
+    assert polyline(time, wavy, 0.0).corners.size == time.size

@@ -205,12 +205,30 @@ def test_rounding_to_steps_larger_than_the_noise_is_white_where_the_signal_moves
         assert found.innovation == pytest.approx(np.hypot(error.std(), RMS * np.sqrt(1 - phi**2)), rel=0.15)
 
 
-def test_ringing_that_has_not_settled_is_no_noise() -> None:
-    """A carriage on a spring after two pushes: what rests is the force, not the carriage."""
+def test_what_rings_after_every_event_is_at_rest_before_the_first() -> None:
+    """A carriage on a spring after a push: what rests then is the force, not the carriage."""
     time, random = np.arange(0, 10, 0.01), np.random.default_rng(4)
     records = []
     for size in (0.09, -0.06, 0.05):
         since = np.maximum(time - 1.0, 0.0)
         ringing = size * (1 - np.exp(-0.75 * since) * np.cos(9.4 * since))
         records.append((time, ringing + 1e-4 * random.standard_normal(time.size), np.array([1.0])))
-    assert not estimate(records).quiet
+    found = estimate(records)
+    assert found.quiet
+    assert found.rms == pytest.approx(1e-4, rel=0.1)
+
+
+def test_ringing_that_never_settles_is_no_noise() -> None:
+    """The same carriage where a record begins with the push."""
+    time, random = np.arange(0, 10, 0.01), np.random.default_rng(4)
+    ringing = 0.09 * (1 - np.exp(-0.05 * time) * np.cos(9.4 * time))
+    assert not estimate([(time, ringing + 1e-4 * random.standard_normal(time.size), np.array([0.0]))]).quiet
+
+
+def test_a_coarse_sensor_that_rests_in_the_middle_of_a_step_is_no_measure_of_noise() -> None:
+    """What toggles between two readings is as quiet as what does not."""
+    time, random = np.arange(0, 8, 0.004), np.random.default_rng(6)
+    levels = np.linspace(0.0, 5.0, 24)  # in steps of the sensor, from their middles to between them
+    records = [(time, np.round(v + 0.25 * random.standard_normal(time.size)), np.array([0.0])) for v in levels]
+    alike = np.mean([np.var(y) for _, y, _ in records])
+    assert estimate(records).rms ** 2 == pytest.approx(alike, rel=0.1)

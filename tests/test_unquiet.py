@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from tubular_dea.discover import engine
 from tubular_dea.discover.engine import discover
 from tubular_dea.identify.data import Experiment, Recordings
-from tubular_dea.identify.noise_limit import TOO_MUCH
+from tubular_dea.identify.noise_bound import TOO_MUCH
 from tubular_dea.identify.procedure import settled
 from tubular_dea.identify.study import study
 from tubular_dea.kernel import Kernel

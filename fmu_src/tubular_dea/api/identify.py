@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
@@ -96,20 +98,17 @@ class IdentificationResult:
         """The parameters and the goodness of fit as text."""
         from ..report.parts import readable
 
-        said = []
+        said, fits = [], []
         for name, p in self.parameters.items():
             scale, unit = readable(p.value, p.unit)
             said.append(
                 f"{name:8s} {p.value / scale:.6g} +- {float(f'{p.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
             )
-        return [*said, *self.remarks(), f"fit {self.fit_percent:.2f} %, error {self._told(self.rmse)}"]
-
-    def _told(self, error: float) -> str:
-        """An error of the first output in a readable unit."""
-        from ..report.parts import readable
-
-        scale, unit = readable(error, self.content["unit"])
-        return f"{error / scale:.3g} {unit}"
+        each = self.content.get("outputs", {"": self.content})
+        for name, e in each.items():
+            said_of = f"{name}: " if name else ""
+            fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {_told(e['rmse'], e['unit'])}")
+        return [*said, *self.remarks(), *fits]
 
     def remarks(self) -> list[str]:
         """Warnings about the values."""
@@ -121,7 +120,7 @@ class IdentificationResult:
         if self.verdict == "misfit":
             said.append(
                 f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times the noise "
-                f"of {self._told(self.content['noise_floor'])}, so the intervals are too narrow"
+                f"of {_told(self.content['noise_floor'], self.content['unit'])}, so the intervals are too narrow"
             )
         return said
 
@@ -150,6 +149,14 @@ class IdentificationResult:
             "parameters.json": (json.dumps(self.content, indent=2, allow_nan=False) + "\n").encode(),
         }
         return [write_atomically(Path(out) / name, data) for name, data in content.items()]
+
+
+def _told(error: float, unit: str) -> str:
+    """An error in a readable unit."""
+    from ..report.parts import readable
+
+    scale, unit = readable(error, unit)
+    return f"{error / scale:.3g} {unit}"
 
 
 def identify(
@@ -259,10 +266,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
             "unit": model.quantity(name).unit,
             "ci95": [e if math.isfinite(e) else None for e in ends],
         }
-    each = {
-        p.name: {"rmse": rmse([p.record], [y]), "fit_percent": goodness([p.record], [y])}
-        for p, y in zip(work.training, outputs, strict=True)
-    }
+    errors = {name: _errors(work, outputs, name) for name in work.noise}
     return {
         "verdict": "misfit" if left.significant else "adequate",
         "residual_over_noise": left.ratio,
@@ -271,10 +275,25 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
         "undetermined": best.undetermined(),
         "converged": best.converged,
         "intervals": "profile likelihood" if profile else "covariance",
-        "rmse": rmse(problem.records, outputs),
-        "fit_percent": goodness(problem.records, outputs),
-        "unit": model.quantity(first).unit,
+        **errors[next(iter(errors))],
         "noise_floor": work.noise[first].rms,
         "noise_correlation": work.noise[first].correlation,
+    } | ({"outputs": errors} if len(errors) > 1 else {})
+
+
+def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str, Any]:
+    """The error of one output (SI) and the goodness of fit, of all experiments that have it and of each."""
+    pairs = {
+        piece.name: (piece.record[part], answer[part])
+        for piece, answer in zip(work.training, answers, strict=True)
+        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+        if reading.output == output
+    }
+    records, models = zip(*pairs.values(), strict=True)
+    each = {name: {"rmse": rmse([r], [y]), "fit_percent": goodness([r], [y])} for name, (r, y) in pairs.items()}
+    return {
+        "rmse": rmse(records, models),
+        "fit_percent": goodness(records, models),
+        "unit": work.plant.quantity(output).unit,
         "per_experiment": each,
     }

@@ -14,7 +14,7 @@ from .parameters import unusual
 from .rounds import AT_BEST, Progress, Round
 from .settle import iterated
 
-# Set by judgement: very strong evidence, and a bound on the cost. Check: `pytest tests/test_acceptance.py`,
+# Set by judgement: very strong evidence, and a bound on the cost. Check: `pytest tests/test_revision.py`,
 # `python -m blind.score --pairs 20 --seed 1000`
 FINER_GAIN = 10.0  # [log evidence] that a finer form must bring
 MOST_FINER = 4  # [1] rivals that are refined with the choice
@@ -22,7 +22,7 @@ PROMISING = 0.7  # [1] share of the choice's gain that a rival may lose whose fi
 EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
 
 # Set by measurement: a drive with dry friction and an offset of its force. Alone, dry friction is behind a quadratic
-# resistance and three more, together the two leave an eighth. Check: `pytest tests/test_acceptance.py`
+# resistance and three more, together the two leave an eighth. Check: `pytest tests/test_revision.py`
 FAR_EXCHANGED = 6  # [1] the same where models are far from the plant
 
 

@@ -58,7 +58,7 @@ TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the sam
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
 FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
 
-# Set by judgement. Check: `pytest tests/test_adjust.py -k lasts`
+# Set by judgement. Check: `pytest tests/test_ringing_plants.py`
 LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
 MOST_LASTING = 64  # [1] edges of a record that are estimated together: each needs a simulation of its own
 EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference quotient

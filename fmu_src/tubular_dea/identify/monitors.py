@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.stats import norm
+from scipy.special import ndtri
 
 # Set by measurement: of 8, 12, 16 and 20 it leaves the least error over heartbeats, holds and sines at 250 Hz to 5 kHz
 # with 25 Pa of noise; with 8, one sample in 80 of pure noise is a corner. Check: `pytest tests/test_monitors.py`,
@@ -316,7 +316,7 @@ def _least(corners: np.ndarray, samples: int) -> np.ndarray:
     """
     gaps = np.diff(corners, prepend=-samples, append=corners[-1] + samples)
     brief = np.minimum(gaps[:-1], gaps[1:])
-    return np.maximum(REMOVE, norm.isf(np.minimum(SPIKE_CHANCE * brief / (2 * samples), 0.5)) ** 2)
+    return np.maximum(REMOVE, ndtri(np.minimum(SPIKE_CHANCE * brief / (2 * samples), 0.5)) ** 2)
 
 
 def _loss(pieces: _Segments, noise: float) -> np.ndarray:

@@ -39,7 +39,7 @@ FORM = 0.012  # [1] relative error of the variance that remains however long the
 UNQUIET = 0.2  # [1] the same where no stretch is quiet
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k quiet`, `python -m measured.table`
-MOSTLY = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
+CALM_SHARE = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
 BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal
 
 # Set by judgement. Check: `pytest tests/test_noise.py`
@@ -189,7 +189,7 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
         other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
         if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
             return other, False, True
-    return chosen, True, _freedom(chosen) < MOSTLY * _freedom(every)
+    return chosen, True, _freedom(chosen) < CALM_SHARE * _freedom(every)
 
 
 def _variance(records: Records) -> float:

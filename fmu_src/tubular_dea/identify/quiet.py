@@ -29,10 +29,10 @@ SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
-RINGING = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
+NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
-LAGS = (1, 4, 16)  # [samples] over which differences are taken
+DIFFERENCES = (1, 4, 16)  # [samples] over which differences are taken
 SHARE = 8  # [1] a stretch is at least so many times as long as a lag
 
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -136,10 +136,10 @@ def calm(groups: Sequence[Stretches], step: float) -> list[Stretches]:
     Those without any noise are none to hold others against.
     """
     rings = [np.zeros(g.values.shape[1], dtype=bool) for g in groups]
-    for lag in LAGS if groups else ():
+    for lag in DIFFERENCES if groups else ():
         moved = [_differences(g.values, lag) for g in groups]
         calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)])
-        limit = max(RINGING * calmest, COARSE * step**2)
+        limit = max(NOT_CALM * calmest, COARSE * step**2)
         rings = [r | (m > limit) for r, m in zip(rings, moved, strict=True)]
     return [g.only(~r) if r.any() else g for g, r in zip(groups, rings, strict=True) if not r.all()]
 

@@ -14,13 +14,21 @@ from ..model.declare import DeclarationError
 
 LONGEST = 70  # characters of a line of the file in a message
 DECIDED = "{0} is not known while the file is read: write step({1}), positive_part({1}) or sympy.Piecewise"
+FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Piecewise", "Abs", "Max", "Min", "pi")
+FOR_NUMBERS = " for numbers, and this is a quantity: import the function from sympy, as in `from sympy import tanh`"
 ADVICE = (  # what Python, NumPy and sympy say of quantities that are taken for numbers, and what to do instead
     (r"cannot determine truth value of Relational: (.*)", DECIDED),
-    (r"loop of ufunc does not support argument \d+ of type \w+ which has no callable (\w+) method", "NumPy's {0} is"),
-    (r"Cannot convert expression to float", "a function of the module math is"),
-    (r"must be real number, not (?:Symbol|Mul|Add|Pow)", "a function of the module math is"),
+    (
+        r"unsupported operand type\(s\) for .*: '\w+' and '(?:Strict)?(?:Greater|Less)Than'",
+        "a comparison is no number: write step(x), which is 1 where x > 0, or sympy.Piecewise",
+    ),
+    (
+        r"loop of ufunc does not support argument \d+ of type \w+ which has no callable (\w+) method",
+        "NumPy's {0} is" + FOR_NUMBERS,
+    ),
+    (r"Cannot convert expression to float", "a function of the module math is" + FOR_NUMBERS),
+    (r"must be real number, not (?:Symbol|Mul|Add|Pow)", "a function of the module math is" + FOR_NUMBERS),
 )
-FOR_NUMBERS = " for numbers, and this is a quantity: import the function from sympy, as in `from sympy import tanh`"
 
 
 def message(path: Path, problem: BaseException) -> str:
@@ -59,12 +67,15 @@ def _meant(problem: BaseException) -> str:
         return _close(imported[1], dir(sys.modules[problem.name])) if imported else ""
     if isinstance(problem, NameError) and problem.name and problem.__traceback__:
         *_, (frame, _) = traceback.walk_tb(problem.__traceback__)
-        return _close(problem.name, [*frame.f_locals, *frame.f_globals, *dir(builtins)])
+        if problem.name in FUNCTIONS:
+            return f"; write `from sympy import {problem.name}`"
+        return _close(problem.name, [*frame.f_locals, *frame.f_globals]) or _close(problem.name, dir(builtins), 0.8)
     return ""
 
 
-def _close(name: str, names: list[str]) -> str:
-    found = difflib.get_close_matches(name, [n for n in dict.fromkeys(names) if not n.startswith("_")], n=1)
+def _close(name: str, names: list[str], like: float = 0.6) -> str:
+    known = [n for n in dict.fromkeys(names) if not n.startswith("_")]
+    found = difflib.get_close_matches(name, known, n=1, cutoff=like)
     return f"; did you mean {found[0]}?" if found else ""
 
 
@@ -74,7 +85,7 @@ def _advice(said: str) -> str:
         if found and words == DECIDED:
             return words.format(found[1], re.split(r" [<>=!]+ ", found[1])[0])
         if found:
-            return words.format(*found.groups()) + FOR_NUMBERS
+            return words.format(*found.groups())
     return ""
 
 

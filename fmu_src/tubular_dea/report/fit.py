@@ -17,7 +17,7 @@ from .parts import shown_unit
 def worst_fit(work: Study, best: Fit, errors: Mapping[str, Mapping[str, Any]], figure: Figure | None = None) -> Figure:
     """Record, model and residual of the experiment with the largest of `errors` (rmse by name)."""
     model = work.plant.model
-    worst = max(work.training, key=lambda p: errors[p.name]["rmse"])
+    worst = max((p for p in work.training if p.name in errors), key=lambda p: errors[p.name]["rmse"])
     answer = work.response((), [worst]).outputs(best.values)[0]
     part, reading = worst.case.parts()[0], worst.case.readings[0]
     record, answer = worst.record[part], with_nuisances(work, worst, answer)[part]

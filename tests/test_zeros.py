@@ -1,0 +1,48 @@
+"""A zero that no sensor has is not what explains a file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tubular_dea as td
+from tubular_dea.plants import Build, Input, Output, Path, Plant
+
+TIME = 0.01 * np.arange(600)
+
+
+def plant() -> Plant:
+    """A spring that is pulled, and a gauge with a zero."""
+    m = Build("Spring")
+    pull = m.input("pull", "N", nominal=10.0)
+    softness = m.parameter("softness", "m/N", 0.01, minimum=1e-5)
+    m.output("stretch", "m", softness * pull, nominal=0.1)
+    return Plant(
+        m.model(), [Input("pull", held=True)], [Output("stretch", zero=1e-3)], places=[Path("pull"), Path("stretch")]
+    )
+
+
+def recorded(shifted: float) -> td.Recordings:
+    """Four files of steps with zeros of the usual size, in the last one `shifted` [m] more."""
+    random = np.random.default_rng(1)
+    tables = {}
+    for number, size in enumerate((4.0, 8.0, 12.0, 9.0)):
+        pull = np.where((TIME > 1) & (TIME < 4), size, 0.5 * size * (TIME >= 4))
+        zero = 1e-3 * random.standard_normal() + shifted * (number == 3)
+        read = 0.011 * pull + zero + 1e-4 * random.standard_normal(TIME.size)
+        tables[f"file {number}"] = {"time [s]": TIME, "pull [N]": pull, "stretch [m]": read}
+    return td.read_recordings(tables, plant=plant())
+
+
+def test_usual_zeros_are_no_effect() -> None:
+    assert td.discover(recorded(0.0)).verdict == "no_effect"
+
+
+@pytest.mark.parametrize("hold_out", [["file 1"], ["file 3"]], ids=["in training", "held out"])
+def test_a_file_with_an_impossible_zero_is_not_explained(hold_out: list[str]) -> None:
+    found = td.discover(recorded(0.04), hold_out=hold_out)
+    assert found.verdict == "unexplained"
+    said = next(line for line in found.lines() if "too much" in line)
+    assert "file 3" in said
+    assert "stretch" in said
+    assert found.content["residual"]["remainder"]["rms"] == pytest.approx(0.04, rel=0.1)
