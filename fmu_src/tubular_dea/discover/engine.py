@@ -122,16 +122,13 @@ def discover(
             f"{recordings.plant.name}: nothing may be missing, as it has no places: expected places=[...] in its "
             "declaration (identify only fits its parameters)"
         )
+    fitted_with = [e for e in recordings.experiments if e.name not in (held_out or ())]
+    _check_enough(recordings, sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs))
     tell("monitors and noise")
     work = study(recordings, held_out, PRIOR)
     if held_out is None:
         work = with_held_out(work)
-    training = sum(p.record.size for p in work.training)
-    if training < LEAST_SAMPLES:
-        raise UserError(
-            f"{recordings.source}: {training} samples in training are too few to distinguish an effect from noise; "
-            f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
-        )
+    _check_enough(recordings, sum(p.record.size for p in work.training))
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
@@ -178,6 +175,15 @@ def discover(
         wandering,
         shifted,
     )
+
+
+def _check_enough(recordings: Recordings, training: int) -> None:
+    """`UserError` where so many samples in training are too few."""
+    if training < LEAST_SAMPLES:
+        raise UserError(
+            f"{recordings.source}: {training} samples in training are too few to distinguish an effect from noise; "
+            f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
+        )
 
 
 def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progress) -> Search:

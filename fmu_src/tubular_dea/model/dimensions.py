@@ -147,7 +147,7 @@ def _same(a: Measure, b: Measure) -> bool:
 
 
 def _base(m: Measure) -> tuple[float, ...]:
-    """The exponents of kg, m, s, A, K, to two digits: who writes a third writes 0.33."""
+    """The exponents of the base units, to two digits: who writes a third writes 0.33."""
     parts = [(parse(name).exponents, power) for name, power in m.powers.items()]
     return tuple(round(float(sum(e[i] * power for e, power in parts)), 2) + 0.0 for i in range(len(BASE)))
 

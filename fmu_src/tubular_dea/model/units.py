@@ -22,7 +22,7 @@ import numpy as np
 from ..errors import UserError
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-BASE = ("kg", "m", "s", "A", "K")
+BASE = ("kg", "m", "s", "A", "K", "mol")
 PRODUCT = re.compile(r"(?<!\d)\.|\.(?!\d)")  # a dot between digits is that of a broken exponent
 Amount = TypeVar("Amount", float, np.ndarray)
 Power: TypeAlias = int | Fraction
@@ -30,11 +30,16 @@ Power: TypeAlias = int | Fraction
 
 @dataclass(frozen=True)
 class Unit:
-    """`factor` SI units of the dimension given by the exponents of kg, m, s, A, K; zero is at `offset` SI units."""
+    """`factor` SI units of the dimension given by the exponents of `BASE`, from which trailing zeros
+    may be left out; zero is at `offset` SI units."""
 
     factor: float
     exponents: tuple[Power, ...]
     offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        missing = len(BASE) - len(self.exponents)
+        object.__setattr__(self, "exponents", (*self.exponents, *(0,) * missing))
 
     @property
     def whole(self) -> bool:
@@ -54,6 +59,7 @@ _PREFIXED = {
     "s": (Unit(1.0, _TIME), "num"),
     "A": (Unit(1.0, _CURRENT), "numk"),
     "K": (Unit(1.0, _WARMTH), "m"),
+    "mol": (Unit(1.0, (0, 0, 0, 0, 0, 1)), "umk"),
     "Hz": (Unit(1.0, _RATE), "mkM"),
     "N": (Unit(1.0, (1, 1, -2, 0, 0)), "umk"),
     "J": (Unit(1.0, (1, 2, -2, 0, 0)), "umk"),

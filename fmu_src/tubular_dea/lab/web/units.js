@@ -10,7 +10,7 @@ class UnitError extends Error {}
 function parseUnit(text) {
   const plain = plainUnit(text), single = namedUnit(plain);
   if (single) return single;
-  let value = { factor: 1, exponents: [0, 0, 0, 0, 0], offset: 0 };
+  let value = { factor: 1, exponents: [...words.units["1"][1]], offset: 0 };
   plain.split("/").forEach((product, k) => {
     for (const name of product.toLowerCase() in words.alsoUnits ? [product] : product.split(/\.(?!\d)|(?<!\d)\./)) {
       const [unit, exponent] = unitPower(name.trim(), text), power = k ? -exponent : exponent;
