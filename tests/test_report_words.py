@@ -43,7 +43,7 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
     monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
     held = [SimpleNamespace(name="ramp, second half")]
-    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held))
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None)
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6}
     first, second = close_loop.error_lines(found, {"recalibrated": errors, "after": errors})
     assert "held out (ramp, second half) 16 um" in first

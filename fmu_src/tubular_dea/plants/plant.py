@@ -157,12 +157,12 @@ class Plant:
                 raise DeclarationError(
                     f"{self.name}: {what}: expected a list, as {what}=[...], but was given {given!r}"
                 )
-            names = [one for one in given if isinstance(one, str)]
-            if names:
+            alone = [one for one in given if isinstance(one, str)]
+            if alone:
                 kind = {"inputs": "Input", "outputs": "Output", "places": "Path, Balance or Coefficient"}[what]
                 raise DeclarationError(
-                    f"{self.name}: {what}: expected {kind}, as {kind.split(',')[0]}({names[0]!r}), but was given the "
-                    f"name {names[0]!r} alone"
+                    f"{self.name}: {what}: expected {kind}, as {kind.split(',')[0]}({alone[0]!r}), but was given the "
+                    f"name {alone[0]!r} alone"
                 )
         driven = [q.name for q in self.model.inputs]
         for signal in self.inputs:
