@@ -167,18 +167,21 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
     assert kind(PLANT) == "of those declared for the TubularDEA"
 
 
-def test_what_to_do_in_a_channel_can_be_done() -> None:
-    """Nobody can put a second sensor on a coefficient."""
+@pytest.mark.parametrize(
+    ("read", "measure"), [(1.0, "what else acts on level"), (2.0, "level itself too, or what else")]
+)
+def test_what_to_do_in_a_channel_can_be_done(read: float, measure: str) -> None:
+    """Nobody can put a second sensor on a coefficient, nor measure what is read already."""
     m = Build("Cell", "A store that drains")
     pump = m.input("pump", "m/s", nominal=1.0)
     level = m.state("level", "m", start=0.0, nominal=0.5)
     drain = m.define("drain", "m/s", m.parameter("k", "1/s", 1.0) * level)
     m.derivative(level, pump - drain)
-    m.output("reading", "m", level)
+    m.output("reading", "m", read * level if read != 1 else level)
     places = [Path("reading"), Balance("level"), Coefficient("drain", of="level"), Coefficient("k", of="pump")]
     plant = Plant(m.model(), inputs=[Input("pump")], outputs=[Output("reading")], places=places)
     told = {c: at_channel(plant, c) for c in ("reading", "level", "drain", "k")}
     assert told["reading"] == "repeat an experiment with a second sensor in the reading channel"
-    assert told["level"] == "repeat an experiment and measure level itself too, or what else acts on it"
+    assert told["level"].startswith(f"repeat an experiment and measure {measure}")
     assert told["drain"].startswith("repeat one course of pump at several levels of level")
     assert told["k"].startswith("record steps of pump of several heights")

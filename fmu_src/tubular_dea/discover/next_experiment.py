@@ -76,8 +76,15 @@ def at_channel(plant: Plant, channel: str) -> str:
             return f"record steps of {place.of} of several heights, as {channel} may depend on more than {place.of}"
         return f"repeat one course of {others} at several levels of {place.of}, as {channel} may depend on more than it"
     if isinstance(place, Balance):
-        return f"repeat an experiment and measure {place.name} itself too, or what else acts on it"
+        itself = "" if place.name in _measured(plant) else f"{place.name} itself too, or "
+        return f"repeat an experiment and measure {itself}what else acts on {'it' if itself else place.name}"
     return f"repeat an experiment with a second sensor in the {channel} channel"
+
+
+def _measured(plant: Plant) -> set[str]:
+    """The quantities that an output reads as they are."""
+    read = {o.name for o in plant.outputs}
+    return {str(d.expression) for d in plant.model.definitions if d.quantity.name in read}
 
 
 def _within(study: Study, output: str, answers: Sequence[np.ndarray]) -> bool:

@@ -53,7 +53,7 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         effect = found.study.catalogue[entry["id"]]
         isolated = IsolatedEffect(found.study.plant.model, effect, found.named.fitted, held)
         page.heading(f"What was found: {effect.id}")
-        page.text(f"{effect.summary}. It explains {percent(entry['explained'])} of the residual beyond noise.")
+        page.text(f"{effect.summary}. {_share(entry['explained'], len(outcome['effects']))}")
         page.table(["how large", "", "95 % interval", "name"], _sizes(effect, entry, found.study.plant.model))
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
@@ -63,6 +63,13 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.drawings([*drawn, _over(isolated, excitations, records)])
         if curve is None:
             page.text(_constant(isolated, excitations))
+
+
+def _share(explained: float, effects: int) -> str:
+    """What an effect explains; of several each explains the less the more the others make up for it."""
+    if effects == 1:
+        return f"It explains {percent(explained)} of the residual beyond noise."
+    return f"Without it, the others would leave {percent(explained)} of the residual beyond noise."
 
 
 def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
