@@ -8,10 +8,10 @@ import sympy
 
 from tubular_dea.model.declare import TIME, Model, rate
 from tubular_dea.model.smooth import positive_part, step
-from tubular_dea.model.units import combined, parse
+from tubular_dea.model.units import BASE, combined, parse
 
 Dimension = tuple[Fraction, ...] | None  # None: a bare number
-NONE = tuple([Fraction(0)] * 5)
+NONE = tuple([Fraction(0)] * len(BASE))
 
 
 def mismatches(model: Model) -> list[str]:

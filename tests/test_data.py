@@ -160,10 +160,7 @@ def test_the_commands_say_it_in_one_line_and_write_nothing(
 
 @pytest.mark.parametrize(
     ("command", "step", "words"),
-    [
-        ("identify", 6, "67 samples are too few for 9 parameters"),
-        ("close-loop", 2, "150 samples in training are too few"),
-    ],
+    [("identify", 6, "67 samples are too few for 9 parameters"), ("close-loop", 2, "200 samples are too few")],
 )
 def test_too_few_samples_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture, command: str, step: int, words: str

@@ -123,12 +123,13 @@ def discover(
             "declaration (identify only fits its parameters)"
         )
     fitted_with = [e for e in recordings.experiments if e.name not in (held_out or ())]
-    _check_enough(recordings, sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs))
+    read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
+    _check_enough(recordings, read, "samples")
     tell("monitors and noise")
     work = study(recordings, held_out, PRIOR)
     if held_out is None:
         work = with_held_out(work)
-    _check_enough(recordings, sum(p.record.size for p in work.training))
+    _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
     tell("recalibrate the base model")
     work, fitted = _recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
@@ -177,11 +178,11 @@ def discover(
     )
 
 
-def _check_enough(recordings: Recordings, training: int) -> None:
-    """`UserError` where so many samples in training are too few."""
-    if training < LEAST_SAMPLES:
+def _check_enough(recordings: Recordings, count: int, what: str) -> None:
+    """`UserError` where so many samples are too few."""
+    if count < LEAST_SAMPLES:
         raise UserError(
-            f"{recordings.source}: {training} samples in training are too few to distinguish an effect from noise; "
+            f"{recordings.source}: {count} {what} are too few to distinguish an effect from noise; "
             f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
         )
 
