@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--beats", type=int, default=15, help="beats to run (default: 15)")
     parser.add_argument(
         "--set",
-        action="append",
+        action="extend",
+        nargs="+",
         default=[],
         metavar="PART.NAME=VALUE[UNIT]",
         help="change a parameter of heart, tube or scheduler, as in heart.C=0.6mL/mmHg",

@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--inputs", type=Path, help="CSV file with time and the inputs (pressure and voltage)")
     parser.add_argument(
         "--input",
-        action="append",
+        action="extend",
+        nargs="+",
         default=[],
         metavar="NAME=SPECIFICATION",
         help='an input of any plant, for example "flow=step 0 90 mL/s at 1"',
@@ -44,7 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")
     values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
     parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE[UNIT]", help=f"change a parameter: {values}"
+        "--set",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE[UNIT]",
+        help=f"change a parameter: {values}",
     )
     parser.add_argument("--out", type=Path, default=Path("run"), help="folder to write to (default: run)")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 
 from ..docstrings import summary
@@ -37,10 +38,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("plant", nargs="?", help="tube, aorta or FILE.py[:NAME]: its catalogue instead of the index")
     options = parser.parse_args(arguments)
     try:
-        print(catalogue(options.plant) if options.plant else index())
+        print(catalogue(options.plant) if options.plant else index(), flush=True)
     except UserError as problem:
         print(f"error: {problem}", file=sys.stderr)
         return 1
+    except BrokenPipeError:  # whoever read it has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 

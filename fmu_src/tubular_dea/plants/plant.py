@@ -68,7 +68,8 @@ class Output:
     `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
     from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
     `zero` is the usual size of the sensor's own zero error, another one in each file (SI; 0: there is none); those
-    found may differ between files by up to ten times as much, and errors are told without them.
+    found may differ between files by up to ten times as much, and errors are told without them. A file that would need
+    twenty times as much is said, and is not explained.
     `required` is False for a second output that files may have. `feels_rates` is True for one that an input's rate
     drives (a current): where inputs move fast nobody knows it to better than a part of a sample, so that it takes no
     part in fits, and tells effects apart that explain the other outputs alike.
