@@ -30,8 +30,8 @@ class Shift:
 def impossible(study: Study, chosen: Option) -> Shift | None:
     """The zero of an output, in any piece, that is farthest beyond what zeros are; None where all are possible."""
     found: dict[float, Shift] = {}
-    for piece in study.pieces:
-        answer = study.response(chosen.ids, [piece]).possible(study.shared(chosen.fitted.values))[0]
+    answers = study.response(chosen.ids, study.pieces).possible(study.shared(chosen.fitted.values))
+    for piece, answer in zip(study.pieces, answers, strict=True):
         if answer is None:
             continue
         for name, value in zip(piece.nuisances.names, likeliest(study, piece, answer), strict=True):

@@ -281,21 +281,19 @@ def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piec
     residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     lasting = _lasting_shifts(piece)
-    edges = [] if _lasts(piece) else _edges(study, response, values, piece)
+    edges = [] if _lasting(piece) else _edges(study, response, values, piece)
     return _Linearised(residual, edges, columns, lasting)
 
 
-def _lasts(piece: Piece) -> bool:
-    """Whether the edges of a piece are estimated together."""
-    return any(n.startswith(EDGE_OF) for n in piece.nuisances.names)
+def _lasting(piece: Piece) -> dict[int, int]:
+    """The edges that are estimated together: of every nuisance parameter that is one's instant, the edge's number."""
+    return {k: int(n.removeprefix(EDGE_OF)) for k, n in enumerate(piece.nuisances.names) if n.startswith(EDGE_OF)}
 
 
 def _lasting_shifts(piece: Piece) -> np.ndarray:
     """The shift [s] of every nuisance parameter (k,) that is an edge's instant, 0 for the others."""
-    numbers = [(k, int(n.removeprefix(EDGE_OF))) for k, n in enumerate(piece.nuisances.names) if n.startswith(EDGE_OF)]
-    found = np.zeros(len(piece.nuisances.names))
-    for k, number in numbers:
-        found[k] = piece.shifts[number]
+    lasting, found = _lasting(piece), np.zeros(len(piece.nuisances.names))
+    found[list(lasting)] = piece.shifts[list(lasting.values())]
     return found
 
 
@@ -312,8 +310,7 @@ def _edges(study: Study, response: Response, values: Mapping[str, float], piece:
     order = np.argsort([e.time for e in edges], kind="stable")  # of several inputs
     turn = np.argsort(order)
     places = [_place(piece, i, order[turn[i] + 1 : turn[i] + 2]) for i in range(len(edges))]
-    low = np.array([e.earliest - e.time for e in edges])
-    high = np.array([e.latest - e.time for e in edges])
+    low, high = _bounds(piece)
     cases = []
     for parity in (0, 1):
         chosen = turn % 2 == parity
@@ -350,6 +347,12 @@ def _informative_samples(answers: np.ndarray) -> int:
     """How many of the samples behind an edge hold TOLD of what its instant changes; `answers` are (g, m)."""
     told = np.cumsum((answers[-1] - answers[0]) ** 2)
     return min(int(np.searchsorted(told, TOLD * told[-1])) + 1, told.size)
+
+
+def _bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest shift [s] of every edge, each (m,)."""
+    edges = piece.driven.edges
+    return np.array([e.earliest - e.time for e in edges]), np.array([e.latest - e.time for e in edges])
 
 
 def _reach(edge: Edge) -> float:
@@ -503,7 +506,7 @@ def _settled(
         left = linear.residual + linear.columns @ own
         best = np.array([m.best(left[m.where]) for m in linear.windows])
         shifts = _kept_in_place(piece, best, late)
-    elif _lasts(piece):
+    elif _lasting(piece):
         shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
     made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
     piece = replace(piece, late=late)
@@ -518,11 +521,13 @@ def _together(
 
     The other nuisance parameters are integrated out.
     """
-    mine = np.array([n.startswith(EDGE_OF) for n in piece.nuisances.names])
+    lasting = _lasting(piece)
+    mine, numbers = list(lasting), list(lasting.values())
     change = piece.nuisances.mean(linear.columns, linear.residual, sd, linear.lasting)
-    left = marginal([], linear.columns, np.where(mine, 0.0, sd))
-    numbers = [int(n.removeprefix(EDGE_OF)) for n in np.array(piece.nuisances.names)[mine]]
-    low, high = (np.array([getattr(e, end) - e.time for e in piece.driven.edges]) for end in ("earliest", "latest"))
+    others = sd.copy()
+    others[mine] = 0.0
+    left = marginal([], linear.columns, others)
+    low, high = _bounds(piece)
 
     def cost(shifts: np.ndarray) -> float:
         case = replace(piece.case, protocol=piece.driven_by(shifts))
@@ -580,7 +585,7 @@ def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) 
     """
     edges = piece.driven.edges
     more = np.array([late.get(e.input, 0.0) - piece.late.get(e.input, 0.0) for e in edges])
-    low, high = (np.array([getattr(e, end) - e.time for e in edges]) for end in ("earliest", "latest"))
+    low, high = _bounds(piece)
     return np.clip(shifts + more, low, high)
 
 
