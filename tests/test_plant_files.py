@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -101,6 +102,8 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         (HEAD + "m.define('q', 'V', sqrt(level))\n", 8, "'sqrt' is not defined; write `from sympy import sqrt`"),
         (HEAD + "m.define('q', 'V', level * (level > 3))\n", 8, "a comparison is no number: write step(x)"),
         (HEAD + PLANT.replace('Input("pump")', '"pump"'), 8, "inputs: expected Input, as Input('pump'), but was given"),
+        (HEAD.replace('"Tank", ', '"2 EMPS/../x", '), 2, "Build: expected a name of letters, digits and _ that begins"),
+        (HEAD + "m.parameter('_k', '1/s', 1)\n", 8, "begins with a letter but was given '_k'"),
         (HEAD + "m.parameter('k', '1/s', 1)\n", 8, "'k' is declared already, in tank.py, line 4"),
         (HEAD + "m.parameter('c', 'furlong', 1)\n", 8, "'c': cannot read the unit 'furlong'"),
         (HEAD + "m.parameter('c', 'K', 1, display_unit='degC')\n", 8, "'c': display_unit: 'degC' and 'K' have zeros"),
@@ -179,6 +182,18 @@ def test_what_is_wrong_with_a_plant_file_is_said_in_one_line(text: str, line: in
     said = str(problem.value)
     assert words in said and "\n" not in said
     assert said.startswith(f"{name}, line {line}: " if line else f"{name}: ")
+
+
+@pytest.mark.parametrize("name", ["../../../n/evil", "", "Tank\n", "Ta\u00f1k", "a.b", "3"])
+def test_a_name_that_no_file_could_have_is_refused_wherever_it_comes_from(name: str, tmp_path: Path) -> None:
+    plant = load_plant(written(tmp_path, HEAD + PLANT))
+    with pytest.raises(DeclarationError, match=r"the model: expected a name of letters, digits and _ that begins with"):
+        replace(plant.model, name=name)
+    with pytest.raises(DeclarationError, match=r"test_plant_files.py, line \d+: Build: expected a name of letters"):
+        Build(name)
+    renamed = HEAD + PLANT.replace('Path("pump")', f'Path("pump", names={{"offset": {name!r}}})')
+    with pytest.raises(PlantError, match=r"line 8: Path\('pump'\): expected a name of letters, digits and _ that"):
+        load_plant(written(tmp_path, renamed))
 
 
 def test_nothing_may_be_missing_in_a_plant_without_places(tmp_path: Path) -> None:

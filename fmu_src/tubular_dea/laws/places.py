@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType, ModuleType
 
-from ..model.declare import DeclarationError, Model, nearest
+from ..model.declare import DeclarationError, Model, check_name, nearest
 from ..model.effect import Effect
 
 
@@ -110,6 +110,8 @@ def check(model: Model, place: Place) -> None:
     from ._site import site
 
     site(model, place)
+    for name in (*place.names.values(), *filter(None, [place.signal])):
+        check_name(f"{type(place).__name__}({place.name!r})", name)
     for name in (*(place.laws or ()), *(key.split(".")[0] for key in place.names)):
         if name not in laws():
             raise DeclarationError(

@@ -17,10 +17,10 @@ Units are compared (see `dimensions`). Errors are `DeclarationError` and name th
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path
@@ -37,6 +37,7 @@ from .declare import (
     Parameter,
     Quantity,
     State,
+    check_name,
     nearest,
     rate,
 )
@@ -47,6 +48,7 @@ from .units import UnitError, factor, parse
 
 Expression: TypeAlias = sympy.Expr | float
 STARTS = ("free", "shared")
+OWN = (__file__, contextlib.__file__, "<string>")  # what stands between a plant file and an error
 
 
 @dataclass
@@ -64,6 +66,10 @@ class Build:
     _outputs: list[str] = field(default_factory=list)
     _curve: EquilibriumCurve | None = None
     _lines: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        with _located():
+            check_name("Build", self.name)
 
     def input(
         self, name: str, unit: str, description: str = "", *, nominal: float = 1.0, display_unit: str | None = None
@@ -236,8 +242,8 @@ class Build:
 
     def _quantity(self, name: str, unit: str, description: str, **more: Any) -> Quantity:
         """A quantity with a name that is free and fit for every language, and a unit that can be read."""
-        if not name.isidentifier() or not name.isascii():
-            raise DeclarationError(f"{_here()}: expected a name of letters, digits and _ but was given {name!r}")
+        with _located():
+            check_name(f"{self.name}", name)
         if name == "time" or name in [f"{q.name}_rate" for q in self._inputs]:
             meant = "the time" if name == "time" else "the rate of an input"
             raise DeclarationError(f"{_here()}: {name!r} already means {meant}; take another name")
@@ -300,14 +306,14 @@ class Build:
 
 
 def _here() -> str:
-    """File and line of the nearest caller outside this file."""
+    """File and line of the nearest caller outside this file, its `__init__` and the standard library."""
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+    while frame.f_back is not None and frame.f_code.co_filename in OWN:
         frame = frame.f_back
     return f"{Path(frame.f_code.co_filename).name}, line {frame.f_lineno}"
 
 
-@contextmanager
+@contextlib.contextmanager
 def _located() -> Iterator[None]:
     """Errors of the finished model, with the line that asked for it."""
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy
 
-from .declare import TIME, DeclarationError, Delay, Model, before, nearest, rate
+from .declare import TIME, DeclarationError, Delay, Model, before, check_name, nearest, rate
 
 
 def check(model: Model) -> None:
@@ -16,7 +16,8 @@ def check(model: Model) -> None:
 
 
 def _check_names(model: Model) -> None:
-    """Every quantity is declared once, and every output is a state, a definition or the fold."""
+    """Names are fit for a file and for every language, every quantity is declared once and every output is there."""
+    check_name("the model", model.name)
     fold = [model.curve.fold.name] if model.curve else []
     seen: set[str] = set()
     for name in [
@@ -28,6 +29,7 @@ def _check_names(model: Model) -> None:
         *(d.quantity.name for d in model.discretes),
         *(d.quantity.name for d in model.definitions),
     ]:
+        check_name(model.name, name)
         if name in seen:
             raise DeclarationError(f"{model.name} declares {name!r} twice; give the second another name")
         seen.add(name)

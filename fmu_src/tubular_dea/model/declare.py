@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -353,6 +354,14 @@ def rate(quantity: Quantity) -> sympy.Symbol:
 def before(quantity: Quantity) -> sympy.Symbol:
     """What a discrete was before the present sample."""
     return sympy.Symbol(f"{quantity.name}_before", real=True)
+
+
+def check_name(what: str, name: str) -> None:
+    """`DeclarationError` for a name that is not fit for every language, or that a file could not have."""
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise DeclarationError(
+            f"{what}: expected a name of letters, digits and _ that begins with a letter but was given {name!r}"
+        )
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
