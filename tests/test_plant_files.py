@@ -99,6 +99,39 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ("def f(:\n", 1, "cannot be read as Python"),
         ("\nimport no_such_module\n", 2, "ModuleNotFoundError: No module named 'no_such_module'"),
         (HEAD + "m.define('q', 'V', level * lost)\n", 8, "NameError: name 'lost' is not defined"),
+        (
+            HEAD + "import sympy\nm.define('q', 's', sympy.Symbol('time'))\n",
+            9,
+            "q uses time, which is not declared; the time since the start is a state: t = m.state('t', 's'), m.derivat",
+        ),
+        (
+            HEAD + "import sympy\nm.define('q', 'V', sympy.Symbol('level'))\n",
+            9,
+            "q uses level, but another symbol of that name than the declared one; use what the declaration of level",
+        ),
+        (HEAD + "import sympy\nm.define('q', 'V', sympy.Symbol('levl'))\n", 9, "before it; did you mean level?"),
+        (
+            HEAD + PLANT.replace('"pump")]', '"pump", hold=True)]'),
+            8,
+            "Input has no argument 'hold'; did you mean held?",
+        ),
+        (HEAD + "m.input('v', 'V', nominel=1)\n", 8, "Build.input has no argument 'nominel'; did you mean nominal?"),
+        (HEAD + "def f(a):\n  pass\nf(b=1)\n", 10, "TypeError: f() got an unexpected keyword argument 'b'"),
+        (
+            HEAD + PLANT.replace('"pump")]', '"pump", held=True, band_limited=True)]'),
+            8,
+            "Input('pump'): expected held or band_limited but was given both",
+        ),
+        (
+            HEAD + PLANT.replace('[Input("pump")]', '[Input("pump"), Input("pump", held=True)]'),
+            8,
+            "Tank: Input('pump') is given twice in inputs; give it once",
+        ),
+        (
+            HEAD + PLANT.replace('[Output("reading")]', '[Output("reading")] * 2'),
+            8,
+            "Tank: Output('reading') is given twice in outputs; give it once",
+        ),
         (HEAD + "m.define('q', 'V', sqrt(level))\n", 8, "'sqrt' is not defined; write `from sympy import sqrt`"),
         (HEAD + "m.define('q', 'V', level * (level > 3))\n", 8, "a comparison is no number: write step(x)"),
         (HEAD + PLANT.replace('Input("pump")', '"pump"'), 8, "inputs: expected Input, as Input('pump'), but was given"),
@@ -200,6 +233,13 @@ def test_nothing_may_be_missing_in_a_plant_without_places(tmp_path: Path) -> Non
     bare = load_plant(written(tmp_path, HEAD + PLANT.replace(', places=[Path("pump"), Balance("level")]', "")))
     with pytest.raises(UserError, match=r"Tank: nothing may be missing, as it has no places: expected places="):
         discover(SimpleNamespace(plant=bare))
+
+
+def test_the_time_since_the_start_is_a_state(tmp_path: Path) -> None:
+    clock = 't = m.state("t", "s")\nm.derivative(t, 1)\nm.output("ageing", "V.s", level * t)\n'
+    plant = load_plant(written(tmp_path, HEAD + clock + PLANT))
+    run = Kernel(plant.model).simulate(Protocol.of([5, 8], pump=[2, 2]), np.array([5.0, 8.0]))
+    assert run["ageing"][-1] == pytest.approx(3 * run["reading"][-1], rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["nothing.py", "tupe", "tank.txt"])

@@ -58,7 +58,7 @@ def test_a_plant_that_names_what_its_model_has_not_is_refused(change: dict, word
 
 def test_the_headings_of_a_file_are_told_with_their_units() -> None:
     assert PLANT.headers() == "time [s],pressure [Pa],voltage [V],radius [m]"
-    second = replace(PLANT, outputs=[*PLANT.outputs, Output("current", required=False)])
+    second = replace(PLANT, outputs=[*PLANT.outputs[:1], Output("current", required=False)])
     assert second.headers() == PLANT.headers()  # files may have it
     assert Plant(PLANT.model, PLANT.inputs, [Output("charge")]).headers().endswith(",charge [C]")
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path
@@ -280,10 +280,7 @@ class Build:
         known |= {*(p.quantity.symbol for p in self._parameters), *(d.quantity.symbol for d in self._definitions)}
         known |= {q.symbol for q, _, _ in self._states.values()}
         for symbol in sorted(value.free_symbols - known, key=str):
-            raise DeclarationError(
-                f"{_here()}: {name} uses {symbol}, which is not declared before it"
-                f"{nearest(str(symbol), sorted(map(str, known)))}"
-            )
+            raise DeclarationError(f"{_here()}: {name} uses {symbol}, {_unknown(str(symbol), sorted(map(str, known)))}")
         return value
 
     def _check_unit(self, name: str, expression: sympy.Expr, unit: str) -> None:
@@ -303,6 +300,15 @@ class Build:
         found |= {q.symbol: q.nominal for q in (*self._inputs, *(q for q, _, _ in self._states.values()))}
         found |= {rate(q): 0.0 for q in self._inputs}
         return found | {d.quantity.symbol: d.expression for d in self._definitions}
+
+
+def _unknown(symbol: str, known: Sequence[str]) -> str:
+    """What is wrong with a symbol that is not known, and what to do."""
+    if symbol == str(TIME):
+        return "which is not declared; the time since the start is a state: t = m.state('t', 's'), m.derivative(t, 1)"
+    if symbol in known:
+        return f"but another symbol of that name than the declared one; use what the declaration of {symbol} returned"
+    return f"which is not declared before it{nearest(symbol, [n for n in known if n != str(TIME)])}"
 
 
 def _here() -> str:

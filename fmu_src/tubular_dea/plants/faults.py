@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import builtins
 import difflib
+import inspect
 import linecache
 import re
 import sys
 import traceback
 from pathlib import Path
 
-from ..model.declare import DeclarationError
+from ..model.declare import DeclarationError, nearest
 
 LONGEST = 70  # characters of a line of the file in a message
 DECIDED = "{0} is not known while the file is read: write step({1}), positive_part({1}) or sympy.Piecewise"
@@ -43,6 +44,8 @@ def message(path: Path, problem: BaseException) -> str:
     said = said[named.end() :] if named else said
     if isinstance(problem, DeclarationError):
         return f"{where}: {said}"
+    if keyword := _keyword(said):
+        return f"{where}: {keyword}"
     said += _meant(problem)
     advice = _advice(said) if isinstance(problem, TypeError) else ""
     if not advice or line_number is None:
@@ -58,6 +61,17 @@ def _line(path: Path, problem: BaseException) -> int | None:
         if Path(f.filename) == path.absolute() or Path(f.filename) == path
     ]
     return lines[-1] if lines else None
+
+
+def _keyword(said: str) -> str:
+    """What there is instead of an argument that something of `tubular_dea.plants` does not have."""
+    found = re.match(r"(\w+)\.(\w+)\(\) got an unexpected keyword argument '(\w+)'", said)
+    called = found and getattr(getattr(sys.modules[__package__], found[1], None), found[2], None)
+    if not found or not called:
+        return ""
+    shown = found[1] if found[2] == "__init__" else f"{found[1]}.{found[2]}"
+    names = [name for name in inspect.signature(called).parameters if name != "self" and not name.startswith("_")]
+    return f"{shown} has no argument {found[3]!r}{nearest(found[3], names)}"
 
 
 def _meant(problem: BaseException) -> str:

@@ -55,6 +55,13 @@ class Input:
     channel: str = ""
     direct: bool | None = None
 
+    def __post_init__(self) -> None:
+        if self.held and self.band_limited:
+            raise DeclarationError(
+                f"Input({self.name!r}): expected held or band_limited but was given both; held is for set points and "
+                "switches, band_limited for an analogue signal behind a filter"
+            )
+
     @property
     def linear(self) -> bool:
         """Whether it is linear between samples."""
@@ -193,10 +200,22 @@ class Plant:
                         f"{self.name}: {what}: {self.model.name} has no parameter {name!r}"
                         f"{nearest(name, self.model.parameter_values())}"
                     )
+        self._check_once()
         self._check_places()
         at_once = _at_once(self.model, [o.name for o in self.outputs])
         inputs = [s if s.direct is not None else replace(s, direct=s.name in at_once) for s in self.inputs]
         object.__setattr__(self, "inputs", tuple(inputs))
+
+    def _check_once(self) -> None:
+        """`DeclarationError` for a signal that is given twice."""
+        signals: dict[str, Sequence[Input | Output]] = {"inputs": self.inputs, "outputs": self.outputs}
+        for what, given in signals.items():
+            names = [signal.name for signal in given]
+            for number, signal in enumerate(given):
+                if signal.name in names[:number]:
+                    raise DeclarationError(
+                        f"{self.name}: {type(signal).__name__}({signal.name!r}) is given twice in {what}; give it once"
+                    )
 
     def _check_places(self) -> None:
         """`DeclarationError` for a place that the model does not have, or that is given twice."""
@@ -241,9 +260,9 @@ class Plant:
     @cached_property
     def catalogue(self) -> Mapping[str, Effect]:
         """All candidate effects by id: the plant's own, then every law at its places."""
-        found = dict(self.own)
+        found, held = dict(self.own), [s.name for s in self.inputs if s.held]
         for place in self.places:
-            found |= {effect.id: effect for effect in effects_at(self.model, place) if effect.id not in found}
+            found |= {effect.id: effect for effect in effects_at(self.model, place, held) if effect.id not in found}
         return MappingProxyType(found)
 
     @property
