@@ -377,6 +377,21 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     assert small.startswith("reading reaches 0.0001 m in these records, 0.001 times its declared size (nominal: 0.1 m)")
     (large,) = unusual.findings(read_recordings({"a": table(0.0) | {"pump [V]": 1e3 * table(0.0)["pump [V]"]}}, tank))
     assert large.startswith("pump reaches 5e+03 V in these records, 1e+03 times its declared size (nominal: 5 V)")
+    one, more = table(2.0), usual | {"c": table(3.0)}
+    one["pump [V]"] = one["pump [V]"] / 60
+    (unlike,) = unusual.findings(read_recordings(more | {"d": one}, tank))
+    words = "d: pump spans 0.017 times what it spans in the other files, and reading no such multiple: is its unit in"
+    assert unlike.startswith(words)
+    small = {name: values / (1 if name == "time [s]" else 60) for name, values in table(2.0).items()}
+    still = {"time [s]": time, "pump [V]": 0 * time, "reading [m]": 0.1 * np.exp(-time / 2) + noise}
+    assert unusual.findings(read_recordings(more | {"d": small, "e": still}, tank)) == []
+    spiked = table(2.0)
+    spiked["reading [m]"] = np.where(np.arange(401) == 100, 1e9, spiked["reading [m]"])
+    (spike,) = unusual.findings(read_recordings(more | {"d": spiked}, tank))
+    assert spike == (
+        "d: reading is 1e+09 at 5 s, more than 100 times what the others come to (1 sample): is it a spike? If so, "
+        "leave its cell empty"
+    )
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
     (gaps,) = unusual.findings(read_recordings({"a": half, "b": table(1.0)}, tank))

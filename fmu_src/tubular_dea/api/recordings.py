@@ -83,7 +83,7 @@ class RecordingSet(Recordings):
         return not_used(self)
 
     def findings(self) -> list[str]:
-        """Units that may be wrong by a factor, gaps, and files that are copies of others, as text."""
+        """Units that may be wrong by a factor, spikes, gaps, and files that are copies of others, as text."""
         return [*scales.findings(self), *unusual.findings(self)]
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -1,8 +1,8 @@
-"""What is odd about a set of recordings though each file can be read: sizes, gaps, files that are copies of others."""
+"""What is odd about a set of recordings though each file can be read: sizes, spikes, gaps, copies of other files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from ..identify.monitors import noise_level
 # tests/test_recordings.py -k odd`
 FACTOR = 100.0  # [1] times its declared size that a signal is too large or too small for its unit
 STRUCTURE = 20.0  # [1] times the noise that a small signal spans, to be one
+UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
+OTHERS = 2  # [files] in which a signal moves too, for one to be unlike them
+SPIKES, BEYOND = 3, 100.0  # [samples] and [1] times what all others come to: samples that stand alone
 GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    return [*_sizes(recordings), *_gaps(recordings), *_copies(recordings)]
+    return [*_spikes(recordings), *_sizes(recordings), *_unlike(recordings), *_gaps(recordings), *_copies(recordings)]
 
 
 def _sizes(recordings: Recordings) -> Iterator[str]:
@@ -26,7 +29,7 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
     plant = recordings.plant
     for name in [*(s.name for s in plant.inputs), *(o.name for o in plant.outputs)]:
         q = plant.quantity(name)
-        records = [v for e in recordings.experiments if (v := _values(e, name)).size]
+        records = [v[~_alone(v)] for e in recordings.experiments if (v := _values(e, name)).size]
         largest = max((float(np.abs(v).max()) for v in records), default=0.0)
         if largest > FACTOR * q.nominal or (0 < largest < q.nominal / FACTOR and any(map(_moves, records))):
             unit = "" if q.unit == "1" else f" {q.unit}"
@@ -34,6 +37,56 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
                 f"{name} reaches {largest:.3g}{unit} in these records, {largest / q.nominal:.2g} times its declared "
                 f"size (nominal: {q.nominal:.3g}{unit}): is its unit in the files right? If so, correct nominal"
             )
+
+
+def _spikes(recordings: Recordings) -> Iterator[str]:
+    """Samples that stand alone, far from all others."""
+    for e in recordings.experiments:
+        for name in (*e.inputs, *e.outputs):
+            values = (e.inputs | e.outputs)[name]
+            there = np.flatnonzero(np.isfinite(values))
+            alone = there[_alone(values[there])]
+            if alone.size:
+                first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
+                yield (
+                    f"{e.name}: {name} is {values[first]:.3g} at {e.time[first] - e.time[0]:.4g} s, more than "
+                    f"{BEYOND:g} times what the others come to ({times}): is it a spike? If so, leave its cell empty"
+                )
+
+
+def _unlike(recordings: Recordings) -> Iterator[str]:
+    """Signals that span far more or less in one file than in the others, though what answers them does not."""
+    experiments = recordings.experiments
+    inputs = [*dict.fromkeys(name for e in experiments for name in e.inputs)]
+    outputs = [*dict.fromkeys(name for e in experiments for name in e.outputs)]
+    ratios = {name: _ratios(experiments, name) for name in (*inputs, *outputs)}
+    for name, answers in [*((n, outputs) for n in inputs), *((n, inputs) for n in outputs)]:
+        for file, ratio in ratios[name].items():
+            beside = [ratios[a][file] for a in answers if file in ratios[a]]
+            larger = ratio > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
+            smaller = ratio < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
+            driven = name in inputs and any(file in ratios[n] for n in inputs if n != name)  # by another, as it may be
+            if larger or (smaller and not driven):
+                yield (
+                    f"{file}: {name} spans {ratio:.2g} times what it spans in the other files, and "
+                    f"{' and '.join(answers)} no such multiple: is its unit in this file right?"
+                )
+
+
+def _ratios(experiments: Sequence[Experiment], name: str) -> dict[str, float]:
+    """By file in which a signal moves, what it spans there over what it usually spans in the others."""
+    moving = {e.name: v for e in experiments if (v := _values(e, name)).size and _moves(v[~_alone(v)])}
+    spans = {file: float(np.subtract(*np.quantile(v, (0.995, 0.005)))) for file, v in moving.items()}
+    usual = {file: [s for other, s in spans.items() if other != file] for file in spans}
+    return {f: spans[f] / float(np.median(u)) for f, u in usual.items() if len(u) >= OTHERS and np.median(u) > 0}
+
+
+def _alone(values: np.ndarray) -> np.ndarray:
+    """Which of the values, all finite, are few and far beyond all others; (n,) of bool."""
+    away = np.abs(values - np.median(values)) if values.size else values
+    limit = BEYOND * float(np.sort(away)[-SPIKES - 1]) if values.size > SPIKES else np.inf
+    found: np.ndarray = away > limit if limit > 0 else np.zeros(values.size, dtype=bool)
+    return found
 
 
 def _gaps(recordings: Recordings) -> Iterator[str]:
