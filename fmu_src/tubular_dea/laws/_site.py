@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import sympy
 
 from ..model.change import arriving, at_rest, at_start, effective, late_input, late_output, reading
-from ..model.declare import DeclarationError, Definition, Model, Quantity, State, nearest
+from ..model.declare import DeclarationError, Definition, Model, Quantity, State, nearest, rate
 from ..model.effect import Effect
 from ..model.units import UnitError, combined, factor
 from ._scales import rate_size, seconds
@@ -46,6 +46,7 @@ class Site:
     place: Place
     quantity: Quantity
     law: str = ""
+    held: frozenset[str] = frozenset()  # the inputs that are held between samples
 
     def __str__(self) -> str:
         return f"{self.model.name}: {type(self.place).__name__}({self.place.name!r})"
@@ -208,6 +209,14 @@ class SignalSite(Site):
     def is_static(self) -> bool:
         """Whether no state moves it: it follows the inputs alone."""
         return not self._reached & {s.quantity.symbol for s in self.model.states}
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether inputs alone move it that are not held, and whose rates the model does not use already."""
+        moved = [q for q in self.model.inputs if q.symbol in self._reached]
+        used = [d.expression for d in self.model.definitions] + [s.derivative for s in self.model.states]
+        rates = {rate(q) for q in moved} & set().union(*(sympy.sympify(e).free_symbols for e in used))
+        return self.is_static and not rates and not self.held & {q.name for q in moved}
 
     @property
     def _reached(self) -> set[sympy.Symbol]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType, ModuleType
@@ -88,13 +88,16 @@ def kinds(law: ModuleType) -> str:
     return ", ".join(kind.__name__ for kind in (Path, Balance, Coefficient) if kind in law.KINDS)
 
 
-def effects_at(model: Model, place: Place) -> list[Effect]:
-    """Every law that may act at a place, as an effect of this model; `DeclarationError` for what is no place."""
+def effects_at(model: Model, place: Place, held: Collection[str] = ()) -> list[Effect]:
+    """Every law that may act at a place, as an effect of this model; `DeclarationError` for what is no place.
+
+    `held` are the inputs that are held between samples.
+    """
     from ._site import site  # which reads the places
 
     found = []
     check(model, place)
-    at = site(model, place)
+    at = replace(site(model, place), held=frozenset(held))
     for name in place.laws if place.laws is not None else laws():
         module = laws()[name]
         effect = module.law(replace(at, law=name)) if isinstance(place, module.KINDS) else None
