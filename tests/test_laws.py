@@ -151,6 +151,25 @@ def test_a_law_is_only_where_it_can_be_told_from_others() -> None:
     assert {"relaxation(strain)", "orifice(strain)"} <= {e.id for e in at("sensor", 1)}
 
 
+def test_a_lead_is_where_inputs_that_move_have_rates() -> None:
+    """Not where the model has the rate already, nor where a state or what is held between samples moves the signal."""
+    found = {e.id for plant, place in CASES for e in at(plant, place) if e.id.startswith("lead(")}
+    assert found == {"lead(pump)", "lead(load)", "lead(strain)"}
+    assert "lead(strain)" not in {e.id for e in effects_at(sensor(), Coefficient("strain"), held=["load"])}
+    assert "lead(strain)" in {e.id for e in effects_at(sensor(), Coefficient("strain"), held=["supply"])}
+
+
+def test_a_lead_along_a_ramp_is_the_signal_later() -> None:
+    """On a ramp, once the short time is over, a lead of 0.2 s is the signal 0.2 s later."""
+    (effect,) = effects_at(sensor(), Coefficient("strain", laws=("lead",)))
+    run = Kernel(effect(sensor())).simulate(
+        Protocol.of([0, 1, 4], load=[0, 0, 300], supply=[10, 10, 10]),
+        np.array([2.0, 3.0]),
+        {"strain_lead": 0.2, "strain_lead_tau": 0.01},
+    )
+    assert run["bridge"] == pytest.approx([10 * 1e-5 * 120, 10 * 1e-5 * 220], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("unit", "moves"), [("m/s", True), ("mm/s", True), ("rad/s", True), ("K", False), ("1/s", False)]
 )
