@@ -72,6 +72,51 @@ def test_a_spike_of_noise_in_a_long_record_is_no_corner(seed: int) -> None:
     assert np.diff(polyline(time, noisy, 25.0).corners).min() < 3
 
 
+@pytest.mark.parametrize("rate", [250.0, 1000.0, 5000.0])
+def test_no_steps_in_noise_on_a_wave(rate: float) -> None:
+    """Lines that may step follow a curve better than lines that may not; a signal of the plant does not step."""
+    random = np.random.default_rng(5)
+    time = np.arange(0, 8, 1 / rate)
+    wave = 1000 + 800 * np.sin(2 * np.pi * time / 3.0)
+    found = [polyline(time, wave + 25 * random.standard_normal(time.size), 25.0) for _ in range(20)]
+    stepped = sum(bool(np.any(np.diff(line.corners) <= 3)) for line in found)
+    assert stepped <= 3
+    noisy = wave + 25 * random.standard_normal(time.size) + 300.0 * (time >= 4.0)
+    step = polyline(time, noisy, 25.0)
+    assert np.interp(4.0 - 1 / rate, time[step.corners], step.values) == pytest.approx(wave[time < 4.0][-1], abs=60)
+    assert np.interp(4.0 + 1 / rate, time[step.corners], step.values) == pytest.approx(
+        wave[time >= 4.0][0] + 300, abs=60
+    )
+
+
+@pytest.mark.parametrize(("rate", "fast"), [(50.0, 8.0), (100.0, 12.0)])
+def test_a_wave_is_known_between_samples(rate: float, fast: float) -> None:
+    """Straight lines between six samples a period lose 8 % of a sine: the plant would seem to lag."""
+    time, fine = np.arange(0, 16, 1 / rate), np.arange(10, 15.5, 1 / 4000)
+
+    def wave(t: np.ndarray) -> np.ndarray:
+        return 9000 + 1500 * np.where(t < 9, 0, np.sin(2 * np.pi * fast * t))
+
+    noisy = wave(time) + 25 * np.random.default_rng(3).standard_normal(time.size)
+    line = drives([recorded(time, "pressure", noisy)], PRESSURE)[0].protocol
+    drawn = line.at(fine)["pressure"] - 9000
+    kept = 2 * np.mean(drawn * np.sin(2 * np.pi * fast * fine)) / 1500
+    joined = 2 * np.mean((np.interp(fine, time, noisy) - 9000) * np.sin(2 * np.pi * fast * fine)) / 1500
+    assert joined < 0.97
+    assert abs(1 - kept) < 0.35 * (1 - joined)
+
+
+def test_a_kink_stays_a_kink() -> None:
+    time = np.arange(0, 12, 1 / 50)
+    saw = 9000 + 3000 * np.abs(((time / 0.6) % 2) - 1)
+    line = drives(
+        [recorded(time, "pressure", saw + 25 * np.random.default_rng(4).standard_normal(time.size))], PRESSURE
+    )
+    fine = np.arange(0.2, 11.8, 1 / 4000)
+    off = line[0].protocol.at(fine)["pressure"] - (9000 + 3000 * np.abs(((fine / 0.6) % 2) - 1))
+    assert np.sqrt(np.mean(off**2)) < 1.2 * 25
+
+
 @pytest.mark.parametrize("step", [12.5, 50.0, 133.322])
 def test_a_coarse_monitor(step: float) -> None:
     noisy = step * np.round((HOLDS + 25 * np.random.default_rng(3).standard_normal(TIME.size)) / step)

@@ -10,7 +10,7 @@ import pytest
 from made_up import option
 from tubular_dea.discover import equivalence
 from tubular_dea.discover.operating_point import repeats
-from tubular_dea.identify.response import Case, Reading
+from tubular_dea.identify.cases import Case, Reading
 from tubular_dea.protocol import Protocol
 
 TIME = np.arange(0.0, 20.0, 0.01)

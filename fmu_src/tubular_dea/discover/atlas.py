@@ -15,8 +15,9 @@ import numpy as np
 from scipy.cluster.hierarchy import leaves_list, linkage
 from scipy.spatial.distance import squareform
 
+from ..identify.cases import Case, Reading
 from ..identify.compiled import Compiled
-from ..identify.response import FINE, Case, Reading, Response
+from ..identify.response import FINE, Response
 from ..identify.threads import one_blas_thread, side_by_side
 from ..kernel import Kernel, KernelError
 from ..laws import seconds

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..identify.cases import Case, Reading
 from ..identify.problem import whitened
-from ..identify.response import Case, Reading
 from ..identify.study import Study
 from ..kernel import KernelError
 from ..laws.places import Balance, Coefficient

@@ -30,14 +30,15 @@ from scipy.interpolate import CubicSpline
 from ..kernel import KernelError
 from ..protocol import Protocol
 from . import hum as hums
+from .cases import Case
 from .compiled import Ids
 from .edges import Edge
 from .marginal import Marginal, marginal
 from .monitor_uncertainty import shifted
 from .problem import Free, whitened
-from .response import Case, Response
+from .response import Response
 from .start import ZEROS
-from .study import Nuisances, Piece, Study
+from .study import Nuisances, Piece, Study, carried
 from .threads import side_by_side
 
 # Set by judgement. Check: `pytest tests/test_adjust.py`,
@@ -173,7 +174,7 @@ def adjusted(
     work = replace(work, pieces=pieces, spread=spread, late=later)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
-    return replace(work, pieces=everyone)
+    return replace(work, pieces=carried(everyone))
 
 
 def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece | None:

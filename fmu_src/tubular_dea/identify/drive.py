@@ -25,6 +25,7 @@ from .monitors import (
     WRONG,
     Polyline,
     changes_by_itself,
+    curved,
     halved,
     level,
     long_run,
@@ -269,7 +270,7 @@ def _continuous(
         if float(np.std(hum - before)) <= HUM_LEFT * noise:
             break
     drawn = halved(time, values - hum, drawn)
-    line = _unmoved(time[drawn.corners], drawn.values)
+    line = _unmoved(*curved(time, values - hum, drawn))
     return _Drawn(line, noise, _missed(experiment, name, line, noise, hum=hum), line.time)
 
 

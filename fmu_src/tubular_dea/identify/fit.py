@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import OptimizeResult, brentq, least_squares
 
 from ..errors import UserError
+from ..kernel import KernelError
 from ..model.declare import Model
 from .problem import Free, Problem
-from .response import KernelError
 from .threads import one_blas_thread
 
 # Set by theory: 95 %. Check: `pytest tests/test_identify.py -k profile_agrees`

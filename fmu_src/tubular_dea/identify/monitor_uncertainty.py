@@ -16,10 +16,11 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from ..protocol import Protocol
+from .cases import Case
 from .drive import Drive
 from .fit import Fit
 from .problem import Problem
-from .response import Case, Response
+from .response import Response
 from .threads import side_by_side
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.

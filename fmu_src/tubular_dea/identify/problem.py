@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernel import KernelError
+from .cases import Case
 from .marginal import Marginal
 from .noise import Noise
-from .response import Case, KernelError, Response
+from .response import Response
 
 # Set by judgement: 20 000 times the usual size, or a part of it. Check: `pytest tests/test_identify.py`
 FARTHEST = 10.0  # [1] of a logarithm, from the usual size: no parameter is sought beyond

@@ -13,6 +13,7 @@ from ..model.effect import Effect
 from ..plants.plant import Output, Plant
 from ..protocol import Protocol
 from . import noise as noises
+from .cases import Case, Reading
 from .compiled import Compiled, Ids
 from .data import Experiment, Recordings
 from .drive import Drive, without_hum
@@ -22,7 +23,7 @@ from .monitors import resolution, slow_level
 from .noise import Noise
 from .noise_bound import limited
 from .problem import Free, Problem
-from .response import Case, Reading, Response
+from .response import Response
 from .start import RESTED, UNKNOWN, loosened, zeroed
 
 # Set by convention: a quarter.
@@ -66,8 +67,8 @@ class Piece:
 
     `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
     are the record's own numbers. `loose`: what it starts from is unknown.
-    `beside` is what was read of outputs that depend on rates, which take no part in fits. `before` is what was done to
-    the plant before this file, where it did not rest in between.
+    `beside` is what was read of outputs that depend on rates, which take no part in fits. Where the plant did not rest
+    between files, `before` is what was done to it before this one, and `clock` [s] where this one's own clock begins.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Piece:
     loose: bool = False
     source: str = ""
     before: Protocol | None = None
+    clock: float | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
     late: Mapping[str, float] = field(default_factory=dict)
 
@@ -185,10 +187,10 @@ def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: 
         if name not in known:
             raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
     pieces, noise = [], sensor_noise(recordings, drives)
-    for number, (experiment, driven) in enumerate(zip(recordings.experiments, drives, strict=True)):
+    for experiment, driven in zip(recordings.experiments, drives, strict=True):
         whole = _piece(experiment, driven, recordings.plant, experiment.name in names)
-        whole = _after(whole, number, recordings.experiments, drives)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
+    pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
     compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
     return Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
@@ -232,6 +234,7 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) 
         beside=tuple((reading, values) for o, reading, values in read if o.feels_rates),
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
+        clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
         loose=experiment.start == UNKNOWN,
     )
 
@@ -242,20 +245,17 @@ def _read(experiment: Experiment, output: Output) -> tuple[Reading, np.ndarray]:
     return Reading(output.name, experiment.time[seen]), experiment.outputs[output.name][seen]
 
 
-def _after(piece: Piece, number: int, experiments: Sequence[Experiment], drives: Sequence[Drive]) -> Piece:
-    """The piece preceded by all experiments that came before it without rest, on its own clock."""
-    here = experiments[number].begins
-    if here is None:
-        return piece
-    clock = {i: e.begins - e.time[0] for i, e in enumerate(experiments) if e.begins is not None and e.begins < here}
-    before: Protocol | None = None
-    for i in sorted(clock, key=lambda i: float(experiments[i].begins or 0.0)):
-        moved = _later(drives[i].protocol, clock[i] - (here - experiments[number].time[0]))
-        before = moved if before is None else followed(before, moved)
-    if before is None:
-        return piece
-    piece = replace(piece, before=before)
-    return replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts)))
+def carried(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, each after all that was done to the plant before it without rest, as that is known by now."""
+    found, previous = list(pieces), None
+    row = sorted((p.clock, i) for i, p in enumerate(pieces) if p.clock is not None)
+    for clock, i in row:
+        piece = found[i]
+        if previous is not None:
+            piece = replace(piece, before=_later(previous.case.protocol, (previous.clock or 0.0) - clock))
+            piece = replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts)))
+        found[i] = previous = piece
+    return found
 
 
 def _later(protocol: Protocol, by: float) -> Protocol:

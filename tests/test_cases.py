@@ -1,0 +1,75 @@
+"""Experiments in a row without rest: one trajectory answers them all, and none of them changes by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tubular_dea as td
+from tubular_dea.identify.cases import Case, Reading, runs
+from tubular_dea.identify.response import Response
+from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.protocol import Protocol
+
+TIMES = np.linspace(0, 3, 301)
+
+
+def in_a_row(count: int, pause: float = 0.7) -> list[Case]:
+    """Cases of which each carries all before it, on its own clock; voltage jumps at samples."""
+    found, before = [], None
+    for i in range(count):
+        steps = {"pressure": [0, 8e3 + 900 * i, 8e3 + 900 * i, 9e3, 9e3], "voltage": [0, 0, 2e3 + 500 * i, 2e3, 0]}
+        own = Protocol.of([0, 1, 1, 2.3, 3], **steps)
+        if before is not None:
+            time = np.concatenate([before.time - (3 + pause), own.time])
+            own = Protocol.of(time, **{n: np.concatenate([before.inputs[n], v]) for n, v in own.inputs.items()})
+        found.append(Case(own, (Reading("measured_displacement", TIMES),)))
+        before = own
+    return found
+
+
+def test_a_row_is_one_trajectory_and_each_file_reads_what_it_would_alone() -> None:
+    cases, kernel = in_a_row(4), Kernel(td.tube())
+    assert [len(run.cases) for run in runs(cases)] == [4]
+    shuffled = [cases[i] for i in (2, 0, 3, 1)]
+    together = Response(kernel, shuffled)
+    separate = [Response(kernel, [case]) for case in shuffled]
+    for joint, single in zip(together.outputs({}, 1e-9), separate, strict=True):
+        np.testing.assert_allclose(joint, single.outputs({}, 1e-9)[0], atol=1e-9)
+    values, columns = together.sensitivities({}, ["C_1", "eta_2"])
+    for value, column, single in zip(values, columns, separate, strict=True):
+        alone_value, alone_column = single.sensitivities({}, ["C_1", "eta_2"])
+        np.testing.assert_allclose(value, alone_value[0], atol=1e-8)
+        np.testing.assert_allclose(column, alone_column[0], rtol=1e-3, atol=1e-3 * np.abs(alone_column[0]).max())
+
+
+@pytest.mark.parametrize("what", ["inputs", "start", "outputs", "times"])
+def test_what_began_otherwise_is_another_trajectory(what: str) -> None:
+    first, second = in_a_row(2)
+    other = {
+        "inputs": replace(
+            first, protocol=Protocol(first.protocol.time, {n: 1.01 * v for n, v in first.protocol.inputs.items()})
+        ),
+        "start": replace(first, own={"start_at_equilibrium": 1.0}),
+        "outputs": replace(first, readings=(Reading("lambda_2", TIMES),)),
+        "times": replace(first, protocol=Protocol(1.001 * first.protocol.time, first.protocol.inputs)),
+    }[what]
+    assert len(runs([second, other])) == 2
+    assert len(runs([second, first])) == 1
+
+
+def test_a_case_that_cannot_be_computed_takes_none_before_it_along(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = in_a_row(2)
+    kernel = Kernel(td.tube())
+    real = kernel.simulate
+
+    def bursts(protocol: Protocol, *args: object, **options: object) -> object:
+        if protocol.time.size > first.protocol.time.size:
+            raise KernelError("the load is beyond the fold")
+        return real(protocol, *args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(kernel, "simulate", bursts)
+    found = Response(kernel, [first, second]).possible({})
+    assert found[0] is not None and found[1] is None
