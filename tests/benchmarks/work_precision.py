@@ -64,6 +64,8 @@ def solve_kernel(name: str, rtol: float) -> np.ndarray:
         0,
         x.ctypes.data_as(ctypes.c_void_p),
         None,
+        ctypes.c_long(0),
+        None,
         (ctypes.c_long * 2)(),
         ctypes.byref(ctypes.c_double()),
     )

@@ -107,7 +107,7 @@ def fit(
             "recorded inputs; choose others"
         )
     best = min(found, key=lambda s: s.cost)
-    return described(problem, best.x, bool(best.status > 0))
+    return described(problem, best.x, bool(best.status > 0), (best.fun, best.jac))
 
 
 def _search(
@@ -144,9 +144,11 @@ def may_be_better(other: Fit, fitted: Fit) -> bool:
     return AGREE < other.cost - fitted.cost < LOST * fitted.cost and bool(distance.max() > ELSEWHERE)
 
 
-def described(problem: Problem, scaled: np.ndarray, converged: bool = True) -> Fit:
-    """The fit that ends at `scaled` (k,): residual, Jacobian and covariance there."""
-    residual, jacobian = problem.linearised(scaled)
+def described(
+    problem: Problem, scaled: np.ndarray, converged: bool = True, known: tuple[np.ndarray, np.ndarray] | None = None
+) -> Fit:
+    """The fit that ends at `scaled` (k,), with its covariance; `known` are residual and Jacobian there."""
+    residual, jacobian = problem.linearised(scaled) if known is None else known
     covariance = inverse(jacobian.T @ jacobian)
     values = problem.values(scaled)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0))

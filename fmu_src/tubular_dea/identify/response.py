@@ -34,11 +34,12 @@ class Response:
         self.cases = list(cases)
         self.fixed = dict(values or {})
         self.runs = runs(self.cases)
+        self._meshes: dict[int, tuple[dict[str, float], np.ndarray]] = {}
 
     def outputs(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
         """What is read in every case, each (N,); `KernelError` where it cannot be computed."""
         parameters = self.fixed | dict(values)
-        return self._joined(self._all(lambda run: self._outputs(run, parameters, tolerance)))
+        return self._joined(self._all(lambda run: self._outputs(run, parameters, tolerance, tolerance == TOLERANCE)))
 
     def outputs_alone(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
         """As `outputs`, in the calling thread: for callers that are many threads themselves."""
@@ -52,7 +53,7 @@ class Response:
         except KernelError:
             return [self._possible(case, self.fixed | dict(values)) for case in self.cases]
 
-    def _possible(self, case: Case, parameters: Mapping[str, float]) -> np.ndarray | None:
+    def _possible(self, case: Case, parameters: dict[str, float]) -> np.ndarray | None:
         try:
             return self._outputs(alone(case), parameters, TOLERANCE)[0]
         except KernelError:
@@ -65,14 +66,34 @@ class Response:
             lambda case: self.kernel.simulate(case.protocol, case.instants, self._of(case, parameters)), self.cases
         )
 
-    def _outputs(self, run: Run, parameters: Mapping[str, float], tolerance: float) -> dict[int, np.ndarray]:
-        """The readings of every case of a run. Models that diverge or ring during a fit are given up early."""
+    def _outputs(
+        self, run: Run, parameters: dict[str, float], tolerance: float, keep_mesh: bool = False
+    ) -> dict[int, np.ndarray]:
+        """The readings of every case of a run. Models that diverge or ring during a fit are given up early.
+
+        Where the steps end is kept, as sensitivities at the same parameters are asked for next, if the point is good.
+        """
         case = run.case
         allowed = LEAST_STEPS + STEPS_A_SAMPLE * (run.times.size + case.protocol.time.size)
         found = self.kernel.simulate(
-            case.protocol, run.times, self._of(case, parameters), tolerance, max_steps=allowed, wanted=case.outputs
+            case.protocol,
+            run.times,
+            self._of(case, parameters),
+            tolerance,
+            max_steps=allowed,
+            wanted=case.outputs,
+            keep_mesh=keep_mesh,
         )
+        if found.mesh is not None:
+            self._meshes[id(run)] = (parameters, found.mesh)
         return run.read(found.values)
+
+    def _mesh(self, run: Run, parameters: dict[str, float]) -> np.ndarray:
+        """Where the integrator's steps end."""
+        known = self._meshes.get(id(run))
+        if known is not None and known[0] == parameters:
+            return known[1]
+        return self.kernel.mesh(run.case.protocol, self._of(run.case, parameters), TOLERANCE)
 
     def _of(self, case: Case, parameters: Mapping[str, float]) -> dict[str, float]:
         """The parameters of a case: those that are searched for go before its own."""
@@ -92,8 +113,7 @@ class Response:
         shares = self._shares(names)
 
         def one(run: Run) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
-            of = self._of(run.case, parameters)
-            mesh = self.kernel.mesh(run.case.protocol, of, TOLERANCE)
+            of, mesh = self._of(run.case, parameters), self._mesh(run, parameters)
             parts = side_by_side(lambda share: self._differentiated(run, of, share, mesh), shares)
             columns = [run.read(part.sensitivities) for part in parts]
             return run.read(parts[0].values), {i: np.column_stack([c[i] for c in columns]) for i in run.cases}

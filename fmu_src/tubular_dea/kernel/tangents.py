@@ -52,7 +52,6 @@ class TangentLibrary:
         self._sizes = {p.quantity.name: max(abs(p.quantity.value or 0.0), p.quantity.nominal) for p in model.parameters}
         self._n_states, self._n_outputs = len(model.states), len(layout(model).y)
         self.library = library
-        self.library.kernel_mesh.restype = ctypes.c_long
 
     def check(self, names: Sequence[str]) -> None:
         """`SensitivityError` for a name that is neither a tunable parameter nor one that sets a start value."""
@@ -62,29 +61,6 @@ class TangentLibrary:
                     f"no sensitivity to {name!r}: expected a parameter that is tunable or sets a start value"
                     f"{nearest(name, self.places)}"
                 )
-
-    def mesh(
-        self, parameters: np.ndarray, points: np.ndarray, u: np.ndarray, tolerance: float
-    ) -> tuple[np.ndarray, int, float]:
-        """Where the integrator's steps end; the kernel's status, and the time it reached."""
-        room, reached = 8 * points.size + 1000, ctypes.c_double()
-        while True:
-            mesh = np.empty(room)
-            n = self.library.kernel_mesh(
-                pointer(parameters),
-                ctypes.c_long(points.size),
-                pointer(points),
-                pointer(u),
-                ctypes.c_double(tolerance),
-                ctypes.c_long(room),
-                pointer(mesh),
-                ctypes.byref(reached),
-            )
-            if n < 0:
-                return np.empty(0), int(n) + 20, reached.value
-            if n <= room:
-                return mesh[:n].copy(), 0, reached.value
-            room = n
 
     def run(
         self,

@@ -22,6 +22,7 @@ from .library import kernel_library, pointer, trajectory_library
 from .tangents import TangentLibrary
 
 DEFAULT_TOLERANCE = 1e-6
+ROOM, LEAST_ROOM = 8, 1000  # [1] steps for which there is room at first: for every point of a protocol, and at least
 MOST_STEPS = 10_000_000
 
 Vector: TypeAlias = Sequence[float] | np.ndarray
@@ -48,6 +49,17 @@ class Trajectory:
         if name not in self.values:
             raise KeyError(f"no value {name!r}{nearest(name, self.values)}")
         return self.values[name]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What the library found: states `x` and outputs `y` at samples, counts of steps, and `mesh` where it was kept."""
+
+    x: np.ndarray
+    y: np.ndarray
+    steps: int
+    rejected: int
+    mesh: np.ndarray | None
 
 
 class Kernel:
@@ -148,6 +160,7 @@ class Kernel:
         mesh: np.ndarray | None = None,
         max_steps: int = MOST_STEPS,
         wanted: Sequence[str] | None = None,
+        keep_mesh: bool = False,
     ) -> Trajectory:
         """The response to inputs over time, and its derivatives to parameters where they are asked for.
 
@@ -173,6 +186,8 @@ class Kernel:
             Internal steps at most between two points of the protocol (without sensitivities).
         wanted : sequence of str, optional
             Values to hand over (default: all); of few of them a short run is quicker.
+        keep_mesh : bool
+            Hand over where the internal steps end, too.
 
         Returns
         -------
@@ -203,27 +218,49 @@ class Kernel:
                 raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
             return self._differentiated(protocol, points, u, times, values, tolerance, sensitivities, mesh, wanted)
         sampled, here, earlier = self._samples(protocol, times, values)
+        found = self._solved(points, u, values, tolerance, max_steps, sampled, with_fold, keep_mesh)
+        named = self._named(protocol, times, found.x[here], found.y[here], with_fold, wanted)
+        values_later = self._delayed_values(found.y, earlier)
+        return Trajectory(times, named | values_later, found.steps, found.rejected, mesh=found.mesh)
+
+    def _solved(
+        self,
+        points: np.ndarray,
+        u: np.ndarray,
+        values: np.ndarray,
+        tolerance: float,
+        max_steps: int,
+        sampled: np.ndarray,
+        with_fold: bool,
+        keep_mesh: bool,
+    ) -> _Solved:
+        """A call of the library: states and outputs at `sampled` times, and where the steps end."""
         x, y = np.empty((sampled.size, len(self.states))), np.empty((sampled.size, len(self.outputs) + 1))
+        mesh = np.empty(ROOM * points.size + LEAST_ROOM if keep_mesh else 0)
         counts, reached = (ctypes.c_long * 2)(), ctypes.c_double()
-        status = self._library.kernel_trajectory(
-            pointer(values),
-            ctypes.c_long(points.size),
-            pointer(points),
-            pointer(u),
-            ctypes.c_double(tolerance),
-            ctypes.c_long(max_steps),
-            ctypes.c_long(sampled.size),
-            pointer(sampled),
-            ctypes.c_int(with_fold),
-            pointer(x),
-            pointer(y),
-            counts,
-            ctypes.byref(reached),
-        )
-        if status:
-            raise KernelError(failure(self.model, status, reached.value))
-        named = self._named(protocol, times, x[here], y[here], with_fold, wanted)
-        return Trajectory(times, named | self._delayed_values(y, earlier), counts[0], counts[1])
+        while True:
+            status = self._library.kernel_trajectory(
+                pointer(values),
+                ctypes.c_long(points.size),
+                pointer(points),
+                pointer(u),
+                ctypes.c_double(tolerance),
+                ctypes.c_long(max_steps),
+                ctypes.c_long(sampled.size),
+                pointer(sampled),
+                ctypes.c_int(with_fold),
+                pointer(x),
+                pointer(y),
+                ctypes.c_long(mesh.size),
+                pointer(mesh),
+                counts,
+                ctypes.byref(reached),
+            )
+            if status:
+                raise KernelError(failure(self.model, status, reached.value))
+            if not keep_mesh or counts[0] <= mesh.size:
+                return _Solved(x, y, counts[0], counts[1], mesh[: counts[0]].copy() if keep_mesh else None)
+            mesh = np.empty(counts[0])
 
     def mesh(
         self, protocol: Protocol, parameters: Mapping[str, float] | None = None, tolerance: float = DEFAULT_TOLERANCE
@@ -244,10 +281,8 @@ class Kernel:
         return self._mesh(*self._drive(protocol, values), values, positive("tolerance", tolerance))
 
     def _mesh(self, points: np.ndarray, u: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
-        mesh, status, reached = self._tangents.mesh(values, points, u, tolerance)
-        if status:
-            raise KernelError(failure(self.model, status, reached))
-        return mesh
+        found = self._solved(points, u, values, tolerance, MOST_STEPS, np.empty(0), False, True)
+        return found.mesh if found.mesh is not None else np.empty(0)
 
     def _differentiated(
         self,

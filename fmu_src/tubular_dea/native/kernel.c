@@ -14,7 +14,8 @@ typedef struct {
     long n_samples, next;
     double piece_end;
     int last_piece, with_fold;
-    double *x, *y;
+    double *x, *y, *mesh;
+    long room;
 } Recorder;
 
 static void record(Recorder *recorder, double time, const double *x)
@@ -32,12 +33,14 @@ static void record(Recorder *recorder, double time, const double *x)
     row[MODEL_NY] = fold;
 }
 
-/* Samples inside the step; one at the end of the piece belongs to the next piece, whose inputs hold there. */
+/* The step's end, and samples inside it; one at the end of the piece belongs to the next piece, whose inputs hold there. */
 static int sample(void *context, const Step *step)
 {
     Recorder *recorder = context;
     double x[AT_LEAST_ONE(MODEL_NX)];
     const double end = step->time + step->h;
+    const long number = recorder->solver->steps - 1;
+    if (number < recorder->room) recorder->mesh[number] = end;
     while (recorder->next < recorder->n_samples) {
         const double time = recorder->samples[recorder->next];
         if (time > end || (time >= recorder->piece_end && !recorder->last_piece)) break;
@@ -49,11 +52,11 @@ static int sample(void *context, const Step *step)
 
 int kernel_trajectory(const double *p, long n_points, const double *points, const double *u, double tolerance,
                       long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y,
-                      long *counts, double *reached)
+                      long room, double *mesh, long *counts, double *reached)
 {
     double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
     Solver solver = {0};
-    Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y};
+    Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y, mesh, room};
     int status;
     const long first = piece_first(n_points, points);
     long last = n_points - 2;

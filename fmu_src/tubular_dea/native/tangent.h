@@ -4,11 +4,6 @@
 
 #include "kernel.h"
 
-/* The ends of the steps that the integrator takes (at most `room` are written); their number, or a negative status as
- * kernel_trajectory returns it, minus 20. Points and inputs as in kernel_trajectory. */
-KERNEL_EXPORT long kernel_mesh(const double *p, long n_points, const double *points, const double *u, double tolerance,
-                               long room, double *mesh, double *reached);
-
 /* A trajectory whose steps end at the times `mesh` (and at the points), and its derivatives.
  *
  * `columns` (n_columns of them) say what is varied: a place in COLUMN_PARAMETER of gradients.h, for a delayed signal its

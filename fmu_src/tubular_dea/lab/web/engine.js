@@ -73,7 +73,7 @@ class Engine {
     try {
       const status = this.wasm[`${prefix}_kernel_trajectory`](
         this.doubles(parameters), driven.time.length, this.doubles(driven.time), this.doubles(driven.u), tolerance,
-        maxSteps, n, this.doubles(times), withFold ? 1 : 0, x, y, counts, reached);
+        maxSteps, n, this.doubles(times), withFold ? 1 : 0, x, y, 0, 0, counts, reached);
       const end = this.floats(reached, 1)[0];
       return named(facts, samples, places, this.floats(x, nx * n), this.floats(y, ny * n), withFold, {
         status, reached: end, steps: this.integer(counts), reason: status ? SOLVER_WORDS[status] ?? `status ${status}` : "",
