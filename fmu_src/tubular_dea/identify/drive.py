@@ -47,6 +47,7 @@ COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
 STAIR = 5.0  # [1] times the noise that a staircase steps by: a ramp in a noisy monitor moves far less
+TURNS = 3  # [1] times that an exact signal steps back at the next sample: fewer may be spikes
 STEPPING = 0.25  # [1] share of samples at which a staircase steps by more: a controller rests too, an edge is brief
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k band_limited`
@@ -311,8 +312,14 @@ def _unmoved(time: np.ndarray, values: np.ndarray) -> HeldLine:
 
 
 def _staircase(values: np.ndarray, noise: float) -> bool:
-    """Whether a held signal steps at many samples, by more than noise: then it was as it stands."""
-    return float(np.quantile(np.abs(np.diff(values)), 1 - STEPPING)) > STAIR * noise
+    """Whether a held signal steps at many samples, by more than noise: then it was as it stands.
+
+    So it was where one without noise steps back at the next sample, as a controller at its limits does: no edge on its
+    way does.
+    """
+    steps = np.diff(values)
+    back = np.count_nonzero(steps[1:] * steps[:-1] < 0) if noise == 0 else 0
+    return back >= TURNS or float(np.quantile(np.abs(steps), 1 - STEPPING)) > STAIR * noise
 
 
 def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise | None) -> _Drawn:
@@ -321,7 +328,9 @@ def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise 
     time = experiment.time
     if how is not None and how.seen:
         return _Drawn(_unmoved(time, values), noise, 0.0, time, shown=True)
-    return _Drawn(_unmoved(np.repeat(time, 2)[1:], np.repeat(values, 2)[:-1]), noise, 0.0, time)
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan))
+    ends = np.append(time[begins[1:]], time[-1])
+    return _Drawn(_unmoved(np.column_stack([time[begins], ends]).ravel(), np.repeat(values[begins], 2)), noise, 0.0, time)
 
 
 def _held(

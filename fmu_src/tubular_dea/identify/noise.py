@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 from . import hum as hums
 from .colour import Colour
 from .monitors import resolution
-from .quiet import Records, Stretches, calm, louder, steady, stretches
+from .quiet import CALMEST, FEWEST, Records, Stretches, calm, louder, steady, stretches
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -161,7 +161,8 @@ def estimate(records: Records) -> Noise:
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = _coloured(plain, step) if lines else found
     colour = found.colour(step)
-    quiet = quiet and found.variance < _variance(records) and not (rings and colour.phi > np.exp(-1 / BRIEF))
+    long = colour.phi > np.exp(-1 / BRIEF)
+    quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
@@ -185,6 +186,9 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     coarse = float(np.median([resolution(y) for _, y, _ in records]))
     every = stretches(records)
     chosen = calm(every, coarse)
+    if _freedom(chosen) < CALMEST:
+        every = stretches(records, short=True)
+        chosen = calm(every, coarse, FEWEST)
     if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
         if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):

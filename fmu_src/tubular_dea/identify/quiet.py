@@ -29,6 +29,7 @@ SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
+FEWEST = 50  # [1] the same where records hardly rest
 NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
@@ -80,12 +81,15 @@ class Stretches:
         return squares, float(np.log(np.diag(factor)).sum())
 
 
-def stretches(records: Records, settled: float = SETTLED) -> list[Stretches]:
-    """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other."""
+def stretches(records: Records, settled: float = SETTLED, short: bool = False) -> list[Stretches]:
+    """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other.
+
+    `short` ones too: half a second before the first event may be all that a record rests.
+    """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
         step = round(float(np.median(np.diff(time))), 9)
-        sizes = _sizes(step)
+        sizes = [*_sizes(step), SHARE * DIFFERENCES[1]] if short else _sizes(step)
         marks = np.union1d(events, time[1:][~steady(time)])
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
         firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
@@ -129,8 +133,9 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     return left[:, values > 1e-7 * values[0]]
 
 
-def calm(groups: Sequence[Stretches], step: float) -> list[Stretches]:
-    """The stretches that move no more from sample to sample than the calmest ones do, but for chance.
+def calm(groups: Sequence[Stretches], step: float, enough: int = CALMEST) -> list[Stretches]:
+    """The stretches that move no more from sample to sample than the calmest ones do, which have `enough` degrees of
+    freedom, but for chance.
 
     Nor more than a sensor with this smallest `step` does, which is calm in the middle of one and not between two.
     Those without any noise are none to hold others against.
@@ -138,7 +143,7 @@ def calm(groups: Sequence[Stretches], step: float) -> list[Stretches]:
     rings = [np.zeros(g.values.shape[1], dtype=bool) for g in groups]
     for lag in DIFFERENCES if groups else ():
         moved = [_differences(g.values, lag) for g in groups]
-        calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)])
+        calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)], enough)
         limit = max(NOT_CALM * calmest, COARSE * step**2)
         rings = [r | (m > limit) for r, m in zip(rings, moved, strict=True)]
     return [g.only(~r) if r.any() else g for g, r in zip(groups, rings, strict=True) if not r.all()]
@@ -159,16 +164,16 @@ def _differences(values: np.ndarray, lag: int) -> np.ndarray:
     return np.asarray(np.mean((values[lag:] - values[:-lag]) ** 2, axis=0))
 
 
-def _calmest(groups: Sequence[tuple[np.ndarray, int]]) -> float:
+def _calmest(groups: Sequence[tuple[np.ndarray, int]], enough: int) -> float:
     """The mean of the smallest of values (m,), each with so many degrees of freedom; infinite where there are few."""
     values = np.concatenate([v for v, _ in groups])
     freedom = np.concatenate([np.full(v.size, f) for v, f in groups])
     order = np.argsort(values)
     order = order[values[order] > 0]  # not a number is not
     total = np.cumsum(freedom[order])
-    if not total.size or total[-1] < CALMEST:
+    if not total.size or total[-1] < enough:
         return np.inf
-    few = order[: int(np.searchsorted(total, CALMEST)) + 1]
+    few = order[: int(np.searchsorted(total, enough)) + 1]
     return float(np.average(values[few], weights=freedom[few]))
 
 
