@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from made_up import BASE, LARGE, found, option
+from made_up import BASE, LARGE, SAMPLES, found, option
 from tubular_dea.discover import acceptance, engine, equivalence, held_out, parameters, power
 from tubular_dea.discover.bank import Candidate, scores
 from tubular_dea.discover.bootstrap import null_scores
@@ -418,3 +418,10 @@ def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
     assert acceptance.noise_alone(replace(state, z_total=3.0, coloured=9.0))
     assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * acceptance.MOST_COLOURED))
     assert not acceptance.noise_alone(replace(state, z_total=5.0, coloured=9.0))
+
+
+def test_one_that_leaves_noise_alone_has_shown_its_form() -> None:
+    """An offset that leaves noise is told from a drift that leaves 26 times its rms, however much both explain."""
+    chosen = option("lag", z_slow=0.0, held_out=2000.0)
+    assert equivalence.stands_in(option("slew", excess=3 * SAMPLES), chosen, {"lag": 1e9}) is None
+    assert equivalence.stands_in(option("slew", excess=0.5 * SAMPLES), chosen, {"lag": 1e9}) == ("lag", "slew")

@@ -233,3 +233,14 @@ def test_an_edge_cuts_off_the_end_of_the_one_before() -> None:
     second = driven.edges[1].time + near - driven.edges[1].rise / EXPONENTIAL  # its begin
     assert moved.at(np.array([second - 1e-4]))["voltage"] > 0.5 * 5e3
     assert moved.at(np.array([second + 5e-3]))["voltage"] < 0.5 * 5e3
+
+
+def test_an_exact_command_that_chatters_at_its_limits_stands_as_it_is() -> None:
+    """Between calm levels a controller switches at every sample: none of that is an edge on its way."""
+    time = np.arange(600) * 0.02
+    values = np.where(time < 4, 1.0, np.where(time < 8, -0.5, 2.0))
+    values[250:262] = 4.76 * (-1.0) ** np.arange(12)
+    signal = Input("u", held=True)
+    found = drives([Experiment("a", time, {"u": values}, {}, np.arange(600) + 2)], [signal], {"u": 0.0})[0]
+    np.testing.assert_array_equal(found.protocol.at(time)["u"], values)
+    assert found.protocol.time.size < 40  # nothing stands where nothing changes

@@ -40,7 +40,7 @@ def null(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bench.Tube]:
 
 @pytest.fixture(scope="module")
 def work(null: tuple[Path, bench.Tube]) -> Study:
-    return study(read_folder(null[0], PLANT), held_out=())
+    return study(read_folder(null[0], PLANT), held_out=(), effects=False)
 
 
 def test_jacobian_is_that_of_the_residuals(work: Study) -> None:

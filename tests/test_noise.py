@@ -232,3 +232,18 @@ def test_a_coarse_sensor_that_rests_in_the_middle_of_a_step_is_no_measure_of_noi
     records = [(time, np.round(v + 0.25 * random.standard_normal(time.size)), np.array([0.0])) for v in levels]
     alike = np.mean([np.var(y) for _, y, _ in records])
     assert estimate(records).rms ** 2 == pytest.approx(alike, rel=0.1)
+
+
+def test_half_a_second_of_rest_tells_the_noise_of_a_plant_that_never_rests_again() -> None:
+    """What moves smoothly at all times afterwards would be noise with a long memory, 30 times as large."""
+    random, time = np.random.default_rng(6), np.arange(1000) * 0.02
+    events = np.append([0.0, 0.8], 0.8 + np.cumsum(random.uniform(0.3, 1.4, 25)))
+    events = events[events < time[-1]]
+    speed = np.zeros(time.size)
+    for i in range(1, time.size):
+        drive = 0.0 if time[i] < 0.8 else (-1.0) ** np.searchsorted(events, time[i])
+        speed[i] = speed[i - 1] + 0.02 / 0.3 * (2 * drive - speed[i - 1])
+    listed = [(time, speed + 0.01 * random.standard_normal(time.size), events) for _ in range(3)]
+    found = estimate(listed)
+    assert found.quiet
+    assert 0.008 < found.rms < 0.03

@@ -177,6 +177,15 @@ def test_a_clock_past_midnight(tmp_path: Path) -> None:
     np.testing.assert_allclose(experiment.time, np.arange(400) * 0.004, atol=1e-9)
 
 
+def test_times_of_the_calendar_count_from_the_first_sample(tmp_path: Path) -> None:
+    data = headed()
+    first = next(iter(data))
+    data[first] = data[first] + 1_772_000_000.0
+    rows = [",".join(f"{v:.15g}" for v in row) for row in zip(*data.values(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(data), *rows]) + "\n")
+    np.testing.assert_allclose(read_experiment(tmp_path / "a.csv", PLANT).time, table()["time"], atol=1e-6)
+
+
 def test_a_trigger_is_a_switch(tmp_path: Path) -> None:
     data = table()
     trigger = np.where(data["time"] >= 1.0, 4.9, 0.1)

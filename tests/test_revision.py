@@ -219,3 +219,28 @@ def test_few_rivals_are_looked_at_again_where_an_effect_is_withdrawn(monkeypatch
     both = option("lag", "creep")
     assert engine._withdrawn(None, found(BASE, both, rivals=rivals, gains={"creep": 5.0}), both) is BASE
     assert sorted(asked) == [("lag",), *((f"rival{i}",) for i in range(4))]
+
+
+@pytest.mark.parametrize(("predicts", "taken"), [(1e5, ("slew", "offset")), (1e9, ("lag", "drift"))])
+def test_a_pair_begins_elsewhere_where_two_effects_leave_far_more_than_noise(
+    monkeypatch: pytest.MonkeyPatch, predicts: float, taken: tuple[str, ...]
+) -> None:
+    """Friction and an offset: alone each is behind a law that stands for both, and nothing follows from that one."""
+    first = [option(n, excess=LARGE * (25 + i)) for i, n in enumerate(("lag", "stop", "slew", "set", "gain", "far"))]
+    chosen = option("lag", "drift", excess=LARGE * 5, held_out=1e8)
+    begun = []
+
+    def pairs(study: object, one: Option, tell: object) -> list[Option]:
+        begun.append(one.ids[0])
+        pair = option("slew", "offset", excess=1000.0, held_out=predicts)
+        return [pair] if one.ids == ("slew",) else [option(*one.ids, "drift", excess=LARGE * 20, held_out=1e9)]
+
+    monkeypatch.setattr(selection, "_pairs_with", pairs)
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: ("its own", one))
+    step = Round((), [], None, 30.0, first, True, "", {})
+    search = found(BASE, chosen, rounds=[step], gains={"drift": LARGE})
+    selection._begun_elsewhere(search, lambda what: None)
+    assert begun == ["stop", "slew", "set", "gain"]  # what is chosen has had its turn
+    assert search.chosen.ids == taken
+    assert list(search.gains) == [taken[-1]]
+    assert (search.study == "its own") is (taken == ("slew", "offset"))

@@ -66,6 +66,25 @@ def test_a_zero_that_all_files_have_in_common_may_be_an_effect_and_stays() -> No
     assert zeroed(experiments, driven, PLANT)[0].protocol.inputs["voltage"][0] == 0.0  # no effect is an offset of it
 
 
+def test_what_three_files_happen_to_have_in_common_is_no_effect() -> None:
+    """Zeros of -18, -32 and -21 Pa are six standard errors from 0 and yet chance: left in, C_1 came out 17 off."""
+    experiments, driven = at_rest([-18.4, -32.0, -21.0])
+    np.testing.assert_allclose(first_pressures(experiments, driven), 0.0, atol=1e-9)
+
+
+def test_where_no_effects_are_sought_what_is_in_common_is_a_zero_too() -> None:
+    experiments, driven = at_rest([210.0, 190.0, 205.0, 195.0])
+    for one in zeroed(experiments, driven, PLANT, effects=False):
+        assert one.protocol.inputs["pressure"][0] == pytest.approx(0.0, abs=1e-9)
+        assert one.protocol.inputs["pressure"][-1] == pytest.approx(8e3, abs=15.0)
+
+
+def test_files_in_a_row_show_their_zeros_where_their_inputs_rest() -> None:
+    experiments, driven = at_rest([120.0, -90.0])
+    in_a_row = [replace(e, begins=3.0 * i) for i, e in enumerate(experiments)]
+    np.testing.assert_allclose(first_pressures(in_a_row, driven), 0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("start", ["unknown", "equilibrium"])
 def test_what_does_not_rest_shows_no_zeros(start: str) -> None:
     experiments, driven = at_rest([120.0, -90.0, 15.0])

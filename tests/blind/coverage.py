@@ -34,7 +34,7 @@ def recorded(seed: int, only: list[str] | None = None) -> tuple[Study, dict[str,
         data = Path(folder) / "data"
         tube = bench.draw(seed, "none")
         bench.write(tube, data, seed, only)
-        work = study(read_folder(data, PLANT), held_out=())
+        work = study(read_folder(data, PLANT), held_out=(), effects=False)
     return work, dict(zip(NAMES, tube.identified, strict=True))
 
 

@@ -227,7 +227,7 @@ def identify(
     values = known.model.parameter_values() | _start(known, start)
     with recorded(known), steps(progress, None) as tell:
         tell("monitors and noise")
-        work = study(recordings, held_out=())
+        work = study(recordings, held_out=(), effects=False)
         if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts
             sought = procedure.free_parameters(known.model, values, free)
             work = adjusted(work, (), work.shared(values), sought, started=False)

@@ -22,6 +22,9 @@ WEAK_MOST = 120.0  # [squared standard deviations] that it then may lose at most
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
 ERROR_SHARE = 0.2  # [1] share of the misfit that says nothing, of a model whose own error is far above the noise
 
+# Set by judgement: one that leaves noise alone has shown its form. Check: `pytest tests/test_acceptance.py -k form`
+WORSE = 2.0  # [1] times the misfit of such an effect that another one may leave at most
+
 # Set by judgement: one level of the mock loop gives the law that holds over levels 0.65 of the gain of the best one.
 # Check: `pytest tests/test_operating_point.py`
 ONE_POINT_SHARE = 0.5  # [1] share of the gain that another law may lose where records repeat and no law leaves noise
@@ -44,6 +47,8 @@ def stands_in(
     missing = [i for i in chosen.ids if i not in rival.ids]
     extra = [i for i in rival.ids if i not in chosen.ids]
     if not len(missing) == len(extra) == 1 or extra[0] in rival.impossible:
+        return None
+    if clean(chosen.lack_of_fit) and rival.misfit > WORSE * chosen.misfit:
         return None
     gain = gains[missing[0]]
     reach = max(CHANCE, form * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))

@@ -25,6 +25,9 @@ from .start import RESTED, detected
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
 
+# Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
+DAY = 86_400.0  # [s] beyond which a time is one of the calendar, as since 1970: it counts from the first sample
+
 # Set by judgement: 200 Pa and 200 V for the tube. Check: `pytest tests/test_reading.py -k nothing_moves`
 AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest
 
@@ -200,7 +203,7 @@ def experiment_of(
         )
     taken = sampling(table, columns["time"].values, np.array([a.values for n, a in columns.items() if n != "time"]))
     values, lines = {name: a.values[taken.kept] for name, a in columns.items()}, table.lines[taken.kept]
-    time = taken.time - (taken.time[0] if columns["time"].column.clock else 0.0)
+    time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
     for finding in checks.inputs(values, plant, lines, commanded):

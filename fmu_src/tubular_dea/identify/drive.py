@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -330,7 +329,9 @@ def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise 
         return _Drawn(_unmoved(time, values), noise, 0.0, time, shown=True)
     begins = np.flatnonzero(np.diff(values, prepend=np.nan))
     ends = np.append(time[begins[1:]], time[-1])
-    return _Drawn(_unmoved(np.column_stack([time[begins], ends]).ravel(), np.repeat(values[begins], 2)), noise, 0.0, time)
+    return _Drawn(
+        _unmoved(np.column_stack([time[begins], ends]).ravel(), np.repeat(values[begins], 2)), noise, 0.0, time
+    )
 
 
 def _held(
@@ -441,8 +442,8 @@ def _check_sampling(experiment: Experiment, name: str, noise: float, stated: boo
 
 def joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:
     """All inputs on one grid of breakpoints; a time is doubled where any input jumps."""
-    single = reduce(np.union1d, [times for times, _ in lines])
-    doubled = reduce(np.union1d, [times[1:][np.diff(times) == 0] for times, _ in lines])
+    single = np.unique(np.concatenate([times for times, _ in lines]))
+    doubled = np.unique(np.concatenate([times[1:][np.diff(times) == 0] for times, _ in lines]))
     grid = np.sort(np.concatenate([single, doubled]))
     second = np.append(False, np.diff(grid) == 0)
     inputs = {}

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import norm as normal
+from scipy.stats import t as student
 
 from ..laws.places import Path
 from ..model.declare import Model, Parameter, Quantity
@@ -35,7 +37,7 @@ ZEROS = 3.0  # [1] usual zeros of its signal that are one
 SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
 MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
 SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
-IN_COMMON = 4.0  # [standard errors] by which the mean of zeros differs from zero if they have it in common
+IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
@@ -65,9 +67,14 @@ def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
     return bool(abs(found[0]) > max(CLEARLY * error, least))
 
 
-def zeroed(experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Plant) -> list[Drive]:
-    """The drives without the zeros of monitors, where experiments begin at rest."""
-    resting = [i for i, e in enumerate(experiments) if e.start == RESTED and e.begins is None]
+def zeroed(
+    experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Plant, effects: bool = True
+) -> list[Drive]:
+    """The drives without the zeros of monitors, where experiments begin at rest.
+
+    Where `effects` are sought, a zero that they have in common stays.
+    """
+    resting = [i for i, e in enumerate(experiments) if e.start == RESTED]
     if plant.model.curve is None:
         return list(drives)
     zeros: list[dict[str, float]] = [{} for _ in drives]
@@ -77,7 +84,8 @@ def zeroed(experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Pl
         shown = {i: _at_rest(experiments[i], drives[i], signal.name) for i in resting}
         seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.zero}
         found = np.array([zero for zero, _ in seen.values()])
-        levels[signal.name] = _in_common(found, signal.zero) if _may_be_off(plant, signal.name) else 0.0
+        effect = effects and _may_be_off(plant, signal.name)
+        levels[signal.name] = _in_common(found, signal.zero) if effect else 0.0
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
     return [d.without(z, s, levels) if z else d for d, z, s in zip(drives, zeros, still, strict=True)]
@@ -88,7 +96,8 @@ def _in_common(zeros: np.ndarray, usual: float) -> float:
     if zeros.size < SEVERAL:
         return float(zeros.mean()) if zeros.size and abs(zeros.mean()) > usual else 0.0
     error = float(np.std(zeros, ddof=1)) / float(np.sqrt(zeros.size))
-    return float(zeros.mean()) if abs(zeros.mean()) > IN_COMMON * error else 0.0
+    surely = float(student.isf(normal.sf(IN_COMMON), zeros.size - 1))  # few files tell little of their spread
+    return float(zeros.mean()) if abs(zeros.mean()) > surely * error else 0.0
 
 
 def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, int] | None:

@@ -177,10 +177,15 @@ class Study:
         return replace(self, pieces=[replace(p, weight=w) for p, w in zip(self.pieces, weights, strict=True)])
 
 
-def study(recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None) -> Study:
-    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`."""
-    plant = recordings.plant
-    drives = zeroed(recordings.experiments, all_drives(recordings.experiments, plant.inputs, recordings.noise), plant)
+def study(
+    recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None, effects: bool = True
+) -> Study:
+    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`.
+
+    Unless `effects` are sought, what a monitor shows at rest is its zero, even where all files have it in common.
+    """
+    plant, experiments = recordings.plant, recordings.experiments
+    drives = zeroed(experiments, all_drives(experiments, plant.inputs, recordings.noise), plant, effects)
     names = choose_held_out(recordings) if held_out is None else list(held_out)
     known = [e.name for e in recordings.experiments]
     for name in names:
