@@ -318,7 +318,7 @@ def _staircase(values: np.ndarray, noise: float) -> bool:
     """
     steps = np.diff(values)
     back = np.count_nonzero(steps[1:] * steps[:-1] < 0) if noise == 0 else 0
-    return back >= TURNS or float(np.quantile(np.abs(steps), 1 - STEPPING)) > STAIR * noise
+    return bool(back >= TURNS) or float(np.quantile(np.abs(steps), 1 - STEPPING)) > STAIR * noise
 
 
 def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise | None) -> _Drawn:
