@@ -27,11 +27,13 @@ def findings(recordings: Recordings) -> list[str]:
 def _sizes(recordings: Recordings) -> Iterator[str]:
     """Signals far from the size that the plant declares."""
     plant = recordings.plant
-    for name in [*(s.name for s in plant.inputs), *(o.name for o in plant.outputs)]:
+    most = {s.name: s.most for s in plant.inputs} | {o.name: o.most for o in plant.outputs}
+    for name, declared in most.items():
         q = plant.quantity(name)
         records = [v[~_alone(v)] for e in recordings.experiments if (v := _values(e, name)).size]
         largest = max((float(np.abs(v).max()) for v in records), default=0.0)
-        if largest > FACTOR * q.nominal or (0 < largest < q.nominal / FACTOR and any(map(_moves, records))):
+        large = largest > max(FACTOR * q.nominal, declared if np.isfinite(declared) else 0.0)
+        if large or (0 < largest < q.nominal / FACTOR and any(map(_moves, records))):
             unit = "" if q.unit == "1" else f" {q.unit}"
             yield (
                 f"{name} reaches {largest:.3g}{unit} in these records, {largest / q.nominal:.2g} times its declared "

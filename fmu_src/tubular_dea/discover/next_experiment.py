@@ -74,6 +74,8 @@ def at_channel(plant: Plant, channel: str) -> str:
         others = " and ".join(s.name for s in plant.inputs)
         if place.of in {s.name for s in plant.inputs}:
             return f"record steps of {place.of} of several heights, as {channel} may depend on more than {place.of}"
+        if not place.of:
+            return f"repeat one course of {others} around several levels, as what acts there may depend on more"
         return f"repeat one course of {others} at several levels of {place.of}, as {channel} may depend on more than it"
     if isinstance(place, Balance):
         itself = "" if place.name in _measured(plant) else f"{place.name} itself too, or "

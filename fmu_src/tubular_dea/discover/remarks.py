@@ -25,7 +25,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
     said = [*shifted(found), *_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
-    said += [*_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
+    said += [*_partly(found), *_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -119,6 +119,16 @@ def thin(found: Discovery) -> str:
 def _moves(found: Discovery, name: str) -> bool:
     spans = [float(np.ptp(p.case.protocol.inputs[name])) for p in found.study.pieces]
     return max(spans) > MOVES * found.study.monitor_noise.get(name, 0.0)
+
+
+def _partly(found: Discovery) -> list[str]:
+    """What is left where it is more than noise is in no interval."""
+    if found.verdict != "partly_explained":
+        return []
+    return [
+        "Intervals of parameters hold if the named effects are all that is missing. As more is, parameters may have "
+        "made up for it and lie outside."
+    ]
 
 
 def _starts(found: Discovery) -> list[str]:
