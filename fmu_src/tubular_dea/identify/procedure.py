@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import UserError
+from ..kernel import KernelError
 from ..model.declare import Model
 from ..plants.plant import Plant
 from .adjust import MOST_SETTLES, SETTLES, adjusted
@@ -112,20 +113,20 @@ def settled(
 ) -> tuple[Study, Problem, Fit]:
     """The joint fit and the records' own numbers (switching instants, zeros, starts), each taken anew at the other.
 
-    Until neither gains; then once more with the parameters that a fit may lose (`Plant.restart`) at their declared
-    values.
+    Until neither gains; then once more with the records' own numbers first, where `start` has them, and the parameters
+    that a fit may lose (`Plant.restart`) at their declared values: a fit with edges half a sample off may end where
+    no edge brings it back from.
     """
     first = _taken_in_turn(work, joint(work, start, starts, seed, names), start, seed, names)
     fitted = first[2]
-    again = fitted.values | {n: v for n, v in work.plant.restarts.items() if n in fitted.names}
-    if again == fitted.values:
-        return first
+    begin = dict(start) | {n: v for n, v in work.plant.restarts.items() if n in fitted.names}
     try:
-        restarted = joint(first[0], again, 1, seed, names, start)
-        if not may_be_better(restarted[1], fitted):
+        again = adjusted(replace(work, noise=first[0].noise), (), begin, fitted.free)
+        other = joint(again, begin, 1, seed, names, start)
+        if not may_be_better(other[1], fitted):
             return first
-        found = _taken_in_turn(first[0], restarted, start, seed, names, noisy=False)
-    except FitError:
+        found = _taken_in_turn(again, other, start, seed, names, noisy=False)
+    except (FitError, KernelError):
         return first
     return first if found[2].cost > fitted.cost - AGREE else _taken_in_turn(found[0], found[1:], start, seed, names)
 
