@@ -211,11 +211,12 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
     broken[begins - 1] = True  # no line from this sample to the next
     mean = float(values.mean())
     centred = values - mean  # so that sums lose no digits
-    corners = _prune(time, centred, np.arange(n), fixed, noise, STAGES)
+    step = STEP if _coarseness(values) < noise else REMOVE  # a coarse monitor shows what bends as steps
+    corners = _prune(time, centred, np.arange(n), fixed, noise, step, STAGES)
     for _ in range(POLISH):
         corners = _move(time, centred, corners, fixed)
         corners = _insert(time, centred, corners, broken, noise)
-        corners = _prune(time, centred, corners, fixed, noise, STAGES[-1:])
+        corners = _prune(time, centred, corners, fixed, noise, step, STAGES[-1:])
     missed = centred - np.interp(time, time[corners], _fit(time, centred, corners))
     allowed = WRONG * np.hypot(noise, _coarseness(values) / 2)  # a coarse monitor may toggle between two readings
     far = np.convolve(missed**2, np.ones(MISSED_BLOCK) / MISSED_BLOCK, mode="same") > allowed**2
@@ -340,18 +341,24 @@ def _fit(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.ndarra
 
 
 def _prune(
-    time: np.ndarray, values: np.ndarray, corners: np.ndarray, fixed: np.ndarray, noise: float, stages: Sequence[float]
+    time: np.ndarray,
+    values: np.ndarray,
+    corners: np.ndarray,
+    fixed: np.ndarray,
+    noise: float,
+    step: float,
+    stages: Sequence[float],
 ) -> np.ndarray:
     """Without the corners whose loss is below each of `stages` in turn.
 
-    Those go that lose less than both neighbours, again and again.
+    Those go that lose less than both neighbours, again and again; a `step` has to explain as much as it says.
     """
     pieces = _Segments.of(time, values, corners)
     for most in stages:
         while pieces.corners.size > 2:
             loss = _loss(pieces, noise)
             loss[fixed[pieces.corners]] = np.inf
-            below = loss < (most if most < REMOVE else _least(pieces.corners, values.size))
+            below = loss < (most if most < REMOVE else _least(pieces.corners, values.size, step))
             loss[~below] = np.inf  # one that stays is in no one's way
             below[1:] &= loss[1:] < loss[:-1]
             below[:-1] &= loss[:-1] <= loss[1:]
@@ -361,7 +368,7 @@ def _prune(
     return pieces.corners
 
 
-def _least(corners: np.ndarray, samples: int) -> np.ndarray:
+def _least(corners: np.ndarray, samples: int, step: float) -> np.ndarray:
     """What each corner (k,) has to explain [squared standard deviations]: in long records more, if it is brief.
 
     A single sample in 16 000 is four standard deviations off by chance, and would make an undamped plant ring. So would
@@ -370,7 +377,7 @@ def _least(corners: np.ndarray, samples: int) -> np.ndarray:
     gaps = np.diff(corners, prepend=-samples, append=corners[-1] + samples)
     brief, long = np.minimum(gaps[:-1], gaps[1:]), np.maximum(gaps[:-1], gaps[1:])
     least = np.maximum(REMOVE, ndtri(np.minimum(SPIKE_CHANCE * brief / (2 * samples), 0.5)) ** 2)
-    return np.where((brief <= ABRUPT) & (long >= ALONE * brief), STEP, least)
+    return np.where((brief <= ABRUPT) & (long >= ALONE * brief), np.maximum(step, least), least)
 
 
 def _loss(pieces: _Segments, noise: float) -> np.ndarray:
