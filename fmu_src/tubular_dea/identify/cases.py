@@ -16,7 +16,7 @@ from ..protocol import Protocol
 
 # Set by judgement: far below any sampling interval, far above what rounding changes when clocks are set.
 # Check: `pytest tests/test_cases.py`
-SAME = 1e-9  # [s] within which two instants are one
+SAME_INSTANT = 1e-9  # [s] within which two instants are one
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Run:
+class CaseRun:
     """A trajectory: that of `case`, at `times` (n,). It answers `cases`, by their numbers, each at its `places`."""
 
     case: Case
@@ -78,12 +78,12 @@ class Run:
         return {i: c.read({n: values[n][self.places[i]] for n in c.outputs}) for i, c in self.cases.items()}
 
 
-def alone(case: Case) -> Run:
+def alone(case: Case) -> CaseRun:
     """The trajectory of one case."""
-    return Run(case, case.instants, {0: case}, {0: slice(None)})
+    return CaseRun(case, case.instants, {0: case}, {0: slice(None)})
 
 
-def runs(cases: Sequence[Case]) -> list[Run]:
+def runs(cases: Sequence[Case]) -> list[CaseRun]:
     """The trajectories that answer all cases; those with most events begin, so that no long one is left at the end."""
     left = sorted(range(len(cases)), key=lambda i: -cases[i].protocol.time.size)
     found = []
@@ -92,11 +92,11 @@ def runs(cases: Sequence[Case]) -> list[Run]:
         row = {i: cases[i] for i in left if i == left[0] or _begins_with(last, cases[i])}
         left = [i for i in left if i not in row]
         if len(row) == 1:
-            found.append(Run(last, last.instants, row, dict.fromkeys(row, slice(None))))
+            found.append(CaseRun(last, last.instants, row, dict.fromkeys(row, slice(None))))
             continue
         on_clock = {i: _on_clock_of(last, case) for i, case in row.items()}
         times = np.unique(np.concatenate(list(on_clock.values())))
-        found.append(Run(last, times, row, {i: np.searchsorted(times, at) for i, at in on_clock.items()}))
+        found.append(CaseRun(last, times, row, {i: np.searchsorted(times, at) for i, at in on_clock.items()}))
     return found
 
 
@@ -104,9 +104,9 @@ def _begins_with(last: Case, case: Case) -> bool:
     """Whether the inputs of `last` begin with all those of `case`, on whatever clock, and both start alike."""
     here, there = case.protocol.time, last.protocol.time
     n = here.size
-    if n >= there.size or abs((there[n - 1] - there[0]) - (here[-1] - here[0])) > SAME:
+    if n >= there.size or abs((there[n - 1] - there[0]) - (here[-1] - here[0])) > SAME_INSTANT:
         return False
-    same_times = np.all(np.abs((there[:n] - there[0]) - (here - here[0])) < SAME)
+    same_times = np.all(np.abs((there[:n] - there[0]) - (here - here[0])) < SAME_INSTANT)
     same = all(np.array_equal(last.protocol.inputs[name][:n], v) for name, v in case.protocol.inputs.items())
     return bool(same_times) and same and case.own == last.own and case.outputs == last.outputs
 

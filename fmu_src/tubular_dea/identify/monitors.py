@@ -49,7 +49,7 @@ SHORT = 4  # [samples] of a piece at least that is halved
 # Set by judgement. Check: `pytest tests/test_monitors.py -k between_samples`,
 # `python -m blind.score --nulls 12 --conventions own_protocols rates --seed 20000`
 DENSE = 2  # [samples] between corners up to which a record moves at every sample
-ALIKE = 0.2  # [1] share of the other bend beside it that a bend has at least in a curve; a kink has none beside it
+STILL_CURVED = 0.2  # [1] share of the other bend beside it that one has in a curve; a kink has none beside it
 QUARTERS = (0.25, 0.5, 0.75)  # [1] of the way between two corners: where a curve is followed
 
 # Set by theory: by chance lines miss so many samples so far once in a million.
@@ -272,7 +272,7 @@ def _cubic(t: np.ndarray, v: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray
     pieces = pieces[(pieces > 0) & (pieces < t.size - 2)]
     bend = np.diff(np.diff(v) / np.diff(t)) / (0.5 * (t[2:] - t[:-2]))  # of samples 1 to n - 2
     first, second = bend[pieces - 1], bend[pieces]
-    smooth = np.minimum(np.abs(first), np.abs(second)) > ALIKE * np.maximum(np.abs(first), np.abs(second))
+    smooth = np.minimum(np.abs(first), np.abs(second)) > STILL_CURVED * np.maximum(np.abs(first), np.abs(second))
     pieces, first, second = pieces[smooth], first[smooth], second[smooth]
     step = np.diff(t)[pieces]
     times, found = [t], [v]

@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 from . import hum as hums
 from .colour import Colour
 from .monitors import resolution
-from .quiet import CALMEST, FEWEST, Records, Stretches, calm, louder, steady, stretches
+from .quiet import BARELY_CALM, CALMEST, Records, Stretches, calm, louder, steady, stretches
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -188,7 +188,7 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     chosen = calm(every, coarse)
     if _freedom(chosen) < CALMEST:
         every = stretches(records, short=True)
-        chosen = calm(every, coarse, FEWEST)
+        chosen = calm(every, coarse, BARELY_CALM)
     if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
         if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):

@@ -29,7 +29,7 @@ SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
-FEWEST = 50  # [1] the same where records hardly rest
+BARELY_CALM = 50  # [1] the same where records hardly rest
 NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves

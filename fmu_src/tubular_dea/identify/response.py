@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..kernel import Kernel, KernelError, Trajectory
-from .cases import Case, Run, alone, runs
+from .cases import Case, CaseRun, alone, runs
 from .threads import free_processors, side_by_side
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ class Response:
         )
 
     def _outputs(
-        self, run: Run, parameters: dict[str, float], tolerance: float, keep_mesh: bool = False
+        self, run: CaseRun, parameters: dict[str, float], tolerance: float, keep_mesh: bool = False
     ) -> dict[int, np.ndarray]:
         """The readings of every case of a run. Models that diverge or ring during a fit are given up early.
 
@@ -88,7 +88,7 @@ class Response:
             self._meshes[id(run)] = (parameters, found.mesh)
         return run.read(found.values)
 
-    def _mesh(self, run: Run, parameters: dict[str, float]) -> np.ndarray:
+    def _mesh(self, run: CaseRun, parameters: dict[str, float]) -> np.ndarray:
         """Where the integrator's steps end."""
         known = self._meshes.get(id(run))
         if known is not None and known[0] == parameters:
@@ -112,7 +112,7 @@ class Response:
         parameters = self.fixed | dict(values)
         shares = self._shares(names)
 
-        def one(run: Run) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
+        def one(run: CaseRun) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
             of, mesh = self._of(run.case, parameters), self._mesh(run, parameters)
             parts = side_by_side(lambda share: self._differentiated(run, of, share, mesh), shares)
             columns = [run.read(part.sensitivities) for part in parts]
@@ -131,13 +131,13 @@ class Response:
         return [names[i : i + size] for i in range(0, len(names), size)]
 
     def _differentiated(
-        self, run: Run, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
+        self, run: CaseRun, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
     ) -> Trajectory:
         return self.kernel.simulate(
             run.case.protocol, run.times, values, sensitivities=names, mesh=mesh, wanted=run.case.outputs
         )
 
-    def _all(self, work: Callable[[Run], T]) -> list[T]:
+    def _all(self, work: Callable[[CaseRun], T]) -> list[T]:
         return side_by_side(work, self.runs)
 
     def _joined(self, found: Sequence[Mapping[int, np.ndarray]]) -> list[np.ndarray]:
