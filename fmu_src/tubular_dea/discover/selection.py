@@ -31,13 +31,13 @@ SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 # base and 2100 with its own. Check: `python -m blind.score --singles 1 --only added_mass --seed 9900`
 NEAR_BEST = 0.9  # [1] share of the best score that is nearly the best
 KEPT = 0.5  # [1] share of its score that a refit gains, or nuisance parameters may stand in its way
+LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 
 # Set by measurement: a positioning system with friction and an offset of its force. A power of the viscous force and a
 # drift of the position left 4.6 mm; friction was third in the first round, and an offset beside it leaves 13 um.
 # Check: `pytest tests/test_revision.py -k elsewhere`
 BRANCHES = 4  # [1] of the first round's options with which pairs begin where two effects leave far more than noise
 SECONDS = 3  # [1] effects that are tried beside each
-LONG_SEARCH = 120  # [evaluations] until a search that converges slowly is given up
 
 
 def search(

@@ -78,11 +78,6 @@ class CaseRun:
         return {i: c.read({n: values[n][self.places[i]] for n in c.outputs}) for i, c in self.cases.items()}
 
 
-def alone(case: Case) -> CaseRun:
-    """The trajectory of one case."""
-    return CaseRun(case, case.instants, {0: case}, {0: slice(None)})
-
-
 def runs(cases: Sequence[Case]) -> list[CaseRun]:
     """The trajectories that answer all cases; those with most events begin, so that no long one is left at the end."""
     left = sorted(range(len(cases)), key=lambda i: -cases[i].protocol.time.size)

@@ -1,4 +1,4 @@
-"""The outputs of a model in every experiment, and their sensitivities to parameters; one thread per experiment."""
+"""The outputs of a model in every experiment, and their sensitivities to parameters; one thread per trajectory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..kernel import Kernel, KernelError, Trajectory
-from .cases import Case, CaseRun, alone, runs
+from .cases import Case, CaseRun, runs
 from .threads import free_processors, side_by_side
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ class Response:
 
     def _possible(self, case: Case, parameters: dict[str, float]) -> np.ndarray | None:
         try:
-            return self._outputs(alone(case), parameters, TOLERANCE)[0]
+            return self._outputs(runs([case])[0], parameters, TOLERANCE)[0]
         except KernelError:
             return None
 

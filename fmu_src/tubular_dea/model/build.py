@@ -243,7 +243,7 @@ class Build:
     def _quantity(self, name: str, unit: str, description: str, **more: Any) -> Quantity:
         """A quantity with a name that is free and fit for every language, and a unit that can be read."""
         with _located():
-            check_name(f"{self.name}", name)
+            check_name(self.name, name)
         if name == "time" or name in [f"{q.name}_rate" for q in self._inputs]:
             meant = "the time" if name == "time" else "the rate of an input"
             raise DeclarationError(f"{_here()}: {name!r} already means {meant}; take another name")

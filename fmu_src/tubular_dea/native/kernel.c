@@ -33,7 +33,7 @@ static void record(Recorder *recorder, double time, const double *x)
     row[MODEL_NY] = fold;
 }
 
-/* The step's end, and samples inside it; one at the end of the piece belongs to the next piece, whose inputs hold there. */
+/* The step's end, and samples inside it; one at the end of the piece belongs to the next, whose inputs hold there. */
 static int sample(void *context, const Step *step)
 {
     Recorder *recorder = context;
