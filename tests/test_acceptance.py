@@ -15,7 +15,7 @@ from tubular_dea.discover.bootstrap import null_scores
 from tubular_dea.discover.options import Option
 from tubular_dea.identify import noise_bound
 from tubular_dea.identify.colour import Colour
-from tubular_dea.identify.fit import interval
+from tubular_dea.identify.intervals import interval
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free
 

@@ -13,7 +13,7 @@ from tubular_dea.identify import adjust
 from tubular_dea.identify.adjust import adjusted, with_nuisances
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
-from tubular_dea.identify.fit import rmse
+from tubular_dea.identify.fit import fit, rmse
 from tubular_dea.identify.monitor_uncertainty import constant_gains, shifted
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.problem import Free, whitened
@@ -180,6 +180,72 @@ def test_instants_are_told_by_the_plant_in_its_own_time(slow: float) -> None:
         for a, b in zip(one.marginal.windows, two.marginal.windows, strict=True):
             assert a.where == b.where
             assert 2.3 * TRUTH["tau"] / STEP == pytest.approx(a.where.stop - a.where.start, rel=0.1)  # exp(-4.6) = 1 %
+
+
+def settled(found: Study) -> Study:
+    """Instants and the record's other numbers depend on each other: they are taken in turn."""
+    for _ in range(3):
+        found = adjusted(found, (), TRUTH, FREE)
+    return found
+
+
+def often_switched(parts: np.ndarray, sought: bool) -> Study:
+    """A study of files whose load switches on and off, each time `parts` (files, edges) of a sample before one."""
+    files = []
+    for number, row in enumerate(parts):
+        at = TIME[10 + 360 // row.size * np.arange(row.size)] - row * STEP
+        levels = 1.0 + 0.2 * (number % 4) * np.ones(row.size + 1)
+        levels[::2] = 0.0
+        times, values = np.repeat(np.concatenate([[0.0], at, [TIME[-1]]]), 2)[1:-1], np.repeat(levels, 2)
+        files.append(recorded(number, Protocol(times, {"load": values})))
+    zeros = Plant(one_state(), [Input("load", held=True, zero=1e-3)], [Output("reading", zero=0.1)])
+    found = study(Recordings(zeros, files, {}, {"reading": NOISE}, "synthetic"), (), effects=sought)
+    return replace(found, noise={"reading": Noise(NOISE, 0.0)})  # so many edges leave nothing quiet
+
+
+@pytest.mark.parametrize("count", [5, 25])
+def test_what_many_edges_share_is_not_taken_for_a_delay_of_their_monitor(count: int) -> None:
+    """A delay of a tenth of a sample is likelier than many edges that are all off by as much, each by chance.
+
+    With many edges in a file what an instant changes lasts beyond the next one, and they are told together.
+    """
+    found = settled(often_switched(np.full((4, count), 0.1), sought=True))
+    shifts = np.concatenate([p.shifts for p in found.pieces]) / STEP
+    assert shifts.mean() == pytest.approx(0.4, abs=0.02)  # from the middle
+
+
+def test_edges_on_the_clock_of_the_samples_are_told_together() -> None:
+    """All of them at the sample that shows them first, the end of their bounds: alone each can only be too early."""
+    found = settled(often_switched(np.zeros((8, 5)), sought=False))
+    np.testing.assert_allclose(np.concatenate([p.shifts for p in found.pieces]), 0.5 * STEP, atol=0.02 * STEP)
+
+
+def test_edges_anywhere_are_not_taken_for_edges_on_a_clock() -> None:
+    parts = np.random.default_rng(7).uniform(size=(8, 5))
+    found = settled(often_switched(parts, sought=False))
+    shifts = np.array([p.shifts for p in found.pieces]) / STEP
+    assert np.std(shifts - (0.5 - parts)) < 0.1  # 0.29 if at one part of the sampling
+
+
+def test_what_sensors_drift_is_no_part_of_the_parameters() -> None:
+    """Each file's reading wanders by five times its noise: the lag is found as well as without, and its error says so.
+
+    Where effects are sought, a drift may be one, and is none of the record's own numbers.
+    """
+    files = [recorded(i, ramps(i)) for i in range(8)]
+    slopes = 5 * NOISE * np.random.default_rng(5).standard_normal((8, 2))
+    over = 2 * TIME / TIME[-1] - 1
+    drifting = [
+        replace(e, outputs={"reading": e.outputs["reading"] + a * over + b * (1.5 * over**2 - 0.5)})
+        for e, (a, b) in zip(files, slopes, strict=True)
+    ]
+    listed = Recordings(PLANT, drifting, {}, {"reading": NOISE}, "synthetic")
+    found = adjusted(study(listed, (), effects=False), (), TRUTH, FREE)
+    spread = float(np.sqrt(np.mean(slopes[:, 0] ** 2)))
+    assert found.spread["drift 1 reading"] == pytest.approx(spread, rel=0.2)
+    best = fit(found.problem((), [Free("tau", TRUTH["tau"], 1e-3, None, True)], TRUTH), TRUTH)
+    assert abs(best.values["tau"] - TRUTH["tau"]) < 3 * best.stderr["tau"]
+    assert not any("drift" in n for p in adjusted(study(listed, ()), (), TRUTH, FREE).pieces for n in p.nuisances.names)
 
 
 def test_instants_of_several_inputs_come_out() -> None:

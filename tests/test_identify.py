@@ -18,7 +18,8 @@ from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.identify import procedure
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.fit import fit, goodness, interval, inverse, profile_interval
+from tubular_dea.identify.fit import fit, goodness, inverse
+from tubular_dea.identify.intervals import interval, profile_interval
 from tubular_dea.identify.misfit import misfit
 from tubular_dea.identify.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea

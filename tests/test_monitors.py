@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter, lsim, lti, sosfilt
 
 from tubular_dea.identify.band import band_limited, noise_floor
 from tubular_dea.identify.data import DataError, Experiment
-from tubular_dea.identify.drive import drive, drives
+from tubular_dea.identify.drive import Drive, drive, drives
 from tubular_dea.identify.edges import Edge
 from tubular_dea.identify.monitors import NO_MEMORY, level, memory, polyline
 from tubular_dea.identify.trigger import triggered
@@ -282,3 +282,25 @@ def test_an_exact_record_keeps_its_corners_alone() -> None:
     assert np.interp(time, time[line.corners], line.values) == pytest.approx(values, abs=1e-12)
     wavy = np.sin(time)
     assert polyline(time, wavy, 0.0).corners.size == time.size
+
+
+def held(values: np.ndarray, noise: float | None = None) -> Drive:
+    """The drive of a voltage at 250 Hz; `noise` as bench.toml states it."""
+    stated = None if noise is None else {"voltage": noise}
+    return drive(recorded(np.arange(values.size) / 250, "voltage", values), [Input("voltage", held=True)], stated)
+
+
+def test_a_held_input_that_moves_smoothly_is_no_staircase() -> None:
+    """Whether a sine was held from sample to sample the record does not tell: it is read between the two ways."""
+    random, time = np.random.default_rng(2), np.arange(2000) / 250
+
+    def sine(t: np.ndarray) -> np.ndarray:
+        return 3000 + 1000 * np.sin(2 * np.pi * 5 * t)
+
+    found = held(sine(time) + 4 * random.standard_normal(time.size))
+    assert found.unheld == {"voltage"}
+    between = time[10:-10] + 0.5 / 250
+    left = found.protocol.at(between)["voltage"] - sine(between - 0.25 / 250)
+    assert np.std(left) < 8  # one that is held, read as a line, misses it by 60
+    assert not held(random.uniform(0, 5000, 2000)).unheld  # stairs with new levels
+    assert held(sine(time), 0.0).protocol.time.size > 3 * time.size / 2  # a command holds what stands in the file

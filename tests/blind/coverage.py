@@ -18,7 +18,8 @@ from blind import bench
 from tubular_dea.identify import procedure
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.fit import described, interval
+from tubular_dea.identify.fit import described
+from tubular_dea.identify.intervals import interval
 from tubular_dea.identify.monitor_uncertainty import with_monitor_noise
 from tubular_dea.identify.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED

@@ -15,8 +15,10 @@ from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
 from ..identify.adjust import adjusted, with_nuisances
-from ..identify.fit import Fit, goodness, interval, profile_interval, rmse, uncertainty
+from ..identify.fit import Fit, goodness, rmse, uncertainty
+from ..identify.intervals import intervals, vanishing, with_coarse_residuals
 from ..identify.misfit import misfit
+from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.problem import Problem
 from ..identify.study import Study, study
 from ..model.declare import Model, nearest
@@ -235,6 +237,10 @@ def identify(
             values = procedure.staged(work, values, tell)
         tell("all parameters jointly")
         work, problem, best = procedure.settled(work, values, starts, seed, free)
+        tell("intervals")
+        problem, best = vanishing(problem, best)
+        best = with_monitor_noise(problem, best, [p.driven for p in work.training])
+        best = with_coarse_residuals(best, [r.size for r in problem.records])
         content = _content(work, problem, best, profile)
     names = known.model.parameter_values()
     identified = {n: v for n, v in (work.geometry | best.values).items() if n in names}
@@ -257,15 +263,15 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     model, left, first = work.plant.model, misfit(problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
     outputs = [with_nuisances(work, p, y) for p, y in zip(work.training, answers, strict=True)]
-    parameters = {}
-    for name in best.names:
-        ends = profile_interval(problem, best, name) if profile else interval(best, name)
-        parameters[name] = {
+    parameters = {
+        name: {
             "value": best.values[name],
             "stderr": best.stderr[name],
             "unit": model.quantity(name).unit,
             "ci95": [e if math.isfinite(e) else None for e in ends],
         }
+        for name, ends in intervals(problem, best, profile).items()
+    }
     errors = {name: _errors(work, outputs, name) for name in work.noise}
     return {
         "verdict": "misfit" if left.significant else "adequate",
@@ -274,7 +280,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
         "parameters": parameters,
         "undetermined": best.undetermined(),
         "converged": best.converged,
-        "intervals": "profile likelihood" if profile else "covariance",
+        "intervals": "profile likelihood" if profile else "covariance, or profile likelihood where that is not normal",
         **errors[next(iter(errors))],
         "noise_floor": work.noise[first].rms,
         "noise_correlation": work.noise[first].correlation,

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..identify.fit import NORMAL_95, Fit, interval
+from ..identify.fit import NORMAL_95, Fit
+from ..identify.intervals import interval
 from ..identify.misfit import SLOW_CHANCE
 from ..model.effect import Effect
 from .options import Option

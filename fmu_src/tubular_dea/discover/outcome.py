@@ -10,7 +10,8 @@ import numpy as np
 
 from ..identify.adjust import with_nuisances, zero_spread
 from ..identify.compiled import Ids
-from ..identify.fit import Fit, goodness, interval, rmse
+from ..identify.fit import Fit, goodness, rmse
+from ..identify.intervals import interval
 from ..identify.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Model

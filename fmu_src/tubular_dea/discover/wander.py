@@ -2,9 +2,9 @@
 
 Slow effects (heating, softening, drift) resemble a wandering zero: a smooth curve over the time of each file, of the
 usual size of zeros. They are accepted only if they explain more than such curves. The curves are integrated out
-(Rasmussen and Williams, "Gaussian processes for machine learning", 2006, eq. 2.39) for this comparison only. The
-plant's own parameters are fitted without them, because they would absorb the slow parts that determine these
-parameters.
+(Rasmussen and Williams, "Gaussian processes for machine learning", 2006, eq. 2.39) for this comparison only, as large
+as is likeliest. The plant's own parameters are fitted without them, because they would absorb the slow parts that
+determine these parameters.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from ..identify.study import Piece, Study
 from .options import Option
 from .residuals import LackOfFit, lack_of_fit
 
-# Set by judgement: 6 um for the tube's laser. Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
-WANDERS = 0.2  # [1] of the usual size of an output's zero, by which each curve wanders (standard deviation)
+# Set by judgement: 1 to 4 um for the tube's laser.
+# Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
+WANDERS = (0.05, 0.1, 0.2)  # [1] of the usual size of an output's zero, by which each curve may wander (rms)
 CURVES = 4  # [1] curves over a file's time: Legendre polynomials from a straight line up
 
 
@@ -31,61 +32,68 @@ def explained_by_wandering(study: Study, before: Option, after: Option, threshol
 
     An effect of the sensor's own channel may be such a fault, and is not checked.
     """
-    if study.catalogue[after.ids[-1]].channel in {o.channel for o in study.plant.outputs}:
+    if study.catalogue[after.ids[-1]].channel in {o.channel for o in study.plant.outputs if o.name in study.noise}:
         return False
-    wandering = before.fitted.cost - _misfit(study, before) - _complexity(study, before)
+    size, wandering = _likeliest(study, before)
     gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
-    return _misfit(study, before) - _misfit(study, after) < threshold and wandering > gained
+    return _misfit(study, before, size) - _misfit(study, after, size) < threshold and wandering > gained
 
 
 def without(study: Study, option: Option) -> LackOfFit:
     """How what an option leaves compares with the noise, once the wandering of zeros is taken off."""
     residual = option.fitted.residual.copy()
-    for rows, columns, found in _found(study, option):
+    for rows, columns, found in _found(study, option, _likeliest(study, option)[0]):
         residual[rows] -= columns @ found
     return lack_of_fit(study, replace(option.fitted, residual=residual))
 
 
 def largest(study: Study, option: Option) -> tuple[str, float]:
     """The piece in which the first output's zero wanders most, and the root mean square of that [SI]."""
-    first = study.plant.outputs[0].name
+    first, size = study.plant.outputs[0].name, _likeliest(study, option)[0]
     sizes = {}
-    for piece, (_, _, found) in zip(study.training, _found(study, option), strict=True):
+    for piece, (_, _, found) in zip(study.training, _found(study, option, size), strict=True):
         place = [r.output for r in piece.case.readings].index(first) * CURVES
         squares = found[place : place + CURVES] ** 2 / (2 * np.arange(1, CURVES + 1) + 1)
-        sizes[piece.name] = WANDERS * study.zero(first) * float(np.sqrt(squares.sum()))
+        sizes[piece.name] = size * study.zero(first) * float(np.sqrt(squares.sum()))
     return max(sizes.items(), key=lambda one: one[1])
 
 
-def _misfit(study: Study, option: Option) -> float:
+def _likeliest(study: Study, option: Option) -> tuple[float, float]:
+    """Which of WANDERS is the likeliest, and its evidence: by how much more of the misfit it explains than it costs."""
+    evidence = {s: option.fitted.cost - _misfit(study, option, s) - _complexity(study, option, s) for s in WANDERS}
+    return max(evidence.items(), key=lambda one: one[1])
+
+
+def _misfit(study: Study, option: Option, size: float) -> float:
     """The sum of squares of the training pieces, with the wandering of each integrated out."""
     squares = option.fitted.cost
-    for rows, columns, found in _found(study, option):
+    for rows, columns, found in _found(study, option, size):
         squares -= float(option.fitted.residual[rows] @ columns @ found)
     return squares
 
 
-def _complexity(study: Study, option: Option) -> float:
+def _complexity(study: Study, option: Option, size: float) -> float:
     """What wandering costs, in units of `_misfit`: the logarithm of how much wider it makes the likelihood."""
-    return float(sum(np.linalg.slogdet(np.eye(c.shape[1]) + c.T @ c)[1] for _, c, _ in _found(study, option)))
+    return float(sum(np.linalg.slogdet(np.eye(c.shape[1]) + c.T @ c)[1] for _, c, _ in _found(study, option, size)))
 
 
-def _found(study: Study, option: Option) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Of every training piece its rows, the curves (N, k) that its zeros may wander along, and how far they do (k,)."""
+def _found(study: Study, option: Option, size: float) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Of every training piece its rows, the curves (N, k) of some `size` that its zeros may wander along, and how far
+    they do (k,)."""
     begin = 0
     for piece in study.training:
-        rows, columns = slice(begin, begin + piece.record.size), _curves(study, piece)
+        rows, columns = slice(begin, begin + piece.record.size), _curves(study, piece, size)
         along = columns.T @ option.fitted.residual[rows]
         yield rows, columns, np.linalg.solve(np.eye(along.size) + columns.T @ columns, along)
         begin = rows.stop
 
 
-def _curves(study: Study, piece: Piece) -> np.ndarray:
+def _curves(study: Study, piece: Piece, size: float) -> np.ndarray:
     """The curves of every output over a piece, whitened as its record is, shape (N, curves)."""
     found = []
     for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
         span = float(np.ptp(reading.times)) or 1.0
         columns = np.zeros((piece.record.size, CURVES))
         columns[part] = legvander(2 * (reading.times - reading.times[0]) / span - 1, CURVES)[:, 1:]
-        found.append(WANDERS * study.zero(reading.output) * columns)
+        found.append(size * study.zero(reading.output) * columns)
     return piece.marginal.apply(whitened(piece.case, np.hstack(found), study.noise, piece.weight))

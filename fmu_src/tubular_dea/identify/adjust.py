@@ -11,7 +11,8 @@ are sampled in turn, each also has a small unknown delay or lead.
 
 The mean of neighbouring samples has less noise than each. A delay of half a sample takes such a mean, and a lag another
 one, so both explain noise of a monitor that drives the model. How far the mean of a sample's neighbours replaces it is
-therefore a nuisance parameter, too: what it leaves to a delay is odd in time.
+therefore a nuisance parameter, too, where effects are sought: what it leaves to a delay is odd in time. Elsewhere it
+would smooth the signal along with the noise. There, what a sensor drifts within a file is one instead.
 
 Where an input switched between two samples, the instant within its bounds that best explains the following samples is
 used, and its uncertainty is integrated out. The first of these samples decides: the plant has responded for a part of
@@ -21,22 +22,21 @@ changes lasts beyond the next switching: there all instants of a record are esti
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from numpy.polynomial import Legendre
 
-from ..kernel import KernelError
 from ..protocol import Protocol
 from . import hum as hums
-from .cases import Case
+from .cases import Case, Reading
 from .compiled import Ids
-from .edges import Edge
+from .drive import MIDWAY
+from .instants import ON_CLOCK, EdgeResponse, bounds, edge_responses, part_on_clock, reach
 from .marginal import Marginal, marginal
 from .monitor_uncertainty import shifted
 from .problem import Free, whitened
-from .response import Response
 from .start import ZEROS
 from .study import Nuisances, Piece, Study, carried
 from .threads import side_by_side
@@ -52,12 +52,6 @@ ITERATIONS = 40  # [1] of expectation and maximisation
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions monitor_zeros start --seed 1000`
 SETTLES = 2  # [1] times that a model is fitted and the records' own numbers are taken there, at least
 MOST_SETTLES = 6  # [1] the same at most
-
-# Set by judgement. Check: `pytest tests/test_adjust.py -k instant`,
-# `python -m blind.score --nulls 12 --conventions edges --seed 1000`
-TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
-GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
-FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py`
 LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
@@ -95,7 +89,14 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 # Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
 HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
 
+# Set by judgement. Check: `pytest tests/test_adjust.py -k clock`
+ANYWHERE = 0.8  # [1] of the sampling interval in which an edge's instant is unknown: samples on its way tell it else
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
+DRIFTS = 5  # [1] polynomials that a drift within a file is made of
+
 GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
+DRIFT_OF = "drift "  # names of a sensor's drifts within a file, by number
 EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
 
 
@@ -108,7 +109,7 @@ class _Linearised:
     """
 
     residual: np.ndarray
-    windows: list[_EdgeResponse]
+    windows: list[EdgeResponse]
     columns: np.ndarray
     lasting: np.ndarray
 
@@ -119,41 +120,6 @@ class _Linearised:
         for edge in self.windows:
             found[edge.where] += edge.change(0.0)
         return found
-
-
-@dataclass(frozen=True)
-class _EdgeResponse:
-    """The samples `where` that depend on an edge's instant, their whitened responses (g, m) at the shifts `grid` (g,)
-    [s], and the present shift `now`."""
-
-    where: slice
-    grid: np.ndarray
-    answers: np.ndarray
-    now: float
-
-    def best(self, left: np.ndarray) -> float:
-        """The shift that minimises the residual, which is `left` (m,) at the present shift."""
-        if not self.answers.size:
-            return self.now
-        fine = np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
-        shares = CubicSpline(self.grid, np.eye(self.grid.size))  # of every answer on the grid, at a shift
-        steps = shares(fine) - shares(self.now)
-        changes = self.answers - self.answers[0]
-        squares = 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
-        return float(fine[int(np.argmin(squares))])
-
-    def change(self, shift: float) -> np.ndarray:
-        """What the samples (m,) would be at a shift, less what they are."""
-        if not self.answers.size:
-            return np.zeros(self.where.stop - self.where.start)
-        answers = CubicSpline(self.grid, self.answers)
-        return np.asarray(answers(shift) - answers(self.now))
-
-    def column(self, shift: float) -> np.ndarray:
-        """The derivative of the samples with respect to the shift, per second."""
-        if not self.answers.size:
-            return np.empty(0)
-        return np.asarray(CubicSpline(self.grid, self.answers)(shift, 1))
 
 
 def adjusted(
@@ -170,7 +136,11 @@ def adjusted(
     work = replace(study, pieces=[p for p in owned if p is not None])
     linear = side_by_side(lambda p: _linearised(work, ids, fixed, p), work.pieces)
     spread, later = _spreads(work, ids, fixed, linear, free)
-    pieces = [_settled(work, ids, fixed, p, s, spread, later) for p, s in zip(work.pieces, linear, strict=True)]
+    priors = [np.array([_prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
+    part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
+    pieces = [
+        _settled(work, ids, fixed, p, s, sd, later, part) for p, s, sd in zip(work.pieces, linear, priors, strict=True)
+    ]
     work = replace(work, pieces=pieces, spread=spread, late=later)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
@@ -191,6 +161,9 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
         if study.zero(reading.output) > 0:
             names.append(reading.output)
             columns.append(_placed(piece, part, np.ones(reading.times.size)))
+            for name, drift in _drifts(study, reading):
+                names.append(name)
+                columns.append(_placed(piece, part, drift))
         for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
             names.append(f"hum {number} {reading.output}")
             columns.append(_placed(piece, part, wave))
@@ -198,7 +171,8 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     cases = [(name, *shifted(piece.case, name)) for name in monitors]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
     cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
-    cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
+    if study.sought:
+        cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -214,6 +188,18 @@ def _with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
         columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
+
+
+def _drifts(study: Study, reading: Reading) -> list[tuple[str, np.ndarray]]:
+    """By name, the forms (n,) in which a sensor may drift within a file: smooth ones, to 1 at its ends.
+
+    None where effects are sought, one of which a drift may be, or with too few files to tell how much they drift.
+    """
+    if study.sought or len({p.source for p in study.pieces}) < LEAST_FILES:
+        return []
+    first, last = reading.times[[0, -1]]
+    over = 2 * (reading.times - first) / ((last - first) or 1.0) - 1
+    return [(f"{DRIFT_OF}{k} {reading.output}", Legendre.basis(k)(over)) for k in range(1, DRIFTS + 1)]
 
 
 def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> list[tuple[str, Case, float]]:
@@ -282,7 +268,7 @@ def _linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piec
     residual = whitened(piece.case, here - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     lasting = _lasting_shifts(piece)
-    edges = [] if _lasting(piece) else _edges(study, response, values, piece)
+    edges = [] if _lasting(piece) else edge_responses(study, response, values, piece)
     return _Linearised(residual, edges, columns, lasting)
 
 
@@ -298,69 +284,6 @@ def _lasting_shifts(piece: Piece) -> np.ndarray:
     return found
 
 
-def _edges(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[_EdgeResponse]:
-    """The response of every edge's window to shifts within the bounds of the edge.
-
-    Every second edge is moved in the same simulation: its response has ended when the next but one comes, or is cut
-    there.
-    """
-    edges = piece.driven.edges
-    if not edges:
-        return []
-    times = piece.case.readings[0].times
-    order = np.argsort([e.time for e in edges], kind="stable")  # of several inputs
-    turn = np.argsort(order)
-    places = [_place(piece, i, order[turn[i] + 1 : turn[i] + 2]) for i in range(len(edges))]
-    low, high = _bounds(piece)
-    cases = []
-    for parity in (0, 1):
-        chosen = turn % 2 == parity
-        for part in GRID:
-            shift = np.where(chosen, low + part * (high - low), piece.shifts)
-            cases.append(replace(piece.case, protocol=piece.driven_by(shift)))
-    try:
-        answers = Response(response.kernel, cases, response.fixed).outputs_alone(values)
-    except KernelError:
-        return [_EdgeResponse(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
-    white = [whitened(piece.case, a, study.noise, piece.weight) for a in answers]
-    found = []
-    for i, place in enumerate(places):
-        known = high[i] <= low[i] or place.stop <= place.start or times.size == 0
-        rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
-        moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
-        where = slice(0, 0) if known else slice(place.start, place.start + _informative_samples(moved))
-        grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
-        found.append(_EdgeResponse(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
-    return found
-
-
-def _place(piece: Piece, number: int, following: Iterable[int]) -> slice:
-    """The samples that may depend on an edge's instant: from its earliest one to that of the `following` edge."""
-    edges, times = piece.driven.edges, piece.case.readings[0].times
-    starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.late.get(edges[i].input, 0.0) for i in following]
-    mine = edges[number]
-    begin = np.searchsorted(times, mine.earliest - 0.5 * mine.rise - piece.late.get(mine.input, 0.0))
-    ends = [np.inf, *starts]
-    return slice(int(begin), max(int(begin), int(np.searchsorted(times, min(ends)))))
-
-
-def _informative_samples(answers: np.ndarray) -> int:
-    """How many of the samples behind an edge hold TOLD of what its instant changes; `answers` are (g, m)."""
-    told = np.cumsum((answers[-1] - answers[0]) ** 2)
-    return min(int(np.searchsorted(told, TOLD * told[-1])) + 1, told.size)
-
-
-def _bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest shift [s] of every edge, each (m,)."""
-    edges = piece.driven.edges
-    return np.array([e.earliest - e.time for e in edges]), np.array([e.latest - e.time for e in edges])
-
-
-def _reach(edge: Edge) -> float:
-    """Half of the interval in which an edge may have happened."""
-    return 0.5 * (edge.latest - edge.earliest)
-
-
 def _spreads(
     study: Study, ids: Ids, values: Mapping[str, float], linear: Sequence[_Linearised], free: Sequence[Free]
 ) -> tuple[dict[str, float], dict[str, float]]:
@@ -374,7 +297,7 @@ def _spreads(
     ]
     if not study.filtered:
         kinds = [n for n in kinds if not n.startswith(LATE_OF)]
-    usual = {n: GAIN if n.startswith(GAIN_OF) else study.zero(n) for n in kinds if not n.startswith(LATE_OF)}
+    usual = {n: _size(study, n) for n in kinds if not n.startswith(LATE_OF)}
     training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
     if not kinds or not training:
         return usual, {}
@@ -398,11 +321,16 @@ def _spreads(
 
 def _usual(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain or a delay (SI); 0 for the other nuisance parameters."""
-    if name.startswith(GAIN_OF):
-        return GAIN
     if name.startswith(SMOOTH_OF):
         return 0.0
-    return LATE * _step_of(piece) if name.startswith(LATE_OF) else study.zero(name) * _left(piece, name)
+    return LATE * _step_of(piece) if name.startswith(LATE_OF) else _size(study, name) * _left(piece, name)
+
+
+def _size(study: Study, name: str) -> float:
+    """The usual size of a zero, a drift or a gain where nothing was taken off at rest (SI)."""
+    if name.startswith(DRIFT_OF):
+        name = name.split(" ", 2)[2]
+    return GAIN if name.startswith(GAIN_OF) else study.zero(name)
 
 
 def _left(piece: Piece, name: str) -> float:
@@ -452,7 +380,7 @@ def _estimated(
     late = np.array([n.startswith(LATE_OF) for n in kinds])
     known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
-    seen = np.array([any(_shown(piece, n) for piece, _ in training) for n in kinds])
+    seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
     information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, 1e6, 1e-6))
     alike = _alike(late)
     information[p : p + k, p : p + k] += alike
@@ -492,27 +420,66 @@ def _settled(
     values: Mapping[str, float],
     piece: Piece,
     linear: _Linearised,
-    spread: Mapping[str, float],
+    sd: np.ndarray,
     later: Mapping[str, float],
+    part: float | None,
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
-    `later` is the delay, in samples, by which inputs are recorded late.
+    `sd` (k,) are their priors, `later` is the delay, in samples, by which inputs are recorded late, and `part` that of
+    the sampling at which edges happened, if they did so on one clock.
     """
-    sd = np.array([_prior(study, piece, name, spread) for name in piece.nuisances.names])
     shifts, late = piece.shifts, {name: by * _step_of(piece) for name, by in later.items()}
     if linear.windows:
-        local = marginal(_windows(piece, linear, shifts), np.empty((piece.record.size, 0)), np.empty(0))
-        own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
-        left = linear.residual + linear.columns @ own
+        left = _without_own(piece, linear, sd)
         best = np.array([m.best(left[m.where]) for m in linear.windows])
+        if part is not None:
+            low, high = bounds(piece)
+            best = np.where(_wide(piece), low + part * (high - low), best)
         shifts = _kept_in_place(piece, best, late)
     elif _lasting(piece):
         shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
-    made = marginal(_windows(piece, linear, shifts), linear.columns, sd)
+    made = marginal(_windows(piece, linear, shifts, part is not None), linear.columns, sd)
     piece = replace(piece, late=late)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _without_own(piece: Piece, linear: _Linearised, sd: np.ndarray) -> np.ndarray:
+    """The residual (N,) at the most likely values of the nuisance parameters, whose priors are `sd` (k,), but edges."""
+    sd = _undelayed(piece, sd)
+    local = marginal(_windows(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
+    own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+    return linear.residual + linear.columns @ own
+
+
+def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
+    """The priors (k,) without delays of inputs with edges, by which to tell their instants.
+
+    A delay moves all edges of an input alike, which their instants do as well. What many share would be taken for one,
+    and their instants would come near the likeliest ones only little by little.
+    """
+    switched = {f"{LATE_OF}{e.input}" for e in piece.driven.edges}
+    return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
+
+
+def _part_on_clock(
+    pieces: Sequence[Piece], linear: Sequence[_Linearised], priors: Sequence[np.ndarray]
+) -> float | None:
+    """The part of the sampling interval at which all edges happened, where the samples behind them say so."""
+    squares = []
+    for piece, one, sd in zip(pieces, linear, priors, strict=True):
+        if one.windows and not piece.held_out:
+            left = _without_own(piece, one, sd)
+            wide = zip(one.windows, _wide(piece), strict=True)
+            squares += [m.squares(left[m.where]) for m, may_be_anywhere in wide if may_be_anywhere]
+    return part_on_clock(squares)
+
+
+def _wide(piece: Piece) -> np.ndarray:
+    """Which edges (m,) may have happened anywhere between two samples."""
+    low, high = bounds(piece)
+    return high - low > ANYWHERE * _step_of(piece)
 
 
 def _together(
@@ -522,13 +489,13 @@ def _together(
 
     The other nuisance parameters are integrated out.
     """
-    lasting = _lasting(piece)
+    lasting, sd = _lasting(piece), _undelayed(piece, sd)
     mine, numbers = list(lasting), list(lasting.values())
     change = piece.nuisances.mean(linear.columns, linear.residual, sd, linear.lasting)
     others = sd.copy()
     others[mine] = 0.0
     left = marginal([], linear.columns, others)
-    low, high = _bounds(piece)
+    low, high = bounds(piece)
 
     def cost(shifts: np.ndarray) -> float:
         case = replace(piece.case, protocol=piece.driven_by(shifts))
@@ -586,7 +553,7 @@ def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) 
     """
     edges = piece.driven.edges
     more = np.array([late.get(e.input, 0.0) - piece.late.get(e.input, 0.0) for e in edges])
-    low, high = _bounds(piece)
+    low, high = bounds(piece)
     return np.clip(shifts + more, low, high)
 
 
@@ -600,11 +567,14 @@ def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
     return inside
 
 
-def _windows(piece: Piece, linear: _Linearised, shifts: np.ndarray) -> list[tuple[slice, np.ndarray, float]]:
-    """The samples of every edge, their column at a shift, and its prior [s]."""
+def _windows(
+    piece: Piece, linear: _Linearised, shifts: np.ndarray, on_clock: bool = False
+) -> list[tuple[slice, np.ndarray, float]]:
+    """The samples of every edge, their column at a shift, and its prior [s]: small for those that are `on_clock`."""
+    known = np.where(_wide(piece) & on_clock, ON_CLOCK * _step_of(piece), np.inf)
     return [
-        (m.where, m.column(float(s)), _reach(e))
-        for m, s, e in zip(linear.windows, shifts, piece.driven.edges, strict=False)
+        (m.where, m.column(float(s)), min(reach(e), k))
+        for m, s, e, k in zip(linear.windows, shifts, piece.driven.edges, known, strict=False)
     ]
 
 
@@ -613,10 +583,11 @@ def _prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -
     if name in spread:
         return spread[name] * _left(piece, name)
     if name.startswith(EDGE_OF):
-        return _reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
+        return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
     if name.startswith("hum "):
         return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
-    kinds = {LATE_OF: TURN * _step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
+    unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
+    kinds = {LATE_OF: (MIDWAY if unheld else TURN) * _step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
     return next((size for kind, size in kinds.items() if name.startswith(kind)), _usual(study, piece, name))
 
 

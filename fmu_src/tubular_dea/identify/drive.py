@@ -48,6 +48,11 @@ COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between 
 STAIR = 5.0  # [1] times the noise that a staircase steps by: a ramp in a noisy monitor moves far less
 TURNS = 3  # [1] times that an exact signal steps back at the next sample: fewer may be spikes
 STEPPING = 0.25  # [1] share of samples at which a staircase steps by more: a controller rests too, an edge is brief
+SMOOTHLY = 0.3  # [1] of its steps by which cubics miss a signal that moves smoothly; they miss stairs by 0.9
+
+# Set by theory: between a signal that holds and one that moves straight on, which are 0 and 0.5 samples late.
+# Check: `pytest tests/test_monitors.py -k smoothly`
+MIDWAY = 0.25  # [samples] by which a held input that moves smoothly is late, and the uncertainty of that
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k band_limited`
 CLOCK_JITTER = 0.05  # [1] of the time between samples: jitter of a clock that prints few digits
@@ -73,7 +78,7 @@ class Drive:
     which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
-    are those of monitors that were taken off.
+    are those of monitors that were taken off. `unheld` names held inputs that also move between their edges.
     """
 
     protocol: Protocol
@@ -84,6 +89,7 @@ class Drive:
     lines: Mapping[str, HeldLine] = field(default_factory=dict, repr=False)
     shown: bool = False
     zeros: Mapping[str, float] = field(default_factory=dict)
+    unheld: frozenset[str] = frozenset()
 
     def moved(self, shifts: np.ndarray, rise: float | None = None) -> Protocol:
         """The protocol with every one of `edges` later by its shift (m,) [s], and as ramps of `rise` [s] if given.
@@ -122,6 +128,7 @@ class _Drawn:
     corners: np.ndarray
     edges: Sequence[Edge] = ()
     shown: bool = False
+    unheld: bool = False
 
 
 def drive(
@@ -140,6 +147,7 @@ def drive(
     has; else this record alone does. `between` two samples (0 to 1) is where an edge is if nothing tells.
     """
     levels = _levels(experiment, inputs, noise)
+    exact = {n for n, level in (noise or {}).items() if level == 0.0}  # commanded: it holds what stands in the file
     drawn: dict[str, _Drawn] = {}
     numbered: dict[str, HeldLine] = {}
     edges: list[Edge] = []
@@ -150,11 +158,11 @@ def drive(
         elif not signal.held:
             lines = _mains([experiment], name) if mains is None else mains[name]
             drawn[name] = _continuous(experiment, signal, levels[name], lines, name in (noise or {}))
-        elif _staircase(values, levels[name]):
+        elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
             how = rises[name] if rises is not None else rise_of([(experiment.time, values, levels[name])])
-            drawn[name] = _held(experiment, name, levels[name], how, between, trigger)
+            drawn[name] = _held(experiment, name, levels[name], how, between, trigger, name in exact)
         large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
         numbered[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
         edges += [e for e, matters in zip(drawn[name].edges, large, strict=True) if matters]
@@ -168,6 +176,7 @@ def drive(
         {n: d.error for n, d in drawn.items()},
         numbered,
         any(d.shown for d in drawn.values()),
+        unheld=frozenset(n for n, d in drawn.items() if d.unheld),
     )
 
 
@@ -321,6 +330,18 @@ def _staircase(values: np.ndarray, noise: float) -> bool:
     return bool(back >= TURNS) or float(np.quantile(np.abs(steps), 1 - STEPPING)) > STAIR * noise
 
 
+def _smooth(values: np.ndarray, noise: float) -> bool:
+    """Whether a signal that moves at many samples is smooth there: cubics through its neighbours come near a sample.
+
+    Stairs with new levels are not. What was sampled from a sine may have been held from sample to sample or not.
+    """
+    if values.size < 7:
+        return False
+    missed = values[3:-3] - (9 * (values[2:-4] + values[4:-2]) - values[:-6] - values[6:]) / 16
+    left = float(np.mean(missed**2)) - (1 + 164 / 256) * noise**2
+    return left < SMOOTHLY**2 * (float(np.mean(np.diff(values) ** 2)) - 2 * noise**2)
+
+
 def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise | None) -> _Drawn:
     """A held signal that steps at many samples: as it stands, or straight from sample to sample where other records of
     the set caught its edges on their way, and so were sampled from what moves by itself."""
@@ -335,12 +356,18 @@ def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise 
 
 
 def _held(
-    experiment: Experiment, name: str, noise: float, how: Rise | None, between: float, trigger: np.ndarray | None
+    experiment: Experiment,
+    name: str,
+    noise: float,
+    how: Rise | None,
+    between: float,
+    trigger: np.ndarray | None,
+    exact: bool,
 ) -> _Drawn:
     """The line of a held input and its edges; hum of the mains in its monitor is taken away.
 
-    A value holds from its sample to the next, so that a ramp of many small steps is half a sample late. A record that
-    shows edges on their way was sampled from what moves by itself, and is not.
+    A value that is `exact` holds from its sample to the next, so that a ramp of many small steps is half a sample late.
+    A record that shows edges on their way was sampled from what moves by itself, and is not. Others may be either.
     """
     time, values = experiment.time, experiment.inputs[name]
     found = transitions(time, values, noise)
@@ -353,9 +380,10 @@ def _held(
     if trigger is not None:
         edges = triggered(edges, time, trigger)
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
-    late = 0.0 if shown else 0.5 * float(np.median(np.diff(time)))
+    late = (0.0 if shown else 0.5 if exact else MIDWAY) * float(np.median(np.diff(time)))
     line, edges = held_line(time, values, noise, found, edges, late)
-    return _Drawn(line, noise, _missed(experiment, name, line, noise, edges, late, hum), line.time, edges, shown)
+    missed = _missed(experiment, name, line, noise, edges, late, hum)
+    return _Drawn(line, noise, missed, line.time, edges, shown, not (shown or exact) and line.ramps(MATTERS))
 
 
 def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> np.ndarray:

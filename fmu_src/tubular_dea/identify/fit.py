@@ -1,8 +1,4 @@
-"""Bounded least squares from several starts, and the uncertainty of each parameter.
-
-Intervals are from the covariance at the optimum and, where asked for, from the profile of the likelihood: the
-parameter is held, the others refitted, until twice the log likelihood has fallen by 3.84.
-"""
+"""Bounded least squares from several starts, and the covariance of the parameters at the optimum."""
 
 from __future__ import annotations
 
@@ -11,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import OptimizeResult, brentq, least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from ..errors import UserError
 from ..kernel import KernelError
@@ -19,8 +15,7 @@ from ..model.declare import Model
 from .problem import Free, Problem
 from .threads import one_blas_thread
 
-# Set by theory: 95 %. Check: `pytest tests/test_identify.py -k profile_agrees`
-CHI2_95 = 3.841  # [1] quantile of chi squared with one degree of freedom
+# Set by theory: 95 %. Check: `pytest tests/test_intervals.py`
 NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that hold it
 
 # Set by judgement. Check: `pytest tests/test_identify.py::test_joint_fit_finds_the_tube_and_its_intervals_hold`
@@ -98,7 +93,7 @@ def fit(
     found = []
     for number in range(starts):
         moved = problem.inside(first + (spread if number else move) * random.standard_normal(first.size))
-        solution = _search(problem, moved, evaluations, precision)
+        solution = search(problem, moved, evaluations, precision)
         if solution is not None:
             found.append(solution)
     if not found:
@@ -110,7 +105,7 @@ def fit(
     return described(problem, best.x, bool(best.status > 0), (best.fun, best.jac))
 
 
-def _search(
+def search(
     problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
 ) -> OptimizeResult | None:
     """scipy's bounded least squares; None where the model cannot be solved at the start."""
@@ -172,58 +167,6 @@ def inverse(information: np.ndarray) -> np.ndarray:
     value, vector = np.linalg.eigh(information / np.outer(scale, scale))
     inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
     return inverted / np.outer(scale, scale)
-
-
-def profile_interval(problem: Problem, best: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of one parameter (SI units) from the profile of the likelihood; infinite where it is open.
-
-    Where `best.covariance` counts more than the sensor's noise, the likelihood may fall by as much more.
-    """
-    i = best.names.index(name)
-    fall = CHI2_95 * best.covariance[i, i] / inverse(best.jacobian.T @ best.jacobian)[i, i]
-    others = [f for f in problem.free if f.name != name]
-    one = problem.free[i]
-    deviation = float(np.sqrt(best.covariance[i, i]))
-
-    def excess(scaled: float) -> float:
-        held = Problem(
-            problem.response,
-            problem.records,
-            problem.noise,
-            others,
-            dict(problem.fixed) | {name: one.to_si(scaled)},
-            problem.weights,
-            marginals=problem.marginals,
-        )
-        guess = best.scaled[np.arange(len(best.names)) != i] + (scaled - best.scaled[i]) * (
-            np.delete(best.covariance[:, i], i) / best.covariance[i, i]
-        )
-        low, high = held.bounds()
-        solution = _search(held, np.clip(guess, low + 1e-9, high - 1e-9), 6)
-        return np.inf if solution is None else 2 * solution.cost - best.cost - fall
-
-    ends = []
-    for side in (-1, 1):
-        limit = problem.bounds()[(side + 1) // 2][i]
-        far = best.scaled[i] + side * 3 * deviation
-        far = max(far, limit) if side < 0 else min(far, limit)
-        try:
-            end = brentq(excess, best.scaled[i], far, xtol=0.02 * deviation, maxiter=8, disp=False)
-            ends.append(one.to_si(float(end)))
-        except ValueError:
-            ends.append(side * np.inf if abs(far - limit) > 0 else one.to_si(far))
-    return ends[0], ends[1]
-
-
-def interval(fitted: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of a parameter (SI) from the covariance, within its bounds; not symmetric where the scale is
-    logarithmic."""
-    i = fitted.names.index(name)
-    free = fitted.free[i]
-    half = NORMAL_95 * float(np.sqrt(max(fitted.covariance[i, i], 0.0)))
-    ends = sorted([free.to_si(fitted.scaled[i] - half), free.to_si(fitted.scaled[i] + half)])
-    low = ends[0] if free.lower is None else max(ends[0], free.lower)
-    return low, ends[1] if free.upper is None else min(ends[1], free.upper)
 
 
 def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:

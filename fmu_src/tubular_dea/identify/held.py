@@ -61,6 +61,12 @@ class HeldLine:
         """Which points (k,) are the first of their edge."""
         return (self.edge >= 0) & np.append(True, np.diff(self.edge) != 0)
 
+    def ramps(self, share: float) -> bool:
+        """Whether it moves by more than a share of its span where no edge is."""
+        within = (self.edge[1:] >= 0) & (np.diff(self.edge) == 0)
+        moves = np.abs(np.diff(self.values))[~within & (np.diff(self.time) > 0)]
+        return bool(moves.size) and float(moves.sum()) > share * float(np.ptp(self.values))
+
     def in_order(self) -> HeldLine:
         """With times that never fall."""
         return self.with_edges_at(self.time[self.edge >= 0])

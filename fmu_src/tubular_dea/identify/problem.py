@@ -26,7 +26,8 @@ class Free:
     """A parameter that is identified: its typical `size`, and bounds in SI units (None where there is none).
 
     `logarithmic` ones stay positive and are searched over orders of magnitude. `usual` is where a weak prior holds it
-    (its size, if not given).
+    (its size, if not given). A `vanishing` one is counted by its logarithm far above its size and as it is below, so
+    that it may be nothing.
     """
 
     name: str
@@ -35,17 +36,24 @@ class Free:
     upper: float | None = None
     logarithmic: bool = False
     usual: float | None = None
+    vanishing: bool = False
 
     def to_scaled(self, value: float) -> float:
         """The number the solver works with."""
+        if self.vanishing:
+            return float(np.arcsinh(value / (2 * self.size)))
         return float(np.log(value / self.size)) if self.logarithmic else value / self.size
 
     def to_si(self, scaled: float) -> float:
         """Back to SI units."""
+        if self.vanishing:
+            return 2 * self.size * float(np.sinh(np.clip(scaled, -60, 60)))
         return self.size * float(np.exp(np.clip(scaled, -60, 60))) if self.logarithmic else float(scaled) * self.size
 
     def slope(self, value: float) -> float:
         """d(SI value)/d(scaled)."""
+        if self.vanishing:
+            return float(np.hypot(value, 2 * self.size))
         return value if self.logarithmic else self.size
 
     def bounds(self) -> tuple[float, float]:

@@ -101,7 +101,7 @@ class Study:
 
     `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
     how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
-    by signal), once estimated.
+    by signal), once estimated. Unless effects are `sought`, all that may be a record's own is.
     """
 
     plant: Plant
@@ -113,6 +113,7 @@ class Study:
     prior: float | None = None
     spread: dict[str, float] = field(default_factory=dict)
     late: dict[str, float] = field(default_factory=dict)
+    sought: bool = True
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
@@ -182,7 +183,8 @@ def study(
 ) -> Study:
     """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`.
 
-    Unless `effects` are sought, what a monitor shows at rest is its zero, even where all files have it in common.
+    Unless `effects` are sought, what a monitor shows at rest is its zero, even where all files have it in common, and
+    sensors may drift.
     """
     plant, experiments = recordings.plant, recordings.experiments
     drives = zeroed(experiments, all_drives(experiments, plant.inputs, recordings.noise), plant, effects)
@@ -198,7 +200,7 @@ def study(
     pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
     compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
-    return Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior)
+    return Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior, sought=effects)
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
