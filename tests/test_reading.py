@@ -50,6 +50,35 @@ def strange(folder: Path, name: str = "a.csv") -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(
+    ("heading", "cell", "wanted"),
+    [
+        ("Druck [mmHg]", "abc", "line 102, column 'druck': expected a number but found 'abc'"),
+        ("Druck [mmHg]", "inf", "line 102, column 'druck': expected a finite number but found 'inf'"),
+        ("Laser Radius [mm]", "inf", "line 102, column 'laser_radius': expected a finite number but found 'inf'"),
+    ],
+)
+def test_a_bad_cell_is_told_under_a_laboratory_s_headings_too(
+    tmp_path: Path, heading: str, cell: str, wanted: str
+) -> None:
+    data = table()
+    meant = {
+        "time": "Zeit [s]",
+        "pressure": "Druck [mmHg]",
+        "voltage": "Hochspannung [V]",
+        "radius": "Laser Radius [mm]",
+    }
+    units = {"pressure": 133.322, "radius": 1e-3}
+    path = written(tmp_path, {meant[name]: data[name] / units.get(name, 1.0) for name in meant})
+    read_experiment(path, PLANT)
+    rows = path.read_text().splitlines()
+    cells = rows[101].split(",")
+    cells[list(meant.values()).index(heading)] = cell
+    path.write_text("\n".join([*rows[:101], ",".join(cells), *rows[102:]]) + "\n")
+    with pytest.raises(DataError, match=re.escape(f"{path}, {wanted}")):
+        read_experiment(path, PLANT)
+
+
+@pytest.mark.parametrize(
     "columns",
     [
         ["pressure=AI1[kPa]", "voltage=AI3", "radius=laser_2[um]"],
