@@ -50,6 +50,18 @@ def written(
     return path
 
 
+@pytest.mark.parametrize("beside", [(), ("b.csv",)])
+def test_a_spreadsheet_is_refused_until_it_is_saved_as_csv(tmp_path: Path, beside: tuple[str, ...]) -> None:
+    for name in beside:
+        written(tmp_path, rows(), name=name)
+    for name in ("a.xlsx", "~$a.xlsx"):  # what Excel leaves while a file is open is none
+        (tmp_path / name).write_bytes(b"PK\x03\x04")
+    with pytest.raises(DataError, match=r": a\.xlsx: expected recordings .* found spreadsheets, .* save each as CSV"):
+        read_folder(tmp_path)
+    written(tmp_path, rows(), name="a.csv")
+    assert [e.name for e in read_folder(tmp_path).experiments] == ["a", *(name[0] for name in beside)]
+
+
 @pytest.mark.parametrize(
     ("header", "scale"),
     [

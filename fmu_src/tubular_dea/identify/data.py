@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..plants.plant import Input, Output, Plant
-from ..recordings import NoTableError, ReadError, Table, is_recording, read
+from ..recordings import NoTableError, ReadError, Table, is_recording, is_spreadsheet, read
 from ..recordings.table import some
 from . import checks
 from .bench_file import BenchFile, read_bench
@@ -156,6 +156,13 @@ def _files(folder: Path, plant: Plant) -> list[Path]:
             f"{folder}: expected a folder of recordings but there is {'a file' if folder.exists() else 'nothing'}"
         )
     files = sorted(path for path in folder.iterdir() if is_recording(path))
+    stems = {path.stem for path in files}  # the recording itself, where somebody has saved the sheet beside it
+    unread = sorted(path.name for path in folder.iterdir() if is_spreadsheet(path) and path.stem not in stems)
+    if unread:
+        raise DataError(
+            f"{folder}: {some(unread)}: expected recordings as text (such as CSV), MATLAB, HDF5, TDMS or Parquet files "
+            "but found spreadsheets, which are not read; save each as CSV beside it, or move away what is no recording"
+        )
     if not files:
         raise DataError(f"{folder}: no experiment usable: expected files headed {plant.headers()!r} but found none")
     by_name: dict[str, Path] = {}

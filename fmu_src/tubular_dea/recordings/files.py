@@ -26,6 +26,7 @@ ENDINGS = (
     ".tdms",
     ".parquet",
 )
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".xlsb", ".ods")
 BINARY: tuple[tuple[bytes, Callable[[Path], Table]], ...] = (
     (b"MATLAB 5.0 MAT-file", containers.read_mat5),
     (b"MATLAB 7.3 MAT-file", containers.read_hdf5),
@@ -48,6 +49,11 @@ UNSUPPORTED = {
 def is_recording(path: Path) -> bool:
     """Whether a file of a folder may be a recording, by its name; hidden ones are what editors and systems leave."""
     return path.suffix.lower() in ENDINGS and not path.name.startswith((".", "~"))
+
+
+def is_spreadsheet(path: Path) -> bool:
+    """Whether a file of a folder is a spreadsheet, by its name, which may hold a recording but is not read."""
+    return path.suffix.lower() in SPREADSHEETS and not path.name.startswith((".", "~"))
 
 
 def read(path: Path, names: Collection[str] = ()) -> Table:
