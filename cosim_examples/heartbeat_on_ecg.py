@@ -29,7 +29,10 @@ def main() -> None:
     """Detect, schedule, count, plot."""
     record = Path(sys.argv[1]) if len(sys.argv) > 1 else RECORD
     if not record.exists():
-        raise SystemExit(f"heartbeat_on_ecg.py: there is no {record}; give a recorded ECG")
+        raise SystemExit(
+            f"heartbeat_on_ecg.py: there is no {record}; give a recorded ECG, as in python heartbeat_on_ecg.py "
+            "record.hea (WFDB) or ecg.csv (headed time [s],ecg [mV])"
+        )
     try:
         ecg = read_ecg(record)
     except UserError as problem:

@@ -371,3 +371,10 @@ def test_examples_run_as_they_are(name: str, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     assert list(tmp_path.glob("*.png")), "a picture is written where it is run"
+
+
+def test_the_ecg_s_example_says_how_to_give_a_record_where_there_is_none(tmp_path: Path) -> None:
+    script = Path(__file__).resolve().parents[1] / "cosim_examples" / "heartbeat_on_ecg.py"
+    done = subprocess.run([sys.executable, str(script), "no.hea"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("heartbeat_on_ecg.py: there is no no.hea; give a recorded ECG, as in python")

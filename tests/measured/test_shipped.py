@@ -6,6 +6,9 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
+from measured import table
 from measured.table import PLANTS
 
 LOOP = PLANTS.parent / "data" / "mock_loop"
@@ -22,3 +25,13 @@ def test_the_shipped_levels_of_the_mock_loop_name_its_resistance(carried_out: Ca
     assert wave["id"] == "echo(flow)"
     before, after = (result["error"][k]["held_out_rmse"] for k in ("recalibrated", "after"))
     assert after < 0.25 * before
+
+
+def test_the_table_skips_what_is_not_beside_the_project(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(table, "DATA", tmp_path)
+    table.table([])
+    skipped = [line for line in capsys.readouterr().out.splitlines() if "skipped" in line]
+    assert len(skipped) == len(table.cases(tmp_path))
+    assert all(str(tmp_path) in line for line in skipped)
