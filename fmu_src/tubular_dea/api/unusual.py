@@ -8,6 +8,7 @@ import numpy as np
 
 from ..identify.data import Experiment, Recordings
 from ..identify.monitors import noise_level
+from ..identify.spikes import spikes
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
 # tests/test_recordings.py -k odd`
@@ -42,17 +43,15 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
 
 
 def _spikes(recordings: Recordings) -> Iterator[str]:
-    """Samples that stand alone, far from all others."""
+    """Samples of inputs that stand alone, far from all others, or out of those beside them; outputs go without."""
     for e in recordings.experiments:
-        for name in (*e.inputs, *e.outputs):
-            values = (e.inputs | e.outputs)[name]
-            there = np.flatnonzero(np.isfinite(values))
-            alone = there[_alone(values[there])]
+        for name, values in e.inputs.items():
+            alone = np.union1d(np.flatnonzero(_alone(values)), spikes(values))
             if alone.size:
                 first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
                 yield (
-                    f"{e.name}: {name} is {values[first]:.3g} at {e.time[first] - e.time[0]:.4g} s, more than "
-                    f"{BEYOND:g} times what the others come to ({times}): is it a spike? If so, leave its cell empty"
+                    f"{e.name}: {name} is {values[first]:.3g} at {e.time[first] - e.time[0]:.4g} s, far from the "
+                    f"samples beside it ({times}): is it a spike? If so, leave its cell empty"
                 )
 
 

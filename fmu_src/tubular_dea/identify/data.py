@@ -20,6 +20,7 @@ from . import checks
 from .bench_file import BenchFile, read_bench
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .sampling import sampling
+from .spikes import spikes
 from .start import RESTED, detected
 
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
@@ -227,6 +228,11 @@ def experiment_of(
             continue
         if _nothing_moves(inputs, plant) and any(checks.constant(_there(values[heading]), heading, lines, "")):
             raise StillError(f"{path}: neither an input nor {heading!r} moves in it; expected an experiment")
+        alone = spikes(values[heading])
+        if alone.size and not output.feels_rates:  # a current peaks where its voltage switches
+            unit = plant.quantity(output.name).unit
+            idle.append(_spiky(heading, values[heading], unit, alone, lines, table.row))
+            values[heading] = np.where(np.isin(np.arange(lines.size), alone), np.nan, values[heading])
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
         for finding in checks.output(values[heading], output, plant, lines, heading, zero):
             raise DataError(f"{path}, {finding}")
@@ -244,6 +250,15 @@ def experiment_of(
     ]
     source = _source(table, columns, [*told, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _spiky(heading: str, values: np.ndarray, unit: str, alone: np.ndarray, lines: np.ndarray, row: str) -> str:
+    """What is said of single samples that stand out."""
+    first, more = int(alone[0]), f", as {alone.size - 1} more do" if alone.size > 1 else ""
+    return (
+        f"{heading} is {values[first]:.4g} {unit} in {row} {lines[first]}, far from the samples beside it{more}: "
+        "left out as a spike"
+    )
 
 
 def _nothing_moves(inputs: Mapping[str, np.ndarray], plant: Plant) -> bool:
