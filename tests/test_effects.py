@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
+import tubular_dea as td
 from tubular_dea.emit import tables
 from tubular_dea.emit.python import compile_python
 from tubular_dea.export.package import native_fmu
@@ -17,6 +18,7 @@ from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants.effects import catalogue, with_effects
+from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 
 IDS = tuple(catalogue())
@@ -260,3 +262,19 @@ def test_electrodes_charge_as_their_equation_says(line: float, base) -> None:
     since = (times - 0.1) / tau
     expected = 4e3 * ((1 + line) * (1 - np.exp(-since)) - line * (1 - np.exp(-4 * since)))
     assert seen == pytest.approx(expected, abs=0.5)
+
+
+def test_a_chord_sees_a_delay_of_some_turns_that_its_tangent_does_not() -> None:
+    """The tube rings at 60 to 120 Hz after a switching: a delay of 17 ms has nothing to do with the speed of that."""
+    step, time = 5e-4, np.arange(0, 4, 5e-4)
+    run = td.simulate(td.tube(), pressure="80 mmHg", voltage="step 0 5 kV at 2", times=time, stop=4)
+
+    def late(by: float) -> np.ndarray:
+        return np.interp(time - by, time, run["radius"])
+
+    def explained(column: np.ndarray) -> float:
+        return float((left @ column) ** 2 / (left @ left) / (column @ column))
+
+    left = late(0.017) - late(0.0)
+    chords = [explained(late(s) - late(0.0)) for s in PLANT.catalogue["sensor_delay"].strengths["sensor_delay"]]
+    assert max(chords) > 0.8 > 0.6 > explained(late(step) - late(0.0))

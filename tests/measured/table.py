@@ -3,8 +3,8 @@
 Usage, from tests/: python -m measured.table [NAME ...] [--own FILE.py DATA]
 
 Every row is one `tubular-dea close-loop`: base model, effects named, error before and after on recordings that took no
-part in any fit. Data: ../shared/data (licences beside them), not part of the repository: what is not there is skipped, and
-that is said. Published figures are those of the benchmarks' authors.
+part in any fit. Data: ../shared/data (licences beside them), not part of the repository: what is not there is skipped,
+and that is said. Published figures are those of the benchmarks' authors.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from .places import Path
 KINDS = (Path,)
 NEEDS = "a signal that the model does not delay already"
 LONGEST = 25.0  # of the usual time there: what the memory is made for
+STRENGTHS = (0.3, 0.8)  # of the usual time there: where a plant rings, its response turns with a delay
 
 
 def law(at: SignalSite) -> Effect | None:
@@ -28,7 +29,16 @@ def law(at: SignalSite) -> Effect | None:
     if at.is_late:
         return None
     most = LONGEST * at.seconds
-    delay = at.knob("", "s", f"Delay of {at.words}", 0.5 * at.seconds, -most if at.may_be_late else 0.0, most, off=0.0)
+    delay = at.knob(
+        "",
+        "s",
+        f"Delay of {at.words}",
+        0.5 * at.seconds,
+        -most if at.may_be_late else 0.0,
+        most,
+        off=0.0,
+        strengths=[strong * at.seconds for strong in STRENGTHS],
+    )
 
     def apply(model: Model) -> Model:
         return at.late(model, delay)
