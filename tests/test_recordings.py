@@ -390,7 +390,12 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     spiked["pump [V]"] = np.where(np.arange(401) == 100, 1e9, spiked["pump [V]"])
     (spike,) = unusual.findings(read_recordings(more | {"d": spiked}, tank))
     assert spike == (
-        "d: pump is 1e+09 at 5 s, far from the samples beside it (1 sample): is it a spike? If so, leave its cell empty"
+        "d: pump is 1e+09 at 5 s, far from the others (1 sample): is it a spike? If so, leave its cell empty"
+    )
+    twice = table(2.0)
+    twice["reading [m]"] = np.where(np.isin(np.arange(401), [100, 101]), 1e9, twice["reading [m]"])
+    assert unusual.findings(read_recordings(more | {"d": twice}, tank))[0].startswith(
+        "d: reading is 1e+09 at 5 s, far from the others (2 samples)"
     )
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])

@@ -43,15 +43,18 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
 
 
 def _spikes(recordings: Recordings) -> Iterator[str]:
-    """Samples of inputs that stand alone, far from all others, or out of those beside them; outputs go without."""
+    """Samples that stand alone, far from all others, and single ones of inputs: those of outputs are left out."""
     for e in recordings.experiments:
-        for name, values in e.inputs.items():
-            alone = np.union1d(np.flatnonzero(_alone(values)), spikes(values))
+        for name, values in (*e.inputs.items(), *e.outputs.items()):
+            there = np.flatnonzero(np.isfinite(values))
+            alone = there[_alone(values[there])]
+            if name in e.inputs:
+                alone = np.union1d(alone, spikes(values))
             if alone.size:
                 first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
                 yield (
                     f"{e.name}: {name} is {values[first]:.3g} at {e.time[first] - e.time[0]:.4g} s, far from the "
-                    f"samples beside it ({times}): is it a spike? If so, leave its cell empty"
+                    f"others ({times}): is it a spike? If so, leave its cell empty"
                 )
 
 

@@ -42,14 +42,18 @@ class EdgeResponse:
     answers: np.ndarray
     now: float
 
+    @property
+    def places(self) -> np.ndarray:
+        """The shifts [s] over the grid that are compared, (FINE_PLACES,)."""
+        return np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
+
     def squares(self, left: np.ndarray) -> np.ndarray:
-        """The sum of squares of the residual at FINE_PLACES shifts over the grid, less what it is at the present one,
-        where the residual is `left` (m,)."""
+        """The sum of squares of the residual at all `places`, less what it is at the present shift, where the residual
+        is `left` (m,)."""
         if not self.answers.size:
             return np.zeros(FINE_PLACES)
-        fine = np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
         shares = CubicSpline(self.grid, np.eye(self.grid.size))  # of every answer on the grid, at a shift
-        steps = shares(fine) - shares(self.now)
+        steps = shares(self.places) - shares(self.now)
         changes = self.answers - self.answers[0]
         return 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
 
@@ -57,7 +61,7 @@ class EdgeResponse:
         """The shift with the least squares."""
         if not self.answers.size:
             return self.now
-        return float(np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)[int(np.argmin(self.squares(left)))])
+        return float(self.places[int(np.argmin(self.squares(left)))])
 
     def change(self, shift: float) -> np.ndarray:
         """What the samples (m,) would be at a shift, less what they are."""
