@@ -9,13 +9,14 @@ import pytest
 import sympy
 
 from test_plain_models import one_state
-from tubular_dea.identify import adjust
-from tubular_dea.identify.adjust import adjusted, with_nuisances
+from tubular_dea.identify import nuisances, spreads
+from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
 from tubular_dea.identify.fit import fit, rmse
 from tubular_dea.identify.monitor_uncertainty import constant_gains, shifted
 from tubular_dea.identify.noise import Noise
+from tubular_dea.identify.nuisances import with_nuisances
 from tubular_dea.identify.problem import Free, whitened
 from tubular_dea.identify.study import Study, study
 from tubular_dea.kernel import Kernel, KernelError
@@ -123,7 +124,7 @@ def test_an_offset_common_to_all_files_is_left_for_the_effect_that_explains_it()
 
 
 def test_few_files_have_the_usual_spread() -> None:
-    for count, estimated in ((adjust.LEAST_FILES - 1, False), (adjust.LEAST_FILES, True)):
+    for count, estimated in ((nuisances.LEAST_FILES - 1, False), (nuisances.LEAST_FILES, True)):
         found = adjusted(set_of(drawn(count, 0.5)), (), TRUTH, FREE)
         assert (found.spread["reading"] != 0.1) is estimated
 
@@ -330,13 +331,13 @@ def test_the_noise_of_a_monitor_is_no_delay(monkeypatch: pytest.MonkeyPatch) -> 
         return float(column @ problem.residuals(np.empty(0))) ** 2 / float(column @ column)
 
     assert (few := gained()) < 60
-    monkeypatch.setattr(adjust, "SMOOTHER", 1e-6)
+    monkeypatch.setattr(nuisances, "SMOOTHER", 1e-6)
     assert gained() > 10 * few
 
 
 def test_gains_that_differ_between_files_come_out() -> None:
     plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
-    for spread, known in ((0.003, 0.003), (0.0, 0.0), (0.02, adjust.MOST_GAIN)):  # what differs by more is no gain
+    for spread, known in ((0.003, 0.003), (0.0, 0.0), (0.02, spreads.MOST_GAIN)):  # what differs by more is no gain
         listed = [recorded(i, ramps(i), gain=1 + float(g)) for i, g in enumerate(drawn(10, spread))]
         found = adjusted(study_of(listed, plant), (), TRUTH, FREE).spread["gain of load"]
         assert found == pytest.approx(known, abs=2e-4)
@@ -383,15 +384,15 @@ def test_zeros_that_were_taken_off_count_in_what_is_told_of_them() -> None:
         replace(p, driven=replace(p.driven, zeros={"load": z})) for p, z in zip(work.pieces, (1, -1) * 3, strict=True)
     ]
     known = replace(work, pieces=taken, spread={"load": 0.5})
-    assert adjust.zero_spread(known, "load") == pytest.approx(np.hypot(1.0, 0.5 * adjust.ZERO_LEFT))
-    assert adjust.zero_spread(work, "reading") == pytest.approx(work.spread["reading"])
+    assert nuisances.zero_spread(known, "load") == pytest.approx(np.hypot(1.0, 0.5 * nuisances.ZERO_LEFT))
+    assert nuisances.zero_spread(work, "reading") == pytest.approx(work.spread["reading"])
 
 
 def test_a_zero_that_a_file_at_rest_lacks_is_not_common_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
     zeros = drawn(10, 0.02, 0.3)
     common = adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"]
     assert common < 0.1
-    monkeypatch.setattr(adjust, "_shown", lambda piece, name: name == "reading")
+    monkeypatch.setattr(spreads, "_shown", lambda piece, name: name == "reading")
     assert adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"] == pytest.approx(0.3, rel=0.3)
 
 

@@ -36,7 +36,9 @@ def searched(monkeypatch: pytest.MonkeyPatch, search: Search, **plant: object) -
     monkeypatch.setattr(base, "fit", search.fit)
     monkeypatch.setattr(base, "base_parameters", lambda plant: [])
     model = SimpleNamespace(parameter_values=lambda: dict(DECLARED))
-    known = SimpleNamespace(**{"model": model, "restarts": {"branch": DECLARED["branch"]}, "safer": ()} | plant)
+    known = SimpleNamespace(
+        **{"model": model, "restarts": {"branch": DECLARED["branch"]}, "safer": (), "stages": ()} | plant
+    )
     return base.recalibrate(SimpleNamespace(plant=known, problem=lambda *a: None))
 
 

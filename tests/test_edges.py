@@ -139,7 +139,7 @@ def test_edges_move_exactly_and_stop_at_each_other() -> None:
     found = drive(experiment, VOLTAGE)
     assert found.moved(np.zeros(6)).inputs["voltage"] == pytest.approx(found.protocol.inputs["voltage"])
     shifts = np.array([1e-3, -1e-3, 0, 0, 0, 2e-3])
-    moved = found.moved(shifts, rise=0.5e-3)
+    moved = found.moved(shifts, {"voltage": 0.5e-3})
     for edge, by in zip(found.edges, shifts, strict=True):
         at = edge.time + by + np.array([-0.26e-3, 0, 0.26e-3])
         middle = (edge.low + edge.high) / 2

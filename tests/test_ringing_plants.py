@@ -13,7 +13,9 @@ from scipy.linalg import expm
 import tubular_dea as td
 from tubular_dea.identify import adjust
 from tubular_dea.identify.study import study
+from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Balance, Build, Coefficient, Input, Output, Path, Plant
+from tubular_dea.protocol import Protocol
 
 STEP = 0.004  # s, of the sampling: a quarter of the ringing's period
 AREA, MASS = 1.2e-3, 60.0
@@ -147,3 +149,44 @@ def test_a_plant_that_nothing_drives_is_simulated_from_its_start() -> None:
     )
     period = 2 * np.pi * np.sqrt(0.31 / 9.81)
     assert run["angle"] == pytest.approx(0.05 * np.cos(2 * np.pi * run.time / period), abs=1e-4)
+
+
+def spring() -> Plant:
+    """A force moves a mass on a spring, which rings for some periods of three samples."""
+    m = Build("Spring")
+    force = m.input("force", "N", nominal=1.0)
+    turns = m.parameter("turns", "Hz", 80.0, minimum=1.0)
+    ringing = m.parameter("ringing", "s", 0.02, minimum=1e-4)
+    softness = m.parameter("softness", "m/N", 0.01, tunable=False)
+    x = m.state("x", "m", nominal=1e-2)
+    v = m.state("v", "m/s", nominal=1.0)
+    m.derivative(x, v)
+    m.derivative(v, (2 * np.pi * turns) ** 2 * (softness * force - x) - v / ringing)
+    m.output("position", "m", x, nominal=1e-2)
+    return Plant(m.model(), [Input("force", held=True)], [Output("position")], places=[Path("force")])
+
+
+@pytest.mark.parametrize("rise", [0.0, 2e-3, 3.4e-3])
+def test_the_rise_of_an_amplifier_that_no_sample_shows_is_told_by_the_ringing(rise: float) -> None:
+    """Its edges begin on samples and end before the next: those read nothing of them."""
+    plant, time = spring(), STEP * np.arange(900)
+    kernel, tables = Kernel(plant.model), {}
+    for number in range(3):
+        random = np.random.default_rng(number)
+        begins = time[50 + 60 * np.arange(14)]
+        levels = np.append(0.0, random.uniform(0.5, 1.0, 14) * (np.arange(14) % 2 == 0))
+        corners = np.column_stack([begins, begins + rise]).ravel()
+        protocol = Protocol.of(
+            [0, *corners, time[-1]], force=[0, *np.column_stack([levels[:-1], levels[1:]]).ravel(), 0]
+        )
+        read = kernel.simulate(protocol, time)["position"] + 2e-5 * random.standard_normal(time.size)
+        seen = np.append(0.0, protocol.at(time[1:] - 1e-9)["force"])
+        tables[f"file {number}"] = {"time [s]": time, "force [N]": seen + 1e-4 * random.standard_normal(time.size)} | {
+            "position [m]": read
+        }
+    work = study(td.read_recordings(tables, plant=plant), held_out=())
+    for _ in range(6):
+        work = adjust.adjusted(work, (), plant.model.parameter_values())
+    assert work.longer["force"] ** 2 == pytest.approx(rise**2, abs=4e-7)  # the ringing feels the square of a rise
+    residual = work.problem((), [], plant.model.parameter_values()).residuals(np.empty(0))
+    assert residual @ residual < 1.05 * residual.size

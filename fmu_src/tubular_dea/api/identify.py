@@ -14,11 +14,12 @@ import numpy as np
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
-from ..identify.adjust import adjusted, with_nuisances
+from ..identify.adjust import adjusted
 from ..identify.fit import Fit, goodness, rmse, uncertainty
 from ..identify.intervals import intervals, vanishing, with_coarse_residuals
 from ..identify.misfit import misfit
 from ..identify.monitor_uncertainty import with_monitor_noise
+from ..identify.nuisances import with_nuisances
 from ..identify.problem import Problem
 from ..identify.study import Study, study
 from ..model.declare import Model, nearest

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..identify.fit import AGREE, Fit, FitError, fit, may_be_better
 from ..identify.problem import Problem
+from ..identify.procedure import staged
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from .parameters import base_parameters
@@ -38,7 +41,7 @@ def recalibrate(
     point.
     """
     problem = study.problem((), base_parameters(study.plant), {})
-    best = _somewhere(study, problem, study.plant.model.parameter_values() if start is None else start, seed)
+    best = _somewhere(study, problem, _begin(study, problem) if start is None else start, seed)
 
     def confirm(number: int) -> Fit:
         if number == 1:
@@ -50,6 +53,22 @@ def recalibrate(
 
     other = min([best, *side_by_side(confirm, range(1, starts))], key=lambda f: f.cost)
     return fit(problem, other.values, 1) if other.cost < best.cost - AGREE else best
+
+
+def _begin(study: Study, problem: Problem) -> dict[str, float]:
+    """The declared values, or what the plant's own stages lead to from there where that fits better.
+
+    Where the records' starts are unknown, they make up for wrong parameters, and a fit of all at once may end anywhere.
+    """
+    declared = study.plant.model.parameter_values()
+    if not study.plant.stages:
+        return declared
+    try:
+        reached = staged(study, declared)
+    except FitError:
+        return declared
+    here, there = (float(np.sum(problem.residuals(problem.scaled(v)) ** 2)) for v in (declared, reached))
+    return reached if there < here else declared
 
 
 def elsewhere(study: Study, fitted: Fit) -> Fit | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identify.adjust import with_nuisances
+from ..identify.nuisances import with_nuisances
 from .engine import Discovery
 
 # Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/hum.py).

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..identify.adjust import with_nuisances, zero_spread
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, goodness, rmse
 from ..identify.intervals import interval
+from ..identify.nuisances import with_nuisances, zero_spread
 from ..identify.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Model

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..identify.adjust import zero_spread
 from ..identify.fit import Fit
 from ..identify.intervals import interval
+from ..identify.nuisances import zero_spread
 from ..model.effect import Effect
 from ..model.units import factor
 from .acceptance import clean, noise_alone, size_interval

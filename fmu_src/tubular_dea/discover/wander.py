@@ -17,6 +17,7 @@ from numpy.polynomial.legendre import legvander
 
 from ..identify.problem import whitened
 from ..identify.study import Piece, Study
+from .acceptance import EARNS
 from .options import Option
 from .residuals import LackOfFit, lack_of_fit
 
@@ -27,16 +28,14 @@ CURVES = 4  # [1] curves over a file's time: Legendre polynomials from a straigh
 
 
 def explained_by_wandering(study: Study, before: Option, after: Option, threshold: float) -> bool:
-    """Whether a wandering zero has more evidence than the last effect of `after`, which gains less than `threshold`
-    over `before` beside it.
+    """Whether the last effect of `after` has no clearly better evidence than a wandering zero, beside which it gains
+    less than `threshold` over `before`.
 
-    An effect of the sensor's own channel may be such a fault, and is not checked.
+    An effect of the sensor's own channel that few files cannot tell from such wandering is none either.
     """
-    if study.catalogue[after.ids[-1]].channel in {o.channel for o in study.plant.outputs if o.name in study.noise}:
-        return False
     size, wandering = _likeliest(study, before)
     gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
-    return _misfit(study, before, size) - _misfit(study, after, size) < threshold and wandering > gained
+    return _misfit(study, before, size) - _misfit(study, after, size) < threshold and wandering > gained - EARNS
 
 
 def without(study: Study, option: Option) -> LackOfFit:

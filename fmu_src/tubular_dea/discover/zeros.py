@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..identify.adjust import likeliest
+from ..identify.nuisances import likeliest
 from ..identify.study import Study
 from .options import Option
 

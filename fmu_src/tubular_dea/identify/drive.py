@@ -78,7 +78,8 @@ class Drive:
     which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
-    are those of monitors that were taken off. `unheld` names held inputs that also move between their edges.
+    are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
+    are those of the amplifiers behind monitors that switch, by input.
     """
 
     protocol: Protocol
@@ -90,9 +91,10 @@ class Drive:
     shown: bool = False
     zeros: Mapping[str, float] = field(default_factory=dict)
     unheld: frozenset[str] = frozenset()
+    rises: Mapping[str, Rise] = field(default_factory=dict)
 
-    def moved(self, shifts: np.ndarray, rise: float | None = None) -> Protocol:
-        """The protocol with every one of `edges` later by its shift (m,) [s], and as ramps of `rise` [s] if given.
+    def moved(self, shifts: np.ndarray, longer: Mapping[str, float] | None = None) -> Protocol:
+        """The protocol with every one of `edges` later by its shift (m,) [s], and `longer` [s] by input.
 
         Exactly: breakpoints move, along the lines beside them, and nothing is sampled. An edge that would pass
         another one, or an end of the record, stops there. An edge whose shape was recorded keeps it.
@@ -100,7 +102,7 @@ class Drive:
         by = np.asarray(shifts, dtype=float)
         if by.shape != (len(self.edges),):
             raise ValueError(f"shifts: expected {len(self.edges)} of them, one an edge, but was given {by.size}")
-        widened = np.array([0.0 if rise is None else rise - e.rise for e in self.edges])
+        widened = np.array([max((longer or {}).get(e.input, 0.0), -e.rise) for e in self.edges])
         lines = [line.moved(by, widened) for line in self.lines.values()]
         return joined([(line.time, line.values) for line in lines], list(self.lines))
 
@@ -129,6 +131,7 @@ class _Drawn:
     edges: Sequence[Edge] = ()
     shown: bool = False
     unheld: bool = False
+    rise: Rise | None = None
 
 
 def drive(
@@ -177,6 +180,7 @@ def drive(
         numbered,
         any(d.shown for d in drawn.values()),
         unheld=frozenset(n for n, d in drawn.items() if d.unheld),
+        rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
     )
 
 
@@ -375,7 +379,8 @@ def _held(
     values = values - hum
     if hum.any():
         found = transitions(time, values, noise)
-    place = ON_SAMPLES if _written(values, found) else between
+    written = _written(values, found)
+    place = ON_SAMPLES if written else between
     edges = located(name, time, values, noise, found, how, place)
     if trigger is not None:
         edges = triggered(edges, time, trigger)
@@ -383,7 +388,8 @@ def _held(
     late = (0.0 if shown else 0.5 if exact else MIDWAY) * float(np.median(np.diff(time)))
     line, edges = held_line(time, values, noise, found, edges, late)
     missed = _missed(experiment, name, line, noise, edges, late, hum)
-    return _Drawn(line, noise, missed, line.time, edges, shown, not (shown or exact) and line.ramps(MATTERS))
+    unheld = not (shown or exact) and line.ramps(MATTERS)
+    return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
 
 
 def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> np.ndarray:

@@ -151,6 +151,12 @@ class Rise:
         """Its standard deviation [s]."""
         return float(np.sqrt(self.weights @ (self.spread - self.value) ** 2))
 
+    @property
+    def longer(self) -> tuple[float, float]:
+        """By how much less and more than `value` it may last [s]."""
+        likely = self.spread[self.weights > UNLIKELY * self.weights.max()]
+        return float(min(likely.min() - self.value, 0.0)), float(likely.max() - self.value)
+
 
 def transitions(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
     """All switchings of a held signal, without its ramps and its noise.
@@ -292,7 +298,9 @@ def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, 
     """The rise of this kind that the edges tell, and the logarithm of the chance of the kind."""
     period = float(np.median([e.times[e.first + 1] - e.times[e.first] for e in edges]))
     most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else 1.5)
-    trials = np.geomspace(SHORTEST * period, most * period, TRIALS)
+    seen = any(e.anchor is not None for e in edges)
+    longest = most * period if seen else max(min(most * period, SLOW_EDGE), 2 * SHORTEST * period)
+    trials = np.geomspace(SHORTEST * period, longest, TRIALS)
     odds = _odds(edges, trials, exponential)
     chance = float(odds.max() + np.log(np.mean(np.exp(odds - odds.max()))))
     likely = np.flatnonzero(odds > odds.max() + np.log(NOWHERE))  # again, in steps as fine as what they tell
@@ -300,7 +308,7 @@ def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, 
     trials = np.geomspace(trials[around[0]], trials[around[1]], TRIALS)
     odds = _odds(edges, trials, exponential)
     weights = np.exp(odds - odds.max())
-    return Rise(exponential, trials, weights / weights.sum(), any(e.anchor is not None for e in edges)), chance
+    return Rise(exponential, trials, weights / weights.sum(), seen), chance
 
 
 def _odds(edges: Sequence[_EdgeSamples], trials: np.ndarray, exponential: bool) -> np.ndarray:
@@ -399,12 +407,15 @@ def _instants(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> tupl
 
 
 def _together(edges: Sequence[_EdgeSamples]) -> float:
-    """How many edges count as one: all, where every one falls on the same part of the sampling (synchronous)."""
+    """How many edges count as one: all, where every one falls on the same part of the sampling (synchronous).
+
+    So it may be where none of them has a sample on the way.
+    """
     if len(edges) < TOGETHER:
         return 1.0
     seen = np.array([np.nan if e.anchor is None else e.parts[e.anchor] for e in edges])
     known = np.isfinite(seen)
-    if known.all() and np.std(seen) < SYNCHRONOUS:
+    if not known.any() or (known.all() and np.std(seen) < SYNCHRONOUS):
         return float(len(edges))
     return 1.0
 

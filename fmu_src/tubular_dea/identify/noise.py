@@ -207,8 +207,12 @@ def _longest(quiet: Sequence[Stretches]) -> float:
 
 
 def rounded(noise: Noise, step: float) -> Noise:
-    """Noise with what rounding to steps adds where the signal moves: it is white there, and hardly shows at rest."""
+    """Noise with what rounding to steps adds where the signal moves: it is white there, and hardly shows at rest.
+
+    Where it is larger than the noise, it follows slow signals, and nothing tells how slow it is.
+    """
     rounding = step / float(np.sqrt(12.0))
+    noise = replace(noise, slow_known=noise.slow_known and 2 * rounding**2 < noise.rms**2)
     if rounding < COARSE_OUTPUT * noise.innovation:
         return noise
     rms = float(np.hypot(noise.rms, rounding))

@@ -26,6 +26,7 @@ from ..plants.plant import Plant
 if TYPE_CHECKING:
     from .data import Experiment
     from .drive import Drive
+    from .held import HeldLine
 
 RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
@@ -103,7 +104,7 @@ def _in_common(zeros: np.ndarray, usual: float) -> float:
 def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, int] | None:
     """What a monitor shows before anything moves, and how many points its line has there: within noise about it.
 
-    None where it moves before enough samples.
+    Where it moves at once, that is what its line clearly begins with; None where nothing tells.
     """
     line = driven.lines[name]
     off, noise = np.abs(line.values - line.values[0]), driven.noise[name]
@@ -111,8 +112,18 @@ def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, i
     points = int(np.argmax(moved)) if moved.any() else line.time.size
     time, values = line.time[:points], line.values[:points]
     if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:
-        return None
+        return _clear_begin(experiment.time, line, driven.noise[name])
     return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
+
+
+def _clear_begin(time: np.ndarray, line: HeldLine, noise: float) -> tuple[float, int] | None:
+    """What a line begins with, if the samples (at times (n,)) of its first piece tell it from nothing."""
+    if line.time.size < 2 or np.any(line.edge[:2] >= 0):
+        return None
+    samples = int(np.searchsorted(time, line.time[1]))
+    first = float(line.values[0])
+    clear = samples >= FIRST_SAMPLES and abs(first) > CLEARLY * 2 * noise / np.sqrt(samples)
+    return (first, 0) if clear else None
 
 
 def _may_be_off(plant: Plant, name: str) -> bool:

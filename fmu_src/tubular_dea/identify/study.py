@@ -86,10 +86,11 @@ class Piece:
     clock: float | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
     late: Mapping[str, float] = field(default_factory=dict)
+    longer: Mapping[str, float] = field(default_factory=dict)
 
     def driven_by(self, shifts: np.ndarray) -> Protocol:
-        """The protocol with edges moved by their shifts [s] and `late` taken off, behind what was done `before`."""
-        own = self.driven.moved(shifts) if self.driven.edges else self.driven.protocol
+        """The protocol with edges moved by their shifts [s] and `longer`, without `late`, behind what was `before`."""
+        own = self.driven.moved(shifts, self.longer) if self.driven.edges else self.driven.protocol
         for name, by in self.late.items():
             own = own.with_delay(name, -by) if by else own
         return own if self.before is None else followed(self.before, own)
@@ -101,7 +102,8 @@ class Study:
 
     `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
     how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
-    by signal), once estimated. Unless effects are `sought`, all that may be a record's own is.
+    by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless effects
+    are `sought`, all that may be a record's own is.
     """
 
     plant: Plant
@@ -113,6 +115,7 @@ class Study:
     prior: float | None = None
     spread: dict[str, float] = field(default_factory=dict)
     late: dict[str, float] = field(default_factory=dict)
+    longer: dict[str, float] = field(default_factory=dict)
     sought: bool = True
 
     @property

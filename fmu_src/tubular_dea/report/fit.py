@@ -7,8 +7,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..identify.adjust import with_nuisances
 from ..identify.fit import Fit
+from ..identify.nuisances import with_nuisances
 from ..identify.study import Study
 from .figures import panels_figure
 from .parts import shown_unit

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..discover.engine import Discovery
-from ..identify.adjust import with_nuisances
+from ..identify.nuisances import with_nuisances
 from ..identify.study import Piece
 from ..kernel import KernelError
 from ..model.declare import Quantity
