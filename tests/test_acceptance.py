@@ -92,7 +92,10 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
     def told(excess: float, **more: float) -> tuple[bool, str]:
         return acceptance.accept(base, base, option("lag", excess=excess, turned=0.1, **more), 30.0)
 
-    assert told(471.0) == (False, "refitted, lag gains 29.0, less than chance can (30.0)")
+    assert told(471.0, held_out=2500.0) == (False, "refitted, lag gains 29.0, less than chance can (30.0)")
+    assert told(471.0, held_out=2493.0)[0]  # with what it foretells, 36 and as much as doubt asks for more
+    assert not told(471.0, held_out=2494.0)[0]
+    assert not told(483.0, held_out=2300.0)[0]  # which counts as much as the gain itself at most
     blocks = told(450.0, cross=base.cross_validated, held_out=2400.0)
     assert blocks == (False, "lag does not improve the prediction of blocks left out")
     assert told(450.0, held_out=2501.0) == (False, "lag does not improve the prediction of the held-out experiments")

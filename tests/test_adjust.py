@@ -124,7 +124,7 @@ def test_an_offset_common_to_all_files_is_left_for_the_effect_that_explains_it()
 
 
 def test_few_files_have_the_usual_spread() -> None:
-    for count, estimated in ((nuisances.LEAST_FILES - 1, False), (nuisances.LEAST_FILES, True)):
+    for count, estimated in ((spreads.LEAST_FILES - 1, False), (spreads.LEAST_FILES, True)):
         found = adjusted(set_of(drawn(count, 0.5)), (), TRUTH, FREE)
         assert (found.spread["reading"] != 0.1) is estimated
 

@@ -157,3 +157,8 @@ def test_every_command_has_help_with_an_example(command: str, capsys: pytest.Cap
         run(command, "--help")
     assert exit_.value.code == 0
     assert f"tubular-dea {command}" in capsys.readouterr().out.split("example", 1)[1]
+
+
+def test_a_negative_amount_is_a_value_and_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["assist", "--voltage", "-5kV"]) == 2
+    assert "expected one argument" not in (said := capsys.readouterr().err) and "voltage" in said

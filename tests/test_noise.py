@@ -247,3 +247,15 @@ def test_half_a_second_of_rest_tells_the_noise_of_a_plant_that_never_rests_again
     found = estimate(listed)
     assert found.quiet
     assert 0.008 < found.rms < 0.03
+
+
+def test_what_rings_out_does_not_hide_the_rest_before_the_first_event() -> None:
+    """README's carriage: a second of rest, then oscillations that leave the quietest later stretches coloured."""
+    records = []
+    for number in range(3):
+        random, time = np.random.default_rng(number), 0.01 * np.arange(1001)
+        late = np.clip(time - 1.0, 0.0, None)
+        ringing = 0.1 * np.exp(-late) * np.sin(10 * late)
+        records.append((time, ringing + 1e-4 * random.standard_normal(time.size), np.array([0.0, 1.0, 10.0])))
+    found = estimate(records)
+    assert found.quiet and found.rms == pytest.approx(1e-4, rel=0.15)

@@ -91,3 +91,11 @@ def test_protocols_are_checked() -> None:
         Protocol.of([1, 0], pressure=[1, 2])
     with pytest.raises(ProtocolError, match="pressure: expected finite values but was given nan"):
         Protocol.of([0, 1], pressure=[1, float("nan")])
+
+
+def test_a_breakpoint_more_changes_nothing() -> None:
+    step = Protocol.of([0, 1, 1, 3], load=[0, 2, 5, 7])
+    more = step.with_time(0.25)
+    assert more.time.tolist() == [0, 0.25, 1, 1, 3]
+    assert more.inputs["load"].tolist() == [0, 0.5, 2, 5, 7]
+    assert step.with_time(1.0) is step

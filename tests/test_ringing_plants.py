@@ -5,6 +5,8 @@ The records are made by matrix exponentials and by SciPy, not by the project's o
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,7 +14,7 @@ from scipy.linalg import expm
 
 import tubular_dea as td
 from tubular_dea.identify import adjust
-from tubular_dea.identify.study import study
+from tubular_dea.identify.study import Study, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Balance, Build, Coefficient, Input, Output, Path, Plant
 from tubular_dea.protocol import Protocol
@@ -166,27 +168,39 @@ def spring() -> Plant:
     return Plant(m.model(), [Input("force", held=True)], [Output("position")], places=[Path("force")])
 
 
-@pytest.mark.parametrize("rise", [0.0, 2e-3, 3.4e-3])
-def test_the_rise_of_an_amplifier_that_no_sample_shows_is_told_by_the_ringing(rise: float) -> None:
-    """Its edges begin on samples and end before the next: those read nothing of them."""
+def rung(rise: float) -> Study:
+    """Files of a spring whose amplifier begins to rise on samples and ends before the next: no sample shows it."""
     plant, time = spring(), STEP * np.arange(900)
     kernel, tables = Kernel(plant.model), {}
     for number in range(3):
         random = np.random.default_rng(number)
         begins = time[50 + 60 * np.arange(14)]
-        levels = np.append(0.0, random.uniform(0.5, 1.0, 14) * (np.arange(14) % 2 == 0))
         corners = np.column_stack([begins, begins + rise]).ravel()
-        protocol = Protocol.of(
-            [0, *corners, time[-1]], force=[0, *np.column_stack([levels[:-1], levels[1:]]).ravel(), 0]
-        )
-        read = kernel.simulate(protocol, time)["position"] + 2e-5 * random.standard_normal(time.size)
-        seen = np.append(0.0, protocol.at(time[1:] - 1e-9)["force"])
-        tables[f"file {number}"] = {"time [s]": time, "force [N]": seen + 1e-4 * random.standard_normal(time.size)} | {
-            "position [m]": read
-        }
-    work = study(td.read_recordings(tables, plant=plant), held_out=())
+        levels = np.append(0.0, random.uniform(0.5, 1.0, 14) * (np.arange(14) % 2 == 0))
+        force = np.column_stack([levels[:-1], levels[1:]]).ravel()
+        protocol = Protocol.of([0, *corners, time[-1]], force=[0, *force, 0])
+        position = kernel.simulate(protocol, time)["position"] + 2e-5 * random.standard_normal(time.size)
+        read = np.append(0.0, protocol.at(time[1:] - 1e-9)["force"]) + 1e-4 * random.standard_normal(time.size)
+        tables[f"file {number}"] = {"time [s]": time, "force [N]": read, "position [m]": position}
+    return study(td.read_recordings(tables, plant=plant), held_out=())
+
+
+@pytest.mark.parametrize("rise", [0.0, 2e-3, 3.4e-3])
+def test_the_rise_of_an_amplifier_that_no_sample_shows_is_told_by_the_ringing(rise: float) -> None:
+    work = rung(rise)
+    truth = work.plant.model.parameter_values()
     for _ in range(6):
-        work = adjust.adjusted(work, (), plant.model.parameter_values())
+        work = adjust.adjusted(work, (), truth)
     assert work.longer["force"] ** 2 == pytest.approx(rise**2, abs=4e-7)  # the ringing feels the square of a rise
-    residual = work.problem((), [], plant.model.parameter_values()).residuals(np.empty(0))
+    residual = work.problem((), [], truth).residuals(np.empty(0))
     assert residual @ residual < 1.05 * residual.size
+
+
+def test_a_file_without_edges_of_an_amplifier_tells_nothing_of_its_rise() -> None:
+    """One that steps at every sample, for instance."""
+    work = rung(2e-3)
+    first, *others = work.pieces
+    work = replace(work, pieces=[replace(first, driven=replace(first.driven, rises={})), *others])
+    found = adjust.adjusted(work, (), work.plant.model.parameter_values())
+    assert found.longer["force"] > 1e-3
+    assert not any(n.startswith("rise") for n in found.pieces[0].nuisances.names)

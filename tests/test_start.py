@@ -119,7 +119,7 @@ def test_what_noise_leaves_of_a_line_at_rest_does_not_drive_the_plant() -> None:
 
 def test_a_zero_that_a_file_clearly_begins_with_is_taken_off_without_any_rest() -> None:
     """A tube without damping at rest would ring from a step of it; what may as well be noise is no step."""
-    time, zeros = 0.004 * np.arange(500), [-80.0, 70.0, 45.0, 2.0]
+    time, zeros = 0.004 * np.arange(500), [-80.0, 70.0, -65.0, 12.0]
     experiments = []
     for number, zero in enumerate(zeros):
         noise = 20.0 * np.random.default_rng(number).standard_normal(time.size)
@@ -129,5 +129,6 @@ def test_a_zero_that_a_file_clearly_begins_with_is_taken_off_without_any_rest() 
     *clear, unclear = zeroed(experiments, driven, PLANT)
     for one, zero in zip(clear, zeros, strict=False):
         assert one.zeros["pressure"] == pytest.approx(zero, abs=8.0)
-        assert one.protocol.inputs["pressure"][0] == pytest.approx(0.0, abs=1e-9)
-    assert "pressure" not in unclear.zeros
+        assert one.protocol.inputs["pressure"][0] == 0.0
+    assert "pressure" not in unclear.zeros  # the pressure may have begun to rise half a sample earlier
+    assert unclear.protocol.inputs["pressure"][0] == 0.0

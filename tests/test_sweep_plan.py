@@ -228,3 +228,10 @@ def test_the_examples_are_plans() -> None:
         plan = read_plan(path)
         assert plan.design.rows > 100
         assert (PreparedPlan(plan).rows(0, 4)["status"] == 0).all()
+
+
+def test_a_plan_that_is_no_utf8_is_named_as_such(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.toml"
+    plan.write_bytes('study = "für"'.encode("latin-1"))
+    with pytest.raises(PlanError, match="plan.toml: expected a plan in TOML, which is UTF-8 text.*save it as UTF-8"):
+        read_plan(plan)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from . import __version__
 from .commands import COMMANDS, declare
@@ -19,6 +20,10 @@ FILES = (".html", ".toml")  # endings of an --out that is one file, not a folder
 
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line and points to the help."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # -5kV is a value, too
 
     def error(self, message: str) -> NoReturn:
         """One line to stderr, and exit with 2."""

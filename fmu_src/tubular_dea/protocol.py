@@ -114,6 +114,17 @@ class Protocol:
         moved = self.delayed({LATER: (name, by)})
         return Protocol(moved.time, {n: moved.inputs[LATER if n == name else n] for n in self.inputs})
 
+    def with_time(self, time: float) -> Protocol:
+        """The protocol with a breakpoint at a time [s] inside it."""
+        if np.any(np.abs(self.time - time) <= 1e-9):
+            return self
+        place = int(np.searchsorted(self.time, time))
+        there = self.at([time])
+        return Protocol(
+            np.insert(self.time, place, time),
+            {name: np.insert(values, place, there[name][0]) for name, values in self.inputs.items()},
+        )
+
     def _sides(self, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
         """Values on a grid that holds every inner time twice: after the first time, and before the second."""
         known = np.unique(self.time)

@@ -1,9 +1,9 @@
 """When an effect is accepted, and when the residual is noise.
 
 A first effect must gain more than the largest score of nulls and more than numerical errors can, and must improve the
-prediction of blocks left out. A further one must also remove most of the residual that the earlier ones leave, and more
-than another functional form of those would: no law of the catalogue is exactly that of the plant, and a candidate may
-explain part of the difference.
+prediction of blocks left out. What it foretells of the held-out experiments counts too. A further one must also remove
+most of the residual that the earlier ones leave, and more than another functional form of those would: no law of the
+catalogue is exactly that of the plant, and a candidate may explain part of the difference.
 
 An effect whose strength ends at a bound is refused: the records ask for more of it than there can be, so it stands in
 for something else. Where another of its parameters does, its interval is open there.
@@ -102,7 +102,7 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     """Whether `best` is accepted over `before`, and why (not), in words."""
     gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
     chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
-    if gain < chance:
+    if gain < chance and _with_held_out(before, best) < threshold + DENIAL:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
     if name in best.impossible:
         needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
@@ -119,6 +119,17 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
         f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, "
         f"held out {before.held_out - best.held_out:.1f}",
     )
+
+
+def _with_held_out(before: Option, after: Option) -> float:
+    """What an effect gains with what it foretells of the held-out experiments, which counts as much at most.
+
+    Where there may be slow noise, it foretells that too, and nothing is gained.
+    """
+    if far(after) or after.lack_of_fit.coloured > 1:
+        return 0.0
+    gain = before.fitted.cost - after.fitted.cost
+    return gain + float(np.clip(before.held_out - after.held_out, 0.0, gain))
 
 
 def confirmed(before: Option, after: Option) -> bool:

@@ -244,15 +244,15 @@ def advice(found: Discovery) -> str:
 def _apart(found: Discovery) -> str:
     """Which experiment tells the named effects from others, or that there is none."""
     proposal = found.proposal
-    listed = [*found.chosen.ids, *(name for group in found.equivalent.values() for name in group)]
-    names = " or ".join(dict.fromkeys(listed))
+    alike = [f"{name} from {' or '.join(others)}" for name, others in found.equivalent.items() if others]
+    names = " and ".join(alike or found.chosen.ids)
     if proposal is None or proposal.deviations < DIFFER:
         if found.verdict == "ambiguous":
-            return f"no experiment {kind(found.study.plant)} tells {names} apart; a second sensor may"
+            return f"no experiment {kind(found.study.plant)} tells {names}; a second sensor may"
         return "repeat the experiments on another specimen to see whether the effect is the same"
     apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"record {proposal.words}, for which {names} differ {apart} or more"
+        return f"record {proposal.words}, which tells {names} {apart} or more"
     return f"to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}"
 
 

@@ -26,6 +26,7 @@ from .threads import side_by_side
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
 INPUT_STEP = 4e-3  # [1] of an input's largest value: shift at which its gain is taken
+COMES_WITHIN = 12  # [samples] within which it comes where an input begins with nothing
 CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample fits into memory
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
@@ -70,10 +71,20 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
 
 
 def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
-    """The case with a small constant added to an input, and that constant."""
-    inputs = case.protocol.inputs
-    step = sign * INPUT_STEP * (float(np.abs(inputs[name]).max()) or 1.0)
-    return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] + step})), step
+    """The case with a small constant added to an input, and that constant.
+
+    Where the input begins with nothing, so did what the plant rested under, and the constant comes within some samples:
+    a plant without damping at rest would ring from a step of it.
+    """
+    protocol, first = case.protocol, float(case.protocol.time[0])
+    step = sign * INPUT_STEP * (float(np.abs(protocol.inputs[name]).max()) or 1.0)
+    part = np.ones(1)
+    if protocol.inputs[name][0] == 0.0:
+        last = float(case.instants[min(COMES_WITHIN, case.instants.size - 1)])
+        protocol = protocol.with_time(last)
+        part = np.clip((protocol.time - first) / (last - first), 0.0, 1.0)
+    inputs = protocol.inputs | {name: protocol.inputs[name] + step * part}
+    return replace(case, protocol=Protocol(protocol.time, inputs)), step
 
 
 def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, driven: Drive, name: str) -> np.ndarray:

@@ -154,6 +154,28 @@ class Noise:
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
     chosen, quiet, rings = _chosen(records)
+    found = _told(records, chosen, quiet, rings)
+    if found.quiet:
+        return found
+    still = _before_events(records)
+    if _freedom(still) < CALMEST:
+        return found
+    told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
+    return told if told.quiet else found
+
+
+def _before_events(records: Records) -> list[Stretches]:
+    """The calm stretches before anything happens in their records."""
+    first = [next((e for e in events if time[0] < e < time[-1]), time[0]) for time, _, events in records]
+    kept = []
+    for one in calm(stretches(records), float(np.median([resolution(y) for _, y, _ in records]))):
+        ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
+        kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
+    return [k for k in kept if k.record.size]
+
+
+def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -> Noise:
+    """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0))
     found = _coloured(plain, step)

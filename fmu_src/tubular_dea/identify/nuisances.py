@@ -29,10 +29,6 @@ from .monitor_uncertainty import shifted
 from .problem import whitened
 from .study import Nuisances, Piece, Study
 
-# Set by judgement. Check: `pytest tests/test_adjust.py`,
-# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
-LEAST_FILES = 3  # [1] files from which on a spread between them can be told
-
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py`
 LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
 MOST_LASTING = 64  # [1] edges of a record that are estimated together: each needs a simulation of its own
@@ -64,6 +60,7 @@ HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at main
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
 DRIFTS = 5  # [1] polynomials that a drift within a file is made of
+USUAL_DRIFT = 0.1  # [1] of the usual zero by which each of them usually drifts: 3 um for the tube's laser
 
 GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
 RISE_OF = "rise of "  # name of how much longer the amplifier behind a monitor rises than its samples tell
@@ -118,9 +115,9 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
 def _drifts(study: Study, reading: Reading) -> list[tuple[str, np.ndarray]]:
     """By name, the forms (n,) in which a sensor may drift within a file: smooth ones, to 1 at its ends.
 
-    None where effects are sought, one of which a drift may be, or with too few files to tell how much they drift.
+    None where effects are sought, one of which a drift may be.
     """
-    if study.sought or len({p.source for p in study.pieces}) < LEAST_FILES:
+    if study.sought:
         return []
     first, last = reading.times[[0, -1]]
     over = 2 * (reading.times - first) / ((last - first) or 1.0) - 1
@@ -213,14 +210,14 @@ def usual_size(study: Study, piece: Piece, name: str) -> float:
     if name.startswith(SMOOTH_OF):
         return 0.0
     if name.startswith(RISE_OF):
-        return piece.driven.rises[name.removeprefix(RISE_OF)].stderr
+        return study.rises[name.removeprefix(RISE_OF)].stderr
     return LATE * step_of(piece) if name.startswith(LATE_OF) else size_of(study, name) * left_of(piece, name)
 
 
 def size_of(study: Study, name: str) -> float:
     """The usual size of a zero, a drift or a gain where nothing was taken off at rest (SI)."""
     if name.startswith(DRIFT_OF):
-        name = name.split(" ", 2)[2]
+        return USUAL_DRIFT * study.zero(name.split(" ", 2)[2])
     return GAIN if name.startswith(GAIN_OF) else study.zero(name)
 
 

@@ -20,10 +20,14 @@ from .compiled import Ids
 from .edges import Rise
 from .linearised import Linearised, windows_of
 from .marginal import marginal
-from .nuisances import GAIN_OF, LATE, LATE_OF, LEAST_FILES, RISE_OF, TURN, prior, size_of, usual_size
+from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
 from .problem import Free, whitened
 from .start import ZEROS
 from .study import Piece, Study
+
+# Set by judgement. Check: `pytest tests/test_adjust.py`,
+# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
+LEAST_FILES = 3  # [1] files from which on a spread between them can be told
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
@@ -141,7 +145,7 @@ def _estimated(
     means = dict(zip(kinds, (known + solved[p : p + k]).tolist(), strict=True))
     signals = [s.name for s in study.plant.inputs]
     later = {s: float(np.clip(v * LATE, 0.0, LATEST)) for s in signals if (v := means.get(f"{LATE_OF}{s}")) is not None}
-    rises = {s: r for s, r in study.pieces[0].driven.rises.items() if f"{RISE_OF}{s}" in means}
+    rises = {s: r for s, r in study.rises.items() if f"{RISE_OF}{s}" in means}
     return variance, Common(later, {s: _plausible(r, means[f"{RISE_OF}{s}"]) for s, r in rises.items()})
 
 

@@ -89,7 +89,10 @@ def zeroed(
         levels[signal.name] = _in_common(found, signal.zero) if effect else 0.0
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
-    return [d.without(z, s, levels) if z else d for d, z, s in zip(drives, zeros, still, strict=True)]
+        for i in resting:
+            if signal.linear and i not in seen and abs(drives[i].lines[signal.name].values[0]) <= ZEROS * signal.zero:
+                still[i][signal.name] = 1  # it moves at once, from nothing
+    return [d.without(z, s, levels) if s else d for d, z, s in zip(drives, zeros, still, strict=True)]
 
 
 def _in_common(zeros: np.ndarray, usual: float) -> float:
@@ -104,7 +107,7 @@ def _in_common(zeros: np.ndarray, usual: float) -> float:
 def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, int] | None:
     """What a monitor shows before anything moves, and how many points its line has there: within noise about it.
 
-    Where it moves at once, that is what its line clearly begins with; None where nothing tells.
+    Where it moves at once, that is what it clearly begins with; None where nothing tells.
     """
     line = driven.lines[name]
     off, noise = np.abs(line.values - line.values[0]), driven.noise[name]
@@ -112,18 +115,22 @@ def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, i
     points = int(np.argmax(moved)) if moved.any() else line.time.size
     time, values = line.time[:points], line.values[:points]
     if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:
-        return _clear_begin(experiment.time, line, driven.noise[name])
+        return _clear_begin(experiment, line, name)
     return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
 
 
-def _clear_begin(time: np.ndarray, line: HeldLine, noise: float) -> tuple[float, int] | None:
-    """What a line begins with, if the samples (at times (n,)) of its first piece tell it from nothing."""
+def _clear_begin(experiment: Experiment, line: HeldLine, name: str) -> tuple[float, int] | None:
+    """What a monitor begins with, by a parabola through the samples of its line's first piece, if that is clearly
+    something: more than what it moves by in a sample, as it may have begun to move that much earlier."""
     if line.time.size < 2 or np.any(line.edge[:2] >= 0):
         return None
-    samples = int(np.searchsorted(time, line.time[1]))
-    first = float(line.values[0])
-    clear = samples >= FIRST_SAMPLES and abs(first) > CLEARLY * 2 * noise / np.sqrt(samples)
-    return (first, 0) if clear else None
+    samples = int(np.searchsorted(experiment.time, line.time[1]))
+    if samples < FIRST_SAMPLES:
+        return None
+    time = experiment.time[:samples] - experiment.time[0]
+    (_, slope, first), covariance = np.polyfit(time / time[1], experiment.inputs[name][:samples], 2, cov=True)
+    clear = abs(first) > CLEARLY * np.sqrt(covariance[-1, -1]) + abs(slope)
+    return (float(first), 1) if clear else None
 
 
 def _may_be_off(plant: Plant, name: str) -> bool:

@@ -18,6 +18,7 @@ from .compiled import Compiled, Ids
 from .data import Experiment, Recordings
 from .drive import Drive, without_hum
 from .drive import drives as all_drives
+from .edges import Rise
 from .marginal import Marginal
 from .monitors import resolution, slow_level
 from .noise import Noise
@@ -137,6 +138,11 @@ class Study:
     def filtered(self) -> bool:
         """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
         return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
+
+    @property
+    def rises(self) -> dict[str, Rise]:
+        """How the amplifiers rise behind monitors that switch, by input."""
+        return {name: rise for p in reversed(self.pieces) for name, rise in p.driven.rises.items()}
 
     def unknown(self, ids: Ids, piece: Piece) -> dict[str, float]:
         """The parameters of a piece's start that are its own, with their usual sizes (SI), in the model with `ids`."""

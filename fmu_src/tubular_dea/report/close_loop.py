@@ -14,7 +14,7 @@ from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
 from ..recordings.table import some
 from .effects import effects
-from .in_short import LEFT, in_short, least, not_seen
+from .in_short import LEFT, foretold, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, readable, record_and_residuals
@@ -76,7 +76,7 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
         held = f"held out ({names}) {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
     said = f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"
     few = [f"these recordings prove little: {little}"] if little else []
-    return [said, *shifted(found), *few]
+    return [said, *foretold(found, errors), *shifted(found), *few]
 
 
 def _one_of(found: Discovery, effect: str) -> str:

@@ -91,6 +91,10 @@ def read_plan(path: Path) -> Plan:
         content = tomllib.loads(read_whole(path).decode())
     except FileError as problem:
         raise PlanError(str(problem)) from None
+    except UnicodeDecodeError:
+        raise PlanError(
+            f"{path}: expected a plan in TOML, which is UTF-8 text, but it is not: save it as UTF-8"
+        ) from None
     except (ValueError, RecursionError) as problem:
         raise PlanError(f"{path}: cannot be read as TOML; expected a plan: {problem}") from None
     try:

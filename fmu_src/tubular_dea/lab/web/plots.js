@@ -56,7 +56,7 @@ class Plot {
       width: Math.max(180, this.chart.clientWidth || 480), height: this.height, legend: { show: false },
       cursor: { drag: { x: true, y: free, setScale: true }, sync: this.sync ? { key: this.sync } : undefined, points: { size: 6 } },
       scales: { x: { time: false, range: free ? () => this.wanted.x : undefined }, y: { range: free ? () => this.wanted.y : (u, low, high) => roomy(low, high) } },
-      axes: [{ ...axis(this.x.q), size: 34 }, { ...axis(first.q), size: 52 }],
+      axes: [{ ...axis(this.x.q), size: 34 }, { ...axis(first.q), size: 64 }],
       series: [{}, ...this.series.map((s, i) => ({ label: s.name, stroke: () => css(s.colour ?? COLOURS[i % COLOURS.length]), width: s.width ?? 1.75, dash: s.dash, points: { show: false }, spanGaps: false }))],
       hooks: { draw: [(u) => this.drawCurves(u)], setCursor: [(u) => this.readOut(u)], setSelect: [() => { this.zoomed = true; }] },
     };
