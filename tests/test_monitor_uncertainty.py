@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tubular_dea.identify.cases import Case, Reading
-from tubular_dea.identify.monitor_uncertainty import COMES_WITHIN, INPUT_STEP, shifted
+from tubular_dea.identify.monitor_uncertainty import INPUT_STEP, shifted
+from tubular_dea.identify.start import FIRST_SAMPLES
 from tubular_dea.protocol import Protocol
 
 TIME = 0.01 * np.arange(100)
@@ -26,4 +27,4 @@ def test_a_constant_is_added_from_the_first_sample() -> None:
 
 def test_where_an_input_begins_with_nothing_no_step_of_a_constant_makes_a_plant_ring() -> None:
     found, step = added(0.0, 3.0, 2.0)
-    np.testing.assert_allclose(found, step * np.minimum(np.arange(100) / COMES_WITHIN, 1.0))
+    np.testing.assert_allclose(found, step * np.minimum(np.arange(100) / FIRST_SAMPLES, 1.0))

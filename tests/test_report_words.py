@@ -52,3 +52,12 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     better = errors | {"held_out_rmse": 15.2e-6}
     _, declared, _ = close_loop.error_lines(found, told | {"published": better})
     assert declared == "As declared, without any refit, the model predicts what was held out to 15.2 um."
+
+
+def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
+    def said(verdict: str, wandering: tuple[str, float] | None) -> str:
+        return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering))
+
+    assert said("no_effect", None) == in_short.CONFIDENCE["no_effect"]
+    assert "zero drifts slowly" in said("no_effect", ("ramp", 5e-6))
+    assert said("effect_found", ("ramp", 5e-6)) == in_short.CONFIDENCE["effect_found"]

@@ -152,7 +152,7 @@ def discover(
         work = found.study
         equivalent, described = _judged(work, found, repeated)
     held = _held_ratio(work, found.chosen)
-    wandering = _wandering(work, found.chosen)
+    wandering = _wandering(work, found)
     shifted = zeros.impossible(work, found.chosen)
     verdict = decide(found, held, equivalent, wandering is not None, shifted is not None)
     before = residuals.tests(found.base_study, (), fitted)
@@ -212,9 +212,13 @@ def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[
     return equivalent, _described(work, found.chosen, _equals(found, equivalent), found.gains)
 
 
-def _wandering(work: Study, chosen: Option) -> tuple[str, float] | None:
+def _wandering(work: Study, found: Search) -> tuple[str, float] | None:
     """Where the first output's zero wanders most, and by how much [SI], if the choice leaves no more than that."""
+    chosen = found.chosen
     if acceptance.clean(chosen.lack_of_fit) or not acceptance.clean(wander.without(work, chosen)):
+        return None
+    tried = [r for r in found.rounds if r.present == chosen.ids]
+    if tried and wander.leaves(work, chosen, tried[-1].options, tried[-1].threshold):
         return None
     return wander.largest(work, chosen)
 

@@ -9,7 +9,7 @@ determine these parameters.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,13 @@ def explained_by_wandering(study: Study, before: Option, after: Option, threshol
     size, wandering = _likeliest(study, before)
     gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
     return _misfit(study, before, size) - _misfit(study, after, size) < threshold and wandering > gained - EARNS
+
+
+def leaves(study: Study, before: Option, options: Sequence[Option], threshold: float) -> bool:
+    """Whether beside the wandering of zeros some option gains more than chance, the `threshold`, over `before`."""
+    size, _ = _likeliest(study, before)
+    left = _misfit(study, before, size)
+    return any(left - _misfit(study, one, size) > threshold for one in options)
 
 
 def without(study: Study, option: Option) -> LackOfFit:

@@ -67,6 +67,17 @@ class HeldLine:
         moves = np.abs(np.diff(self.values))[~within & (np.diff(self.time) > 0)]
         return bool(moves.size) and float(moves.sum()) > share * float(np.ptp(self.values))
 
+    def with_time(self, time: float) -> HeldLine:
+        """With a point at a time [s] inside it, where no edge is."""
+        after = int(np.searchsorted(self.time, time))
+        if after in (0, self.time.size) or self.time[after] == time:
+            return self
+        value = float(np.interp(time, self.time, self.values))
+        added = zip(
+            (self.time, self.values, self.edge, self.side, self.slope), (time, value, -1, 0.0, 0.0), strict=True
+        )
+        return HeldLine(*(np.insert(known, after, new) for known, new in added))
+
     def in_order(self) -> HeldLine:
         """With times that never fall."""
         return self.with_edges_at(self.time[self.edge >= 0])

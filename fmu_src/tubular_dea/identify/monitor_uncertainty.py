@@ -21,12 +21,12 @@ from .drive import Drive
 from .fit import Fit
 from .problem import Problem
 from .response import Response
+from .start import FIRST_SAMPLES
 from .threads import side_by_side
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
 INPUT_STEP = 4e-3  # [1] of an input's largest value: shift at which its gain is taken
-COMES_WITHIN = 12  # [samples] within which it comes where an input begins with nothing
 CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample fits into memory
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
@@ -80,7 +80,7 @@ def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
     step = sign * INPUT_STEP * (float(np.abs(protocol.inputs[name]).max()) or 1.0)
     part = np.ones(1)
     if protocol.inputs[name][0] == 0.0:
-        last = float(case.instants[min(COMES_WITHIN, case.instants.size - 1)])
+        last = float(case.instants[min(FIRST_SAMPLES, case.instants.size - 1)])
         protocol = protocol.with_time(last)
         part = np.clip((protocol.time - first) / (last - first), 0.0, 1.0)
     inputs = protocol.inputs | {name: protocol.inputs[name] + step * part}

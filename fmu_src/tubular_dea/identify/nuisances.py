@@ -36,12 +36,12 @@ EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference qu
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
-LATE = 0.5  # [samples] by which they usually do
+LATE = 0.5  # [samples] by which filters against aliasing usually make monitors late
 TURN = 0.1  # [samples] by which channels are usually apart that are read in turn
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
-GAIN = 2e-3  # [1] by which they usually do
+GAIN = 2e-3  # [1] by which gains of a monitor usually differ between files
 
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
@@ -92,7 +92,8 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases = [(name, *shifted(piece.case, name)) for name in monitors]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
     cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
-    cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises]
+    switching = {e.input for e in piece.driven.edges}
+    cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises if name in switching]
     if study.sought:
         cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
@@ -198,8 +199,6 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
         return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
     if name.startswith("hum "):
         return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
-    if name.startswith(RISE_OF):
-        return usual_size(study, piece, name)
     unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
     kinds = {LATE_OF: (MIDWAY if unheld else TURN) * step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
     return next((size for kind, size in kinds.items() if name.startswith(kind)), usual_size(study, piece, name))

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .compiled import Ids
-from .edges import Rise
 from .linearised import Linearised, windows_of
 from .marginal import marginal
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
@@ -38,7 +37,6 @@ ITERATIONS = 40  # [1] of expectation and maximisation
 LATEST = 1.0  # [samples] by which filters against aliasing make monitors late at most
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py -k amplifier`
-ONE_AMPLIFIER = 1e-4  # [1] variance between files of a rise, of what is not known of it: one amplifier rises alike
 A_JUMP = 0.1  # [1] of what is not known of a rise that no sample shows: a shorter one is none
 
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
@@ -67,11 +65,10 @@ def spreads(
     kinds = [
         n for n in dict.fromkeys(n for p in study.pieces for n in p.nuisances.names) if usual_size(study, first, n) > 0
     ]
-    if not study.filtered:
-        kinds = [n for n in kinds if not n.startswith(LATE_OF)]
-    sizes = {n: size_of(study, n) for n in kinds if not n.startswith((LATE_OF, RISE_OF))}
+    kinds = [n for n in kinds if not n.startswith(RISE_OF) and (study.filtered or not n.startswith(LATE_OF))]
+    sizes = {n: size_of(study, n) for n in kinds if not n.startswith(LATE_OF)}
     training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
-    if not kinds or not training:
+    if not training or not (kinds or study.rises):
         return sizes, Common()
     problem = study.problem(ids, free, {n: v for n, v in values.items() if n not in {f.name for f in free}})
     fixed = [np.empty((p.record.size, 0)) for p, _ in training]
@@ -82,13 +79,14 @@ def spreads(
             whitened(p.case, c * slopes, study.noise, p.weight) for (p, _), c in zip(training, columns, strict=True)
         ]
     few = len({p.source for p, _ in training}) < LEAST_FILES
-    variance, common = _estimated(study, kinds, training, fixed, few)
+    variance, late = _estimated(study, kinds, training, fixed, few) if kinds else (np.empty(0), {})
     found = {n: float(np.sqrt(v)) * sizes[n] for n, v in zip(kinds, variance, strict=True) if n in sizes}
     monitors = {s.name for s in study.plant.inputs}
     most = {
         n: MOST_GAIN if n.startswith(GAIN_OF) else (ZEROS if n in monitors else MOST_ZERO) * sizes[n] for n in found
     }
-    return {n: min(v, most[n]) for n, v in found.items()}, common
+    spread = {n: min(v, most[n]) for n, v in found.items()}
+    return spread, Common(late, {name: _longer(study, name, spread, training, fixed) for name in study.rises})
 
 
 def _estimated(
@@ -97,10 +95,10 @@ def _estimated(
     training: Sequence[tuple[Piece, Linearised]],
     fixed: Sequence[np.ndarray],
     few: bool,
-) -> tuple[np.ndarray, Common]:
+) -> tuple[np.ndarray, dict[str, float]]:
     """Expectation and maximisation over the normal equations of parameters, means and every file's deviations.
 
-    Returns variances (k,) in units of the usual ones (1 where files are `few`), and what files have in common.
+    Returns variances (k,) in units of the usual ones (1 where files are `few`), and mean delays in samples.
     """
     k, p, m = len(kinds), fixed[0].shape[1], len(training)
     size = p + k + m * k
@@ -116,23 +114,21 @@ def _estimated(
         )
         others = np.array([0.0 if n in kinds else prior(study, piece, n, {}) for n in piece.nuisances.names])
         local = marginal(windows_of(piece, linear, piece.shifts), linear.columns, others)
-        left = linear.undecided() if study.filtered else linear.residual
-        together = local.apply(np.column_stack([columns, own, left]))
+        together = local.apply(np.column_stack([columns, own, linear.undecided()]))
         gram = together.T @ together
         at = np.r_[0 : p + k, p + k + i * k : p + k + (i + 1) * k]
         wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
         information[np.ix_(at, at)] += gram[np.ix_(wide, wide)]
         target[at] -= gram[wide, -1]
     late = np.array([n.startswith(LATE_OF) for n in kinds])
-    rising = np.array([n.startswith(RISE_OF) for n in kinds])
-    known = np.array([_in_common(study, n) for n in kinds])
+    known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
     seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
-    information[range(p, p + k), range(p, p + k)] += np.where(late | rising, 1.0, np.where(seen, 1e6, 1e-6))
+    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, 1e6, 1e-6))
     alike = _alike(late)
     information[p : p + k, p : p + k] += alike
     target[p : p + k] -= known + alike @ known
-    variance = np.where(late, (TURN / LATE) ** 2, np.where(rising, ONE_AMPLIFIER, 1.0))
+    variance = np.where(late, (TURN / LATE) ** 2, 1.0)
     for _ in range(1 if few else ITERATIONS):
         penalised = information.copy()
         penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, 1e-8), m)
@@ -141,27 +137,45 @@ def _estimated(
         solved = inverse @ target
         found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
         if not few:
-            variance = np.where(late | rising, variance, np.mean(found**2 + uncertainty, axis=0))
-    means = dict(zip(kinds, (known + solved[p : p + k]).tolist(), strict=True))
-    signals = [s.name for s in study.plant.inputs]
-    later = {s: float(np.clip(v * LATE, 0.0, LATEST)) for s in signals if (v := means.get(f"{LATE_OF}{s}")) is not None}
-    rises = {s: r for s, r in study.rises.items() if f"{RISE_OF}{s}" in means}
-    return variance, Common(later, {s: _plausible(r, means[f"{RISE_OF}{s}"]) for s, r in rises.items()})
+            variance = np.where(late, variance, np.mean(found**2 + uncertainty, axis=0))
+    means = np.clip((known + solved[p : p + k]) * LATE, 0.0, LATEST)
+    return variance, {
+        n.removeprefix(LATE_OF): float(v) for n, v, is_late in zip(kinds, means, late, strict=True) if is_late
+    }
 
 
-def _in_common(study: Study, name: str) -> float:
-    """What is known by now of a delay or a rise that all files have in common, in usual sizes; 0 for others."""
-    if name.startswith(RISE_OF):
-        return study.longer.get(name.removeprefix(RISE_OF), 0.0) / usual_size(study, study.pieces[0], name)
-    return study.late.get(name.removeprefix(LATE_OF), 0.0) / LATE
+def _longer(
+    study: Study,
+    name: str,
+    spread: Mapping[str, float],
+    training: Sequence[tuple[Piece, Linearised]],
+    fixed: Sequence[np.ndarray],
+) -> float:
+    """How much longer the amplifier behind an input rises than was read [s]: the likeliest, within what samples allow.
 
-
-def _plausible(rise: Rise, longer: float) -> float:
-    """How much longer an amplifier rises than was read [s], from that in standard deviations: within what is likely.
-
-    Where nothing was seen of its rise, a short one is none.
+    Edges stay where they are by now: what a rise changes beyond them is told from there. Where nothing was seen of it,
+    a short rise is none.
     """
-    by = longer * rise.stderr
+    rise, known, size = study.rises[name], study.longer.get(name, 0.0), fixed[0].shape[1] + 1
+    information, target = np.zeros((size, size)), np.zeros(size)
+    for (piece, linear), columns in zip(training, fixed, strict=True):
+        names = piece.nuisances.names
+        if f"{RISE_OF}{name}" not in names:
+            continue
+        own = names.index(f"{RISE_OF}{name}")
+        others = np.array([prior(study, piece, n, spread) for n in names])
+        others[own] = 0.0
+        local = marginal(windows_of(piece, linear, piece.shifts), linear.columns, others)
+        along = linear.columns[:, own] * rise.stderr
+        white = local.apply(np.column_stack([columns, along, linear.residual]))
+        information += white[:, :-1].T @ white[:, :-1]
+        target -= white[:, :-1].T @ white[:, -1]
+    information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else 1e-9
+    information[-1, -1] += 1.0
+    target[-1] -= known / rise.stderr
+    scale = 1 / np.sqrt(np.diag(information))
+    solved = scale * np.linalg.lstsq(information * np.outer(scale, scale), scale * target, rcond=None)[0]
+    by = known + float(solved[-1]) * rise.stderr
     return 0.0 if not rise.seen and by < A_JUMP * rise.stderr else float(np.clip(by, *rise.longer))
 
 

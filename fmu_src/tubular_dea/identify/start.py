@@ -6,13 +6,15 @@ off is one of the record's own numbers (`adjust`), which the record itself deter
 
 What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
 before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
-the zero describes. A zero that all files have in common may be an effect and stays.
+the zero describes. A zero that all files have in common may be an effect and stays. What moves from the first sample on
+begins with nothing, for the same reason.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +34,7 @@ RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
 STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
 # Set by judgement. Check: `pytest tests/test_start.py`,
 # `python -m blind.score --nulls 12 --conventions start --seed 1000`
-FIRST_SAMPLES = 12  # [samples] through which a straight line tells what a record begins with
+FIRST_SAMPLES = 12  # [samples] that tell what a record begins with, and within which what begins is changed
 CLEARLY = 5.0  # [standard errors] of it that are a load
 ZEROS = 3.0  # [1] usual zeros of its signal that are one
 SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
@@ -92,7 +94,15 @@ def zeroed(
         for i in resting:
             if signal.linear and i not in seen and abs(drives[i].lines[signal.name].values[0]) <= ZEROS * signal.zero:
                 still[i][signal.name] = 1  # it moves at once, from nothing
-    return [d.without(z, s, levels) if s else d for d, z, s in zip(drives, zeros, still, strict=True)]
+    begun = [_from_nothing(e, d, s) for e, d, s in zip(experiments, drives, still, strict=True)]
+    return [d.without(z, s, levels) if s else d for d, z, s in zip(begun, zeros, still, strict=True)]
+
+
+def _from_nothing(experiment: Experiment, driven: Drive, still: Mapping[str, int]) -> Drive:
+    """The drive with a point some samples from the start where a line moves at once: only up to there it is changed."""
+    at = float(experiment.time[min(FIRST_SAMPLES, experiment.time.size - 1)])
+    moving = {name: driven.lines[name].with_time(at) for name, points in still.items() if points == 1}
+    return replace(driven, lines=dict(driven.lines) | moving)
 
 
 def _in_common(zeros: np.ndarray, usual: float) -> float:

@@ -23,6 +23,10 @@ CONFIDENCE = {
     "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
     "the fits.",
 }
+DRIFTS = (
+    "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
+    "the catalogue explains clearly more of it than such a drift. A slow effect of this size could not be told from it."
+)
 LEFT = "what the noise of the sensor and of the monitors leaves together"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
@@ -44,13 +48,18 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"Held out of every fit, to judge the result by: {held}." if held else "No experiment was held out of the fits."
     )
     questions = [
-        ("How certain is it?", [CONFIDENCE[outcome["verdict"]], *_rivals(outcome)]),
+        ("How certain is it?", [_confidence(found), *_rivals(outcome)]),
         ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {samples} samples. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
         ("What should be measured next?", [outcome["next_experiment"]]),
     ]
     page.answers((question, texts) for question, texts in questions if texts)
+
+
+def _confidence(found: Discovery) -> str:
+    """How certain the verdict is."""
+    return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
 
 
 def counted(number: int, word: str) -> str:
