@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tubular_dea.api import identify
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.report import close_loop, in_short
 from tubular_dea.report.page import Page
@@ -61,3 +62,12 @@ def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
     assert said("no_effect", None) == in_short.CONFIDENCE["no_effect"]
     assert "zero drifts slowly" in said("no_effect", ("ramp", 5e-6))
     assert said("effect_found", ("ramp", 5e-6)) == in_short.CONFIDENCE["effect_found"]
+
+
+def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertainty() -> None:
+    def said(value: float, stderr: float) -> str:
+        return identify._estimate("C_3", SimpleNamespace(value=value, stderr=stderr, unit="Pa"))
+
+    assert said(0.129874, 4600.0) == "C_3      0.000129874 +- 4.6 kPa"
+    assert said(3086.4, 130.0) == "C_3      3.0864 +- 0.13 kPa"
+    assert said(3086.4, float("inf")) == "C_3      3.0864 +- inf kPa"

@@ -99,14 +99,7 @@ class IdentificationResult:
 
     def lines(self) -> list[str]:
         """The parameters and the goodness of fit as text."""
-        from ..report.parts import readable
-
-        said, fits = [], []
-        for name, p in self.parameters.items():
-            scale, unit = readable(p.value, p.unit)
-            said.append(
-                f"{name:8s} {p.value / scale:.6g} +- {float(f'{p.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
-            )
+        said, fits = [_estimate(name, p) for name, p in self.parameters.items()], []
         each = self.content.get("outputs", {"": self.content})
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
@@ -304,3 +297,11 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
         "unit": work.plant.quantity(output).unit,
         "per_experiment": each,
     }
+
+
+def _estimate(name: str, told: ParameterEstimate) -> str:
+    """A parameter with its standard error, in a unit that suits the larger of the two."""
+    from ..report.parts import readable
+
+    scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
+    return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
