@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .compiled import Ids
+from .fit import inverse
 from .linearised import Linearised, windows_of
 from .marginal import marginal
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
@@ -173,9 +174,7 @@ def _longer(
     information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else 1e-9
     information[-1, -1] += 1.0
     target[-1] -= known / rise.stderr
-    scale = 1 / np.sqrt(np.diag(information))
-    solved = scale * np.linalg.lstsq(information * np.outer(scale, scale), scale * target, rcond=None)[0]
-    by = known + float(solved[-1]) * rise.stderr
+    by = known + float(inverse(information)[-1] @ target) * rise.stderr
     return 0.0 if not rise.seen and by < A_JUMP * rise.stderr else float(np.clip(by, *rise.longer))
 
 
