@@ -261,6 +261,9 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
     much = option(excess=4000 * LARGE)  # of which the first effect explains nearly all: its law is not so exact
     assert "another form of lag could" in acceptance.no_further_effect(much, before, 15.9 * LARGE, "creep")
     assert acceptance.no_further_effect(much, before, 16.0 * LARGE, "creep") == ""
+    vast = option(excess=40_000 * LARGE)  # whatever the first explains: what clears four fifths of the rest is no form
+    assert "another form of lag could" in acceptance.no_further_effect(vast, before, 15.9 * LARGE, "creep")
+    assert acceptance.no_further_effect(vast, before, 16.1 * LARGE, "creep") == ""
     worse = option("lag", "creep", excess=15 * LARGE, held_out=2.1e5, turned=0.2)
     assert acceptance.accept(base, before, worse, 30.0) == (
         False,
@@ -309,6 +312,14 @@ def test_noise_is_no_more_than_a_residual_hides_from_its_past() -> None:
     bound = noise_bound.prediction_error([slow + n for n in noise])
     assert 0.99 * noise.std() < bound < noise_bound.TOO_MUCH * noise.std()
     assert noise_bound.prediction_error([np.zeros(100)]) == 0.0
+
+
+def test_what_a_monitor_drives_is_no_part_of_the_noise_that_a_residual_limits() -> None:
+    """A line follows its monitor's noise in some files, and in others it does not: their residual shows none of it."""
+    known = Noise(12e-6, 0.97, 5000.0, step=0.002, driven=6e-6)
+    left = [Noise(12e-6, 0.97, step=0.002).sample(np.arange(6000) * 0.002, np.random.default_rng(3))]
+    assert known.innovation > noise_bound.TOO_MUCH * noise_bound.prediction_error(left)
+    assert noise_bound.limited(known, left).rms == pytest.approx(12e-6, rel=0.1)
 
 
 def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:

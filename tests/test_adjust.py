@@ -9,7 +9,7 @@ import pytest
 import sympy
 
 from test_plain_models import one_state
-from tubular_dea.identify import nuisances, spreads
+from tubular_dea.identify import adjust, nuisances, spreads
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import Experiment, Recordings
 from tubular_dea.identify.drive import joined
@@ -18,7 +18,7 @@ from tubular_dea.identify.monitor_uncertainty import constant_gains, shifted
 from tubular_dea.identify.noise import Noise
 from tubular_dea.identify.nuisances import with_nuisances
 from tubular_dea.identify.problem import Free, whitened
-from tubular_dea.identify.study import Study, study
+from tubular_dea.identify.study import Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws.places import Path
 from tubular_dea.model.declare import Quantity
@@ -341,6 +341,26 @@ def test_gains_that_differ_between_files_come_out() -> None:
         listed = [recorded(i, ramps(i), gain=1 + float(g)) for i, g in enumerate(drawn(10, spread))]
         found = adjusted(study_of(listed, plant), (), TRUTH, FREE).spread["gain of load"]
         assert found == pytest.approx(known, abs=2e-4)
+
+
+@pytest.mark.parametrize(("off", "taken"), [(0.004, True), (0.4, False)])
+def test_no_gain_makes_up_for_a_model_that_is_far_off(off: float, taken: bool) -> None:
+    """Loads that a monitor shows half again too large in some files are a model's fault, and no gain of a monitor."""
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    work = adjusted(study_of([recorded(i, ramps(i), gain=1 + off * (-1) ** i) for i in range(4)], plant), (), TRUTH)
+    for piece in work.pieces:
+        (answer,) = work.response((), [piece]).outputs(TRUTH)
+        own = dict(zip(piece.nuisances.names, nuisances.likeliest(work, piece, answer), strict=True))
+        assert abs(own["gain of load"]) < adjust.INCREDIBLE * spreads.MOST_GAIN
+        assert abs(own["load"]) < adjust.INCREDIBLE * spreads.most_spread(work, "load")
+        assert abs(own["smooth load"]) < adjust.INCREDIBLE
+        narrowed = prior_of(piece, "gain of load") < work.spread["gain of load"]
+        assert narrowed is not taken
+
+
+def prior_of(piece: Piece, name: str) -> float:
+    """The standard deviation of a nuisance parameter of a piece."""
+    return float(piece.nuisances.sd[piece.nuisances.names.index(name)])
 
 
 def test_where_a_record_starts_is_estimated_before_any_fit() -> None:

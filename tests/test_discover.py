@@ -25,7 +25,7 @@ from tubular_dea.discover.parameters import base_parameters
 from tubular_dea.identify.adjust import adjusted
 from tubular_dea.identify.data import read_folder
 from tubular_dea.identify.drive import drive
-from tubular_dea.identify.study import choose_held_out, study
+from tubular_dea.identify.study import PRIOR, choose_held_out, study
 from tubular_dea.plants.saved import load
 from tubular_dea.plants.tube import PLANT
 
@@ -182,7 +182,7 @@ def test_an_oscillation_that_no_input_drives_is_told(tmp_path: Path) -> None:
         for row in rows:
             row[place] += height * np.sin(2 * np.pi * frequency * row[0])
         file.write_text("\n".join([head, *(",".join(f"{v:.9g}" for v in row) for row in rows)]))
-    work = study(read_folder(folder, PLANT), [], engine.PRIOR)
+    work = study(read_folder(folder, PLANT), [], PRIOR)
     fitted = base.recalibrate(work, 1)
     work = adjusted(work, (), fitted.values)
     found = SimpleNamespace(study=work, named=SimpleNamespace(ids=(), fitted=fitted))
@@ -194,7 +194,7 @@ def test_an_oscillation_that_no_input_drives_is_told(tmp_path: Path) -> None:
 
 
 def test_scores_point_to_the_refit(closed: Path) -> None:
-    work = study(read_folder(EXAMPLE, PLANT), prior=engine.PRIOR)
+    work = study(read_folder(EXAMPLE, PLANT), prior=PRIOR)
     fitted = base.recalibrate(work, 1)
     listed = bank.candidates(work, fitted)
     scored = bank.best_of_each(bank.scores(listed, fitted.residual, fitted.jacobian))

@@ -23,6 +23,7 @@ from tubular_dea.identify.intervals import interval, profile_interval
 from tubular_dea.identify.misfit import misfit
 from tubular_dea.identify.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea
+from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.saved import ModelFileError, as_json, load
 from tubular_dea.plants.tube import PLANT, TABLE_II
 from tubular_dea.sweep.models import calibrated
@@ -112,6 +113,24 @@ def test_what_is_not_determined_is_named(work: Study) -> None:
     assert fit(problem, start, evaluations=5).undetermined() == ["eps_r"]
 
 
+def test_a_parameter_that_ended_at_its_bound_is_named() -> None:
+    """A vessel that empties within 2 s, declared to take 1 s at most."""
+    m = Build("Vessel")
+    inflow = m.input("inflow", "m3/s", nominal=1.0)
+    lasts = m.parameter("lasts", "s", 0.5, minimum=0.01, maximum=1.0)
+    level = m.state("level", "m3", nominal=1.0)
+    m.derivative(level, inflow - level / lasts)
+    m.output("reading", "m3", level, nominal=1.0)
+    time = np.arange(0.0, 8.0, 0.02)
+    true = np.where(time < 1.0, 0.0, 2.0 * (1 - np.exp(-(time - 1.0) / 2.0)))
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(time.size)
+    table = {"time [s]": time, "inflow [m3/s]": 1.0 * (time >= 1.0), "reading [m3]": true + noise}
+    plant = Plant(m.model(), [Input("inflow", held=True)], [Output("reading")])
+    found = td.identify(td.read_recordings({"filled": table}, plant=plant), starts=1)
+    assert found.content["at_bounds"] == {"lasts": "largest"}
+    assert any("lasts ended at the largest value that the model allows, 1 s" in said for said in found.remarks())
+
+
 def test_linearised_intervals_hold() -> None:
     """Three tubes, one experiment of all; `python -m blind.coverage` counts enough of them for a figure."""
     ends = np.array([coverage.linearised(seed, ["02_step_4kV"]) for seed in range(3)])
@@ -129,7 +148,7 @@ def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
     out = carried_out("identify", str(EXAMPLE))
     said = out.with_suffix(".said").read_text(encoding="utf-8")
     assert "the model lacks something" in said
-    assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"times the noise of \S+ um", said)
+    assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"the sensor\'s noise: \S+ um\)", said)
     content = json.loads((out / "parameters.json").read_text())
     assert content["verdict"] == "misfit"
     assert content["residual_over_noise"] > 1.1

@@ -99,6 +99,8 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ("def f(:\n", 1, "cannot be read as Python"),
         ("\nimport no_such_module\n", 2, "ModuleNotFoundError: No module named 'no_such_module'"),
         (HEAD + "m.define('q', 'V', level * lost)\n", 8, "NameError: name 'lost' is not defined"),
+        (HEAD + "m.parameter('k', 'N/m', float('nan'))\n", 8, "parameter 'k': expected a number but was given nan"),
+        (HEAD + "PLANT = Plant(m, [], [])\n", 8, "model: expected a model, as m.model(), but was given a Build"),
         (
             HEAD + "import sympy\nm.define('q', 's', sympy.Symbol('time'))\n",
             9,

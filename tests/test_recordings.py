@@ -14,7 +14,7 @@ from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
-from tubular_dea.identify.data import read_experiment
+from tubular_dea.identify.data import DataError, read_experiment
 from tubular_dea.identify.spikes import spikes
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -390,12 +390,12 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     spiked["pump [V]"] = np.where(np.arange(401) == 100, 1e9, spiked["pump [V]"])
     (spike,) = unusual.findings(read_recordings(more | {"d": spiked}, tank))
     assert spike == (
-        "d: pump is 1e+09 at 5 s, far from the others (1 sample): is it a spike? If so, leave its cell empty"
+        "d: pump is 1e+09 V at 5 s, far from the others (1 sample): is it a spike? If so, leave its cell empty"
     )
     twice = table(2.0)
     twice["reading [m]"] = np.where(np.isin(np.arange(401), [100, 101]), 1e9, twice["reading [m]"])
     assert unusual.findings(read_recordings(more | {"d": twice}, tank))[0].startswith(
-        "d: reading is 1e+09 at 5 s, far from the others (2 samples)"
+        "d: reading is 1e+09 m at 5 s, far from the others (2 samples)"
     )
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
@@ -420,9 +420,55 @@ def test_single_samples_that_stand_out_are_left_out_and_said(tmp_path: Path) -> 
     assert "1 more" in said
 
 
+def test_the_last_sample_of_a_record_is_no_spike() -> None:
+    """Nothing tells whether what comes after it goes on from there."""
+    room = 20 + 0.01 * np.random.default_rng(4).standard_normal(200)
+    for last in (199, 198, 0, 1):
+        assert not spikes(np.where(np.arange(200) == last, 21.0, room)).size
+    assert spikes(np.where(np.arange(200) == 100, 21.0, room)).tolist() == [100]
+
+
+def two_signals() -> Plant:
+    """A force F and a frequency f; a position and a pressure, of which one may rest."""
+    m = Build("Two")
+    force, frequency = m.input("F", "N", nominal=1.0), m.input("f", "Hz", nominal=1.0)
+    x = m.state("x", "m", nominal=1.0)
+    m.derivative(x, m.parameter("gain", "m/s/N", 1.0) * force - m.parameter("decay", "1", 1.0) * frequency * x)
+    m.output("X", "m", x, nominal=1.0)
+    m.output("load", "Pa", m.parameter("k", "Pa/m", 1.0) * x, nominal=1.0)
+    return Plant(m.model(), [Input("F", held=True), Input("f")], [Output("X"), Output("load")])
+
+
+def test_signals_with_capital_letters_are_found_by_their_own_headings() -> None:
+    random, time = np.random.default_rng(5), np.arange(400) * 0.01
+    columns = {
+        "time [s]": time,
+        "f [Hz]": 1.0 + 0.1 * np.sin(time) + 1e-3 * random.standard_normal(400),
+        "F [N]": np.where(time > 2, 1.0 + 1e-3 * random.standard_normal(400), 0.0),  # off, as no sensor reads
+        "X [m]": np.sin(3 * time) + 1e-3 * random.standard_normal(400),
+        "load [Pa]": 5.0 + 1e-3 * random.standard_normal(400),  # stands still, while the position moves
+    }
+    found = read_recordings({"one": columns}, two_signals())
+    (experiment,) = found.experiments
+    assert experiment.inputs["F"][-1] == pytest.approx(1.0, abs=0.01)
+    assert experiment.inputs["f"][-1] == pytest.approx(0.92, abs=0.1)
+    assert experiment.outputs["load"].mean() == pytest.approx(5.0, abs=0.01)
+    assert experiment.source.remarks == ("load stands still here",)
+    with pytest.raises(DataError, match="column 'X': a constant record"):
+        read_recordings({"one": columns | {"X [m]": columns["load [Pa]"]}}, two_signals())
+
+
 def test_noise_steps_and_a_fast_plant_have_no_spikes() -> None:
     random, time = np.random.default_rng(8), np.arange(100_000) / 250
     assert not spikes(random.standard_normal(time.size)).size
     assert not spikes(np.where(time % 1 > 0.5, 1.0, 0.0) + 1e-3 * random.standard_normal(time.size)).size
     assert not spikes(np.sin(2 * np.pi * 110 * time)).size  # beyond what the rate shows well, but no single samples
     assert not spikes(np.round(3 * random.standard_normal(time.size)) / 4).size
+
+
+@pytest.mark.parametrize(("joined", "written"), [("Ns/m", "N.s/m"), ("Nm", "N.m"), ("mPas", "mPa.s"), ("ns", "1e-9")])
+def test_products_written_without_a_point_are_no_nanometres(joined: str, written: str) -> None:
+    if written == "1e-9":
+        assert converted(1.0, joined, "s") == pytest.approx(1e-9)
+    else:
+        assert factor(joined, written) == 1.0

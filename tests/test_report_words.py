@@ -43,15 +43,17 @@ def test_any_size_is_explained_only_where_it_stands_in_the_table() -> None:
 def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
     monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
+    monkeypatch.setattr(close_loop, "still", lambda found: "load barely moves in any experiment")
     held = [SimpleNamespace(name="ramp, second half")]
     found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None)
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6, "unit": "m"}
     told = {"published": errors, "recalibrated": errors, "after": errors}
-    first, second = close_loop.error_lines(found, told)
+    first, second, third = close_loop.error_lines(found, told)
     assert "held out (ramp, second half) 16 um" in first
     assert second == "these recordings prove little: there is only one experiment"
+    assert third == "load barely moves in any experiment: what it does is not tested"
     better = errors | {"held_out_rmse": 15.2e-6}
-    _, declared, _ = close_loop.error_lines(found, told | {"published": better})
+    _, declared, *_ = close_loop.error_lines(found, told | {"published": better})
     assert declared == "As declared, without any refit, the model predicts what was held out to 15.2 um."
 
 

@@ -17,7 +17,7 @@ from tubular_dea.identify.checks import mislabelled
 from tubular_dea.identify.data import Experiment, Recordings, read_experiment
 from tubular_dea.identify.drive import drive, joined
 from tubular_dea.identify.fit import AGREE, fit, goodness
-from tubular_dea.identify.study import Study, sensor_noise, study
+from tubular_dea.identify.study import PRIOR, Study, sensor_noise, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
 
@@ -125,7 +125,7 @@ def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
 
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     def prepared(recordings: Recordings) -> tuple[Study, list[np.ndarray]]:
-        work = adjusted(study(recordings, prior=engine.PRIOR), (), MODEL.parameter_values())
+        work = adjusted(study(recordings, prior=PRIOR), (), MODEL.parameter_values())
         return work, input_noise.weights(work, input_noise.input_gains(work, MODEL.parameter_values()))
 
     (_, positive), (work, negative) = prepared(plain), prepared(changed(plain, {"voltage": lambda v: -v}))
@@ -157,7 +157,7 @@ def test_what_recordings_without_pressure_do_not_determine_is_named() -> None:
 def test_a_tube_far_from_table_3_gets_the_best_base() -> None:
     declared = MODEL.parameter_values()
     truth = {n: declared[n] * part for n, part in SOFT.items()}
-    work = study(several(truth, softer=0.6, seed=20), prior=engine.PRIOR)
+    work = study(several(truth, softer=0.6, seed=20), prior=PRIOR)
     for seed in (0, 3):  # without the declared branches among the starts, both end in a poorer place
         found = base.recalibrate(work, seed=seed)
         assert found.cost < fit(work.problem((), found.free, {}), declared | truth).cost + AGREE

@@ -5,24 +5,26 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..discover.input_noise import weighted
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
 from ..identify.adjust import adjusted
 from ..identify.fit import Fit, goodness, rmse, uncertainty
 from ..identify.intervals import intervals, vanishing, with_coarse_residuals
-from ..identify.misfit import misfit
+from ..identify.misfit import Misfit, misfit
 from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.nuisances import with_nuisances
 from ..identify.problem import Problem
-from ..identify.study import Study, study
+from ..identify.study import PRIOR, Study, study
 from ..model.declare import Model, nearest
+from ..model.units import readable
 from ..plants.plant import Plant
 from ..plants.saved import as_json
 from . import tables
@@ -104,7 +106,7 @@ class IdentificationResult:
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
             fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {_told(e['rmse'], e['unit'])}")
-        return [*said, *self.remarks(), *fits]
+        return [*said, "(+- standard error; 95 % intervals in parameters.json)", *self.remarks(), *fits]
 
     def remarks(self) -> list[str]:
         """Warnings about the values."""
@@ -113,10 +115,16 @@ class IdentificationResult:
             said.append("the search has not converged: give more starts, or another start")
         if self.content["undetermined"]:
             said.append(f"not determined by these recordings: {', '.join(self.content['undetermined'])}")
+        for name, end in self.content["at_bounds"].items():
+            said.append(
+                f"{name} ended at the {end} value that the model allows, {_bound(self.model, name, end)}: its interval "
+                "is open there, and something else may be missing that it compensates for"
+            )
         if self.verdict == "misfit":
             said.append(
-                f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times the noise "
-                f"of {_told(self.content['noise_floor'], self.content['unit'])}, so the intervals are too narrow"
+                f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times what noise "
+                f"and sampling allow (the sensor's noise: {_told(self.content['noise_floor'], self.content['unit'])}), "
+                "so the intervals are too narrow"
             )
         return said
 
@@ -147,10 +155,14 @@ class IdentificationResult:
         return [write_atomically(Path(out) / name, data) for name, data in content.items()]
 
 
+def _bound(model: Model, name: str, end: str) -> str:
+    """The least or the largest allowed value of a parameter, with its unit."""
+    q = model.quantity(name)
+    return f"{q.minimum if end == 'least' else q.maximum:g} {q.unit}".removesuffix(" 1")
+
+
 def _told(error: float, unit: str) -> str:
     """An error in a readable unit."""
-    from ..report.parts import readable
-
     scale, unit = readable(error, unit)
     return f"{error / scale:.3g} {unit}"
 
@@ -223,7 +235,7 @@ def identify(
     values = known.model.parameter_values() | _start(known, start)
     with recorded(known), steps(progress, None) as tell:
         tell("monitors and noise")
-        work = study(recordings, held_out=(), effects=False)
+        work = study(recordings, held_out=(), prior=PRIOR, effects=False)
         if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts
             sought = procedure.free_parameters(known.model, values, free)
             work = adjusted(work, (), work.shared(values), sought, started=False)
@@ -254,7 +266,7 @@ def _start(plant: Plant, start: str | Mapping[str, Amount] | None) -> dict[str, 
 
 def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[str, Any]:
     """The content of parameters.json, in SI units."""
-    model, left, first = work.plant.model, misfit(problem, best), work.plant.outputs[0].name
+    model, left, first = work.plant.model, _misfit(work, problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
     outputs = [with_nuisances(work, p, y) for p, y in zip(work.training, answers, strict=True)]
     parameters = {
@@ -273,12 +285,19 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
         "residual_slow_z": left.slow,
         "parameters": parameters,
         "undetermined": best.undetermined(),
+        "at_bounds": {name: "least" if side < 0 else "largest" for name, side in best.at_bounds().items()},
         "converged": best.converged,
         "intervals": "profile likelihood" if profile else "covariance, or profile likelihood where that is not normal",
         **errors[next(iter(errors))],
         "noise_floor": work.noise[first].rms,
         "noise_correlation": work.noise[first].correlation,
     } | ({"outputs": errors} if len(errors) > 1 else {})
+
+
+def _misfit(work: Study, problem: Problem, best: Fit) -> Misfit:
+    """How the residual compares with noise, where that of the monitors, which drive the model, counts as such."""
+    judged = weighted(work, best.values).problem((), best.free, problem.fixed)
+    return misfit(judged, replace(best, residual=judged.residuals(best.scaled)))
 
 
 def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str, Any]:
@@ -301,7 +320,5 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
 
 def _estimate(name: str, told: ParameterEstimate) -> str:
     """A parameter with its standard error, in a unit that suits the larger of the two."""
-    from ..report.parts import readable
-
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
     return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")

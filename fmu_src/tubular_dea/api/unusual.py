@@ -9,6 +9,7 @@ import numpy as np
 from ..identify.data import Experiment, Recordings
 from ..identify.monitors import noise_level
 from ..identify.spikes import spikes
+from ..model.units import converted
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
 # tests/test_recordings.py -k odd`
@@ -52,8 +53,11 @@ def _spikes(recordings: Recordings) -> Iterator[str]:
                 alone = np.union1d(alone, spikes(values))
             if alone.size:
                 first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
+                quantity = recordings.plant.quantity(name)
+                unit = quantity.display_unit or quantity.unit
+                read = f"{converted(values[first], quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
                 yield (
-                    f"{e.name}: {name} is {values[first]:.3g} at {e.time[first] - e.time[0]:.4g} s, far from the "
+                    f"{e.name}: {name} is {read} at {e.time[first] - e.time[0]:.4g} s, far from the "
                     f"others ({times}): is it a spike? If so, leave its cell empty"
                 )
 

@@ -211,8 +211,8 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     """
     form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     if far(before):
-        first = base.fitted.cost - before.fitted.cost
-        return form if gain < SECOND_PART * first else _little(before, gain, name, after)
+        least = min(SECOND_PART * (base.fitted.cost - before.fitted.cost), CLEARED * before.lack_of_fit.excess)
+        return form if gain < least else _little(before, gain, name, after)
     if gain < _least_gain(base, before, gain):
         return form
     settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE

@@ -18,13 +18,13 @@ from scipy.spatial.distance import squareform
 from ..identify.cases import Case, Reading
 from ..identify.compiled import Compiled
 from ..identify.response import FINE, Response
+from ..identify.study import PRIOR
 from ..identify.threads import one_blas_thread, side_by_side
 from ..kernel import Kernel, KernelError
 from ..laws import seconds
 from ..model.effect import Effect
 from ..plants.plant import Plant
 from ..protocol import Protocol
-from .engine import PRIOR
 from .next_experiment import sweeps
 from .parameters import base_parameters, switched_off
 

@@ -15,7 +15,7 @@ from ..identify.monitor_uncertainty import with_monitor_noise
 from ..identify.noise_limit import quieter, with_noise_of
 from ..identify.problem import Problem
 from ..identify.procedure import ordered_fit
-from ..identify.study import Piece, Study, study
+from ..identify.study import PRIOR, Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
 from . import (
     acceptance,
@@ -43,10 +43,6 @@ from .settle import iterated
 
 # Set by convention. Check: `pytest tests/test_discover.py::test_the_same_recordings_and_seed_give_the_same_result`
 SEED = 20240  # [1] of all random numbers: the same recordings give the same answer
-
-# Set by judgement: a factor of e^2 for what is positive, twice the size for the rest.
-# Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
-PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions files --seed 1000`
 LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise

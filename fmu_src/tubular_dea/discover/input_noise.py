@@ -49,6 +49,15 @@ def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndar
     return result
 
 
+def allowed_rms(study: Study) -> dict[str, float]:
+    """The rms of what every output [SI] is allowed to be off: its noise, and what the weights of its samples add."""
+    squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
+    for piece in study.pieces:
+        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            squares[reading.output].append((study.noise[reading.output].slow / piece.weight[rows]) ** 2)
+    return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items() if parts}
+
+
 def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
     """How far an input may be from its line between two samples (N,), at and beside every sample.
 

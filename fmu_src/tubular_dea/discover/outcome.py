@@ -18,6 +18,7 @@ from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import noise_alone, size_interval
 from .engine import Discovery
+from .input_noise import allowed_rms
 from .next_experiment import DIFFER, at_channel, kind
 from .options import Option
 from .oscillations import Oscillation, oscillations
@@ -76,6 +77,7 @@ def floor(study: Study, error: float | None) -> float:
 def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
     """The noise of every sensor and monitor, oscillations, and the spread of zeros between files."""
     study = found.study
+    allowed = allowed_rms(found.study)
     sensors = {
         name: {
             "rms": noise.rms,
@@ -87,6 +89,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
                 if w.output == name
             ],
             "from_monitors": found.caused[name],
+            "allowed": allowed.get(name, noise.rms),
             "unit": _unit(found, name),
         }
         for name, noise in study.noise.items()
@@ -231,9 +234,10 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
     why, proposal = WHY[found.verdict], found.proposal
-    if found.verdict == "no_effect" and remarks.thin(found):
+    little = remarks.thin(found) or remarks.still(found)
+    if found.verdict == "no_effect" and little:
         words = proposal.words if proposal else "an experiment of another kind"
-        return f"{why}, but {remarks.thin(found)}: record {words}, to see what these recordings cannot show."
+        return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
     if found.verdict in ("unexplained", "partly_explained"):

@@ -10,10 +10,6 @@ from ..model.declare import Quantity
 from ..model.effect import Effect
 from ..plants.plant import Plant
 
-# Set by judgement: far less than any interval, far more than the searches' precision. Check:
-# `pytest tests/test_acceptance.py -k bound`
-AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
-
 
 def base_parameters(plant: Plant) -> list[Free]:
     """The parameters that may be identified: all tunable ones of the base model, and starts shared by all."""
@@ -43,21 +39,19 @@ def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
     Neither nothing nor the whole is a bound: 0 where a parameter cannot be negative, a share of 0 or 1, and where the
     effect is off.
     """
-    sides = {}
-    for free, scaled in zip(fitted.free, fitted.scaled, strict=True):
-        quantity = next((q for q in effect.parameters if q.name == free.name), None)
-        for side, bound in zip((-1, 1), (free.lower, free.upper), strict=True):
-            if quantity is None or bound is None or _natural(quantity, bound) or bound == effect.off.get(free.name):
-                continue
-            if abs(scaled - free.to_scaled(bound)) < AT_BOUND:
-                sides[free.name] = side
-    return sides
+    quantities = {q.name: q for q in effect.parameters}
+    return {
+        name: side
+        for name, side in fitted.at_bounds().items()
+        if name in quantities and not _natural(effect, quantities[name], side)
+    }
 
 
-def _natural(quantity: Quantity, bound: float) -> bool:
+def _natural(effect: Effect, quantity: Quantity, side: int) -> bool:
     """Whether a bound is nothing or the whole of what a parameter says, and no opinion on how large it may be."""
+    bound = quantity.minimum if side < 0 else quantity.maximum
     share = quantity.unit == "1" and quantity.minimum == 0 and quantity.maximum == 1
-    return bound == 0 or (share and bound == 1)
+    return bound in (0, effect.off.get(quantity.name)) or (share and bound == 1)
 
 
 def unusual(effect: Effect, fitted: Fit) -> float:

@@ -9,8 +9,9 @@ import numpy as np
 from ..identify.fit import Fit
 from ..identify.intervals import interval
 from ..identify.nuisances import zero_spread
+from ..model.declare import Quantity
 from ..model.effect import Effect
-from ..model.units import factor
+from ..model.units import factor, readable
 from .acceptance import clean, noise_alone, size_interval
 from .engine import Discovery
 from .oscillations import Oscillation
@@ -79,6 +80,12 @@ def _beyond(found: Discovery) -> list[str]:
     return list(dict.fromkeys(said))
 
 
+def _told(value: float, q: Quantity) -> str:
+    """A value [SI] in the unit in which its quantity is shown, or one that makes a short number."""
+    scale, unit = (factor(q.display_unit, q.unit), q.display_unit) if q.display_unit else readable(value, q.unit)
+    return f"{value / scale:.3g} {unit}".removesuffix(" 1")
+
+
 def _unit(effect: Effect, parameter: str) -> str:
     """The unit of an effect's parameter behind a number."""
     unit = next(q.unit for q in effect.parameters if q.name == parameter)
@@ -87,11 +94,10 @@ def _unit(effect: Effect, parameter: str) -> str:
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
     q, (name, amplitude) = found.study.plant.quantity(wave.output), wave.largest
-    unit = q.display_unit or q.unit
     reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output).replace("_", " ")
     return (
         f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
-        f"{amplitude / factor(unit, q.unit):.2g} {unit}, most in {name}. Look for something that runs at this "
+        f"{_told(amplitude, q)}, most in {name}. Look for something that runs at this "
         "frequency near the plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
     )
 
@@ -100,21 +106,26 @@ def _implausible(found: Discovery) -> list[str]:
     said = []
     for name in implausible(found, found.named.fitted):
         value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
-        unit = found.study.plant.quantity(name).unit
-        lacks = "it compensates for something that the model lacks"
+        q = found.study.plant.quantity(name)
+        lacks = "unless that was a first guess, it compensates for something that the model lacks"
         why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
-        said.append(f"{name} was fitted to {value:.3g} {unit} (declared: {usual:.3g} {unit}): {why}.")
+        said.append(f"{name} was fitted to {_told(value, q)} (declared: {_told(usual, q)}): {why}.")
     return said
 
 
 def thin(found: Discovery) -> str:
-    """Why these recordings can show little; "" where they are many and of several kinds."""
+    """Why these recordings can show little; "" where they are many."""
     files = {p.source for p in found.study.pieces}
     if len(files) < FEW_EXPERIMENTS:
         what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
         return f"there {'is' if len(files) == 1 else 'are'} only {what}"
-    still = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
-    return f"{still[0]} barely moves in any experiment" if still else ""
+    return ""
+
+
+def still(found: Discovery) -> str:
+    """Which inputs barely move in any experiment; "" where all do."""
+    names = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
+    return f"{' and '.join(names)} barely move{'s' if len(names) == 1 else ''} in any experiment" if names else ""
 
 
 def _moves(found: Discovery, name: str) -> bool:
@@ -148,8 +159,8 @@ def _spread(found: Discovery) -> list[str]:
     said = []
     for name in found.study.spread:
         if 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
-            unit = found.study.plant.quantity(name).unit
-            said.append(f"The zero of {name} differs by {spread:.2g} {unit} from file to file.")
+            told = _told(spread, found.study.plant.quantity(name))
+            said.append(f"The zero of {name} differs by {told} from file to file.")
     return said
 
 
@@ -159,8 +170,7 @@ def shifted(found: Discovery) -> list[str]:
         return []
     shift = found.shifted
     q = found.study.plant.quantity(shift.output)
-    unit = q.display_unit or q.unit
-    off, usual = (f"{v / factor(unit, q.unit):.3g} {unit}" for v in (shift.value, found.study.zero(shift.output)))
+    off, usual = (_told(v, q) for v in (shift.value, found.study.zero(shift.output)))
     return [
         f"In {shift.piece} {shift.output} would have to read {off} too much, where its zero is usually {usual}: the "
         "plant differs between the files, or what shifts it is missing. Errors are told with this taken off."
@@ -173,11 +183,10 @@ def _wandering(found: Discovery) -> list[str]:
         return []
     output, (name, rms) = found.study.plant.outputs[0], found.wandering
     q = found.study.plant.quantity(output.name)
-    unit = q.display_unit or q.unit
     reading = output.headings[0].replace("_", " ")
     return [
-        f"The zero of the {reading} drifts slowly within files, most in {name} ({rms / factor(unit, q.unit):.2g} "
-        f"{unit} rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
+        f"The zero of the {reading} drifts slowly within files, most in {name} ({_told(rms, q)} "
+        "rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
     ]
 
 

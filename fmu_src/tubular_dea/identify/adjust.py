@@ -20,9 +20,9 @@ from .compiled import Ids
 from .instants import bounds, part_on_clock
 from .linearised import Linearised, lasting_edges, linearised, wide, windows_of
 from .marginal import Marginal, marginal
-from .nuisances import LATE_OF, prior, step_of, with_columns
+from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, prior, step_of, with_columns
 from .problem import Free, whitened
-from .spreads import Common, spreads
+from .spreads import LATEST, Common, most_spread, spreads
 from .study import Piece, Study, carried
 from .threads import side_by_side
 
@@ -32,6 +32,10 @@ MOST_SETTLES = 6  # [1] the same at most
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
 STEP_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start, or instants, that are tried in turn
+
+# Set by judgement. Check: `pytest tests/test_adjust.py -k makes_up_for_a_model`
+INCREDIBLE = 3.0  # [1] times the largest usual spread beyond which no zero, gain, delay or drift is one
+NARROWER = tuple(2.0**k for k in range(13))  # [1] times by which their priors are narrowed, until they are credible
 
 
 def adjusted(
@@ -49,6 +53,7 @@ def adjusted(
     linear = side_by_side(lambda p: linearised(work, ids, fixed, p), work.pieces)
     spread, common = spreads(work, ids, fixed, linear, free)
     priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
+    priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
     part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
     pieces = [
         _settled(work, ids, fixed, p, s, sd, common, part) for p, s, sd in zip(work.pieces, linear, priors, strict=True)
@@ -88,6 +93,34 @@ def _settled(
     piece = replace(piece, late=late, longer=common.longer)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _credible(study: Study, piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:
+    """Priors (k,) narrowed until nothing that a monitor has of its own, and no drift, is far beyond what those are.
+
+    Where a model misses a record by far, columns taken at other parameters would make up for what it lacks: a second
+    gain of 1 beside the model's own is a second time constant.
+    """
+    limits = np.array([_limit(study, piece, name) for name in piece.nuisances.names])
+    judged = np.isfinite(limits)
+    local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
+    columns, residual = local.apply(linear.columns), local.apply(linear.residual)
+    for times in NARROWER if judged.any() else ():
+        narrow = np.where(judged, sd / times, sd)
+        own = piece.nuisances.mean(columns, residual, narrow)
+        if np.all(np.abs(own[judged]) <= limits[judged]):
+            return narrow
+    return np.where(judged, 0.0, sd)
+
+
+def _limit(study: Study, piece: Piece, name: str) -> float:
+    """How far a nuisance parameter may be from nothing (SI); infinity where that is not limited."""
+    if name.startswith(SMOOTH_OF):
+        return INCREDIBLE  # neighbours that replace a sample wholly are 1
+    if name.startswith(LATE_OF):
+        return INCREDIBLE * LATEST * step_of(piece)
+    monitor = any(s.name == name for s in study.plant.inputs)
+    return INCREDIBLE * most_spread(study, name) if monitor or name.startswith((GAIN_OF, DRIFT_OF)) else np.inf
 
 
 def _without_own(piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:

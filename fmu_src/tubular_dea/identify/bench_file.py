@@ -78,21 +78,21 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
             raise ReadError(f"{path}: expected a table [{name}] but found {name} = {str(table)[:40]!r}")
     known = {name: unit for name, unit in signals(plant).items() if name not in ("time", TRIGGER)}
     units = {name: plant.quantity(name).unit for name in plant.geometry}
-    geometry = {k: _amount(path, k, v, units) for k, v in text.get("geometry", {}).items()}
+    geometry = {k: _amount(f"{path}: [geometry]", k, v, units) for k, v in text.get("geometry", {}).items()}
     for name, value in geometry.items():
         q = plant.quantity(name)
         if not q.allows(value):
             raise ReadError(
-                f"{path}: {name}: expected {q.minimum:g} to {q.maximum:g} {q.unit} but found {value:g}; a number "
-                "without a unit is in SI"
+                f"{path}: [geometry] {name}: expected {q.minimum:g} to {q.maximum:g} {q.unit} but found {value:g}; a "
+                "number without a unit is in SI"
             )
         if q.type == "Integer" and value != int(value):
-            raise ReadError(f"{path}: {name}: expected a whole number but found {value:g}")
-    noise = {k: _noise(path, k, v, known, plant) for k, v in text.get("noise", {}).items()}
+            raise ReadError(f"{path}: [geometry] {name}: expected a whole number but found {value:g}")
+    noise = {k: _noise(f"{path}: [noise]", k, v, known, plant) for k, v in text.get("noise", {}).items()}
     start = {k: _start(path, k, v, experiments) for k, v in text.get("start", {}).items()}
     order = {k: _begin(path, k, v, experiments) for k, v in text.get("order", {}).items()}
-    columns = choices([f"{k}={v}" for k, v in text.get("columns", {}).items()], plant, f"{path}: columns:")
-    sampling = {k: _amount(path, k, v, {"rate": "Hz"}) for k, v in text.get("sampling", {}).items()}
+    columns = choices([f"{k}={v}" for k, v in text.get("columns", {}).items()], plant, f"{path}: [columns]")
+    sampling = {k: _amount(f"{path}: [sampling]", k, v, {"rate": "Hz"}) for k, v in text.get("sampling", {}).items()}
     return BenchFile(geometry, noise, start, order, columns, sampling.get("rate"))
 
 
@@ -101,7 +101,7 @@ def _start(path: Path, name: str, value: object, experiments: Sequence[str]) -> 
     if name != "default":
         _experiment(path, "start", name, experiments)
     if value not in STARTS:
-        raise ReadError(f"{path}: start of {name}: expected {', '.join(STARTS)} but found {value!r}")
+        raise ReadError(f"{path}: [start] {name}: expected {', '.join(STARTS)} but found {value!r}")
     return str(value)
 
 
@@ -111,35 +111,35 @@ def _begin(path: Path, name: str, value: object, experiments: Sequence[str]) -> 
     try:
         return quantity(str(value), "s")
     except UnitError as problem:
-        raise ReadError(f"{path}: order: {name}: {problem}") from None
+        raise ReadError(f"{path}: [order] {name}: {problem}") from None
 
 
 def _experiment(path: Path, table: str, name: str, experiments: Sequence[str]) -> None:
     if name not in experiments:
-        raise ReadError(f"{path}: {table}: there is no experiment {name!r}{nearest(name, experiments)}")
+        raise ReadError(f"{path}: [{table}] there is no experiment {name!r}{nearest(name, experiments)}")
 
 
-def _noise(path: Path, name: str, value: object, units: Mapping[str, str], plant: Plant) -> float:
+def _noise(where: str, name: str, value: object, units: Mapping[str, str], plant: Plant) -> float:
     """A standard deviation; an input that was commanded has none, a sensor always has some."""
     if name in [s.name for s in plant.inputs]:
-        return _amount(path, name, value, units, least=0.0)
+        return _amount(where, name, value, units, least=0.0)
     why = ": no sensor is without noise; leave the line out to have it estimated"
-    return _amount(path, name, value, units, why=why)
+    return _amount(where, name, value, units, why=why)
 
 
 def _amount(
-    path: Path, name: str, value: object, units: Mapping[str, str], least: float = sys.float_info.min, why: str = ""
+    where: str, name: str, value: object, units: Mapping[str, str], least: float = sys.float_info.min, why: str = ""
 ) -> float:
     """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`; above 0, or from `least` on."""
     if name not in units:
-        raise ReadError(f"{path}: {name!r} is not known{nearest(name, units)}")
+        raise ReadError(f"{where} {name!r} is not known{nearest(name, units)}")
     if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
-        raise ReadError(f"{path}: {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
+        raise ReadError(f"{where} {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
     try:
         amount = quantity(str(value), units[name])
     except UnitError as problem:
-        raise ReadError(f"{path}: {name}: {problem}") from None
+        raise ReadError(f"{where} {name}: {problem}") from None
     if amount < least:
         bound = "at least" if least == 0 else "more than"
-        raise ReadError(f"{path}: {name}: expected {bound} 0 but found {value!r}{why}")
+        raise ReadError(f"{where} {name}: expected {bound} 0 but found {value!r}{why}")
     return amount

@@ -36,16 +36,19 @@ def inputs(
         values, there = recorded[signal.name][seen], lines[seen]
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
         command = signal.name in commanded or (signal.held and changes_by_itself(values))
-        if not command:
-            yield from _standstill(values, signal.name, there, stops=(np.max,))
+        on = values != 0 if signal.held else np.ones(values.size, dtype=bool)  # what is held may be off
+        if not command and np.count_nonzero(on) > STANDSTILL:
+            for finding in _standstill(values[on], signal.name, there[on], stops=(np.max,)):
+                hint = f"{signal.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured"
+                yield f"{finding}; {hint}"
 
 
 def output(
-    recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float
+    recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float, rests: bool = False
 ) -> Iterator[str]:
     """The faults of an output (n,), as in the file's column `name`, NaN where missing.
 
-    `rest` is what it reads at rest.
+    `rest` is what it reads at rest, and `rests` whether it may do so all the time, as another output moves.
     """
     seen = np.flatnonzero(np.isfinite(recorded))
     if seen.size < plant.least_samples:
@@ -53,8 +56,9 @@ def output(
         return
     values, there = recorded[seen], lines[seen]
     yield from _wrong_unit(values, name, signal, plant.quantity(signal.name).unit, there)
-    yield from constant(values, name, there, "the output moves")
-    if not _may_stand_still(plant, signal):
+    if not rests:
+        yield from constant(values, name, there, "the output moves")
+    if not rests and not _may_stand_still(plant, signal):
         yield from _standstill(values, name, there)
     parameter = next((p for p in signal.columns.values() if p), "")
     if signal.rest is not None and parameter:

@@ -54,6 +54,7 @@ def choices(settings: Sequence[str], plant: Plant, source: str = "columns") -> d
     `source` is what the error names: the argument, or a file and its table.
     """
     known, found = signals(plant), dict[str, Choice]()
+    spelt = {plain(n): n for n in known} | {n: n for n in known}
     for setting in settings:
         name, _, rest = (part.strip() for part in setting.partition("="))
         match = re.fullmatch(r"(?P<column>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?", rest)
@@ -63,15 +64,16 @@ def choices(settings: Sequence[str], plant: Plant, source: str = "columns") -> d
                 f" {setting}: expected SIGNAL=COLUMN, the column by its heading or number, as in radius=laser_2 or "
                 "radius=3[um]",
             )
-        if plain(name) not in known:
+        signal = spelt.get(name) or spelt.get(plain(name))
+        if signal is None:
             raise ArgumentError(source, f" {setting}: there is no signal {name!r}{nearest(name, known)}")
-        if plain(name) in found:
+        if signal in found:
             raise ArgumentError(source, f" {setting}: {name} is given twice; give it once")
         number, unit = _factored(match["unit"] or "")
         if unit and not is_unit(unit):
-            expected = known[plain(name)] or "V"
+            expected = known[signal] or "V"
             raise ArgumentError(source, f" {setting}: expected a unit like {expected!r} but found {unit!r}")
-        found[plain(name)] = Choice(match["column"], unit, number)
+        found[signal] = Choice(match["column"], unit, number)
     return found
 
 
@@ -139,9 +141,11 @@ def _named(table: Table, name: str, choice: Choice) -> Column:
 
 
 def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column | None:
-    """The column headed with a signal's name, if there is one; time has other names too."""
+    """The column headed with a signal's name, if there is one, in small letters or not; time has other names too."""
     free = [c for c in table.columns if c.number not in taken]
-    found = [c for c in free if c.name == name]
+    found = [c for c in free if c.name == plain(name)]
+    if len(found) > 1:  # as f and F
+        found = [c for c in found if c.heading.strip("\"' ").startswith(name)] or found
     if not found and name == "time":
         found = _times(free)
     if len(found) > 1:
@@ -165,7 +169,7 @@ def _worded(
     """The heading of an output that is part of one column's alone, as radius in "Laser radius (mm)", and the column."""
     taken = {c.number for c in columns.values()}
     free = [c for c in table.columns if c.number not in taken and _measured(c)]
-    inside = [(h, c) for c in free for h in output.headings if {*h.split("_")} <= {*c.name.split("_")}]
+    inside = [(h, c) for c in free for h in output.headings if {*plain(h).split("_")} <= {*c.name.split("_")}]
     fitting = sorted((one for one in inside if _is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
     return fitting[0] if len({c.number for _, c in fitting}) == 1 else None
 
@@ -199,7 +203,7 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
     """Refuse a file without time, an input or a required output, or with an output under two headings."""
     for name in ["time", *(s.name for s in plant.inputs)]:
         if name not in columns:
-            likely = [c for c in table.columns if name in c.name.split("_") and not c.problem]
+            likely = [c for c in table.columns if plain(name) in c.name.split("_") and not c.problem]
             which = f"{name}={likely[0].number}" if len(likely) == 1 else f"{name}=ITS_NAME_OR_NUMBER"
             which += ", or give [sampling] rate in bench.toml" if name == "time" else ""
             raise ReadError(

@@ -13,8 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..model.units import converted
 from ..plants.plant import Input, Output, Plant
 from ..recordings import NoTableError, ReadError, Table, is_recording, is_spreadsheet, read
+from ..recordings.heading import name as plain
 from ..recordings.table import some
 from . import checks
 from .bench_file import BenchFile, read_bench
@@ -217,39 +219,62 @@ def experiment_of(
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
-    outputs: dict[str, np.ndarray] = {}
-    idle: list[str] = []
-    for output in plant.outputs:
-        heading = next((name for name in output.headings if name in values), None)
-        if heading is None:
-            continue
-        if not output.required and any(checks.constant(_there(values[heading]), heading, lines, "")):
-            idle.append(f"{heading} stands still here, and is not used")
-            continue
-        if _nothing_moves(inputs, plant) and any(checks.constant(_there(values[heading]), heading, lines, "")):
-            raise StillError(f"{path}: neither an input nor {heading!r} moves in it; expected an experiment")
-        alone = spikes(values[heading])
-        if alone.size and not output.feels_rates:  # a current peaks where its voltage switches
-            unit = plant.quantity(output.name).unit
-            idle.append(_spiky(heading, values[heading], unit, alone, lines, table.row))
-            values[heading] = np.where(np.isin(np.arange(lines.size), alone), np.nan, values[heading])
-        zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
-        for finding in checks.output(values[heading], output, plant, lines, heading, zero):
-            raise DataError(f"{path}, {finding}")
-        outputs[output.name] = values[heading] - zero
+    outputs, idle = _outputs(table, plant, columns, values, lines, _nothing_moves(inputs, plant), known)
     told = [
         f"{s.name} is read from {columns[s.name].column.shown}, the only column in a unit of its kind"
         for s in plant.inputs
-        if s.name not in chosen and columns[s.name].column.name != s.name
+        if s.name not in chosen and columns[s.name].column.name != plain(s.name)
     ]
     told += [
         f"{name} is read from {columns[name].column.shown}, the only column with that in its heading"
         for output in plant.outputs
         for name in output.headings
-        if name in values and name not in chosen and columns[name].column.name != name
+        if name in values and name not in chosen and columns[name].column.name != plain(name)
     ]
     source = _source(table, columns, [*told, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _outputs(
+    table: Table,
+    plant: Plant,
+    columns: Mapping[str, Assigned],
+    values: Mapping[str, np.ndarray],
+    lines: np.ndarray,
+    undriven: bool,
+    known: Mapping[str, float],
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The outputs by name (n,) in SI, as the model puts them out, and remarks on them; `DataError` where they are none.
+
+    `undriven` is whether no input moves. One output may stand still where another one moves.
+    """
+    found: dict[str, np.ndarray] = {}
+    said: list[str] = []
+    headings = {o.name: next((name for name in o.headings if name in values), None) for o in plant.outputs}
+    there = [h for h in headings.values() if h is not None]
+    still = [h for h in there if any(checks.constant(_there(values[h]), h, lines, ""))]
+    for output in plant.outputs:
+        heading = headings[output.name]
+        if heading is None:
+            continue
+        if not output.required and heading in still:
+            said.append(f"{heading} stands still here, and is not used")
+            continue
+        if undriven and heading in still:
+            raise StillError(f"{table.path}: neither an input nor {heading!r} moves in it; expected an experiment")
+        read, alone = values[heading], spikes(values[heading])
+        if alone.size and not output.feels_rates:  # a current peaks where its voltage switches
+            unit = plant.quantity(output.name).unit
+            written = columns[heading].unit or unit
+            said.append(_spiky(heading, converted(read, unit, written), written, alone, lines, table.row))
+            read = np.where(np.isin(np.arange(lines.size), alone), np.nan, read)
+        zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
+        rests = heading in still and len(still) < len(there)
+        said += [f"{heading} stands still here"] * rests
+        for finding in checks.output(read, output, plant, lines, heading, zero, rests):
+            raise DataError(f"{table.path}, {finding}")
+        found[output.name] = read - zero
+    return found, said
 
 
 def _spiky(heading: str, values: np.ndarray, unit: str, alone: np.ndarray, lines: np.ndarray, row: str) -> str:

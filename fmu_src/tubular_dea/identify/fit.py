@@ -26,6 +26,10 @@ LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and ye
 ELSEWHERE = 1.0  # [standard deviations] of a parameter between optima that are two
 AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
+# Set by judgement: far less than any interval, far more than the searches' precision. Check:
+# `pytest tests/test_acceptance.py tests/test_identify.py -k bound`
+AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
+
 # Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
 UNDETERMINED = 0.5  # [1] relative standard error above which a parameter is not determined by the data
 
@@ -65,6 +69,15 @@ class Fit:
     def undetermined(self) -> list[str]:
         """The parameters that the recordings do not determine."""
         return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
+
+    def at_bounds(self) -> dict[str, int]:
+        """The parameters that ended at a bound: -1 at the least value, 1 at the largest."""
+        return {
+            free.name: side
+            for free, scaled in zip(self.free, self.scaled, strict=True)
+            for side, bound in zip((-1, 1), free.bounds(), strict=True)
+            if abs(scaled - bound) < AT_BOUND
+        }
 
 
 @one_blas_thread

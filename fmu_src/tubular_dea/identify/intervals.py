@@ -127,12 +127,13 @@ def _fall(problem: Problem, best: Fit, i: int, side: int, steps: float) -> float
     scaled = best.scaled[i] + side * steps * float(np.sqrt(best.covariance[i, i]))
     name, others = best.names[i], [f for f in best.free if f.name != best.names[i]]
     fixed = dict(problem.fixed) | {name: best.free[i].to_si(scaled)}
-    held = replace(problem, free=others, fixed=fixed, prior=None)
+    held = replace(problem, free=others, fixed=fixed)
     guess = np.delete(best.scaled + (scaled - best.scaled[i]) * known[:, i] / known[i, i], i)
     solution = search(held, held.inside(guess), HELD_REFITS)
     if solution is None:
         return float("inf")
-    excess = (2 * solution.cost - best.cost) * known[i, i] / best.covariance[i, i]
+    own = 0.0 if problem.prior is None else (scaled - best.free[i].usually()) / problem.prior
+    excess = (2 * solution.cost + own**2 - best.cost) * known[i, i] / best.covariance[i, i]
     return float(np.sqrt(max(excess, 0.0)))
 
 

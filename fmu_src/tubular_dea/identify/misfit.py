@@ -48,10 +48,11 @@ def block_sums(residuals: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def misfit(problem: Problem, best: Fit) -> Misfit:
-    """How the residual of a fit (without a prior) compares with the noise of its problem."""
-    sums = block_sums(parts(best.residual, problem.records))
+    """How the residual of a fit compares with the noise of its problem."""
+    each = parts(best.residual, problem.records)
+    sums = block_sums(each)
     excess = float(np.mean(sums**2)) / BLOCK - 1
-    freedom = best.residual.size - len(best.names)
+    freedom = sum(r.size for r in each) - len(best.names)
     level = max(noise.uncertainty for noise in problem.noise.values())
     uncertainty = float(np.hypot(np.sqrt(2 / sums.size), level))
-    return Misfit(float(np.sqrt(best.cost / freedom)), excess / uncertainty)
+    return Misfit(float(np.sqrt(sum(float(r @ r) for r in each) / freedom)), excess / uncertainty)

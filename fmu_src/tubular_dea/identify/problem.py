@@ -50,6 +50,10 @@ class Free:
             return 2 * self.size * float(np.sinh(np.clip(scaled, -60, 60)))
         return self.size * float(np.exp(np.clip(scaled, -60, 60))) if self.logarithmic else float(scaled) * self.size
 
+    def usually(self) -> float:
+        """The scaled number about which a weak prior holds it."""
+        return self.to_scaled(self.size if self.usual is None else self.usual)
+
     def slope(self, value: float) -> float:
         """d(SI value)/d(scaled)."""
         if self.vanishing:
@@ -134,7 +138,7 @@ class Problem:
         return np.concatenate([white, (scaled - self._center()) / self.prior]) if self.prior else white
 
     def _center(self) -> np.ndarray:
-        return np.array([f.to_scaled(f.size if f.usual is None else f.usual) for f in self.free])
+        return np.array([f.usually() for f in self.free])
 
     def linearised(self, scaled: np.ndarray, more: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (N,) and Jacobian (N, k + len(more)); `more` are fixed parameters, their columns in SI units."""

@@ -48,6 +48,7 @@ def free_parameters(model: Model, start: Mapping[str, float], names: Sequence[st
             q.minimum,
             q.maximum,
             q.minimum is not None and q.minimum > 0,
+            start[q.name],
         )
         for q in listed
     ]

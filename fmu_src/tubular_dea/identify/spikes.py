@@ -22,9 +22,10 @@ def spikes(values: np.ndarray) -> np.ndarray:
     there = np.flatnonzero(np.isfinite(values))
     if there.size < 12:
         return there[:0]
+    middle = (np.arange(there.size) >= 2) & (np.arange(there.size) < there.size - 2)  # the others have one side only
     near = np.lib.stride_tricks.sliding_window_view(np.pad(values[there], 2, mode="reflect"), 5)
     beside = near[:, [0, 1, 3, 4]]
     off = np.abs(near[:, 2] - np.median(near, axis=1))
     least = max(OFF_NOISE * noise_level(values[there]), OFF_STEPS * resolution(values[there]))
-    found = (off > least) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
+    found = middle & (off > least) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
     return there[found] if np.count_nonzero(found) <= SPIKY * there.size else there[:0]

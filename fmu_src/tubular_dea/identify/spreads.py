@@ -82,12 +82,16 @@ def spreads(
     few = len({p.source for p, _ in training}) < LEAST_FILES
     variance, late = _estimated(study, kinds, training, fixed, few) if kinds else (np.empty(0), {})
     found = {n: float(np.sqrt(v)) * sizes[n] for n, v in zip(kinds, variance, strict=True) if n in sizes}
-    monitors = {s.name for s in study.plant.inputs}
-    most = {
-        n: MOST_GAIN if n.startswith(GAIN_OF) else (ZEROS if n in monitors else MOST_ZERO) * sizes[n] for n in found
-    }
-    spread = {n: min(v, most[n]) for n, v in found.items()}
+    spread = {n: min(v, most_spread(study, n)) for n, v in found.items()}
     return spread, Common(late, {name: _longer(study, name, spread, training, fixed) for name in study.rises})
+
+
+def most_spread(study: Study, name: str) -> float:
+    """By how much a zero, a drift or a gain differs between files at most (SI)."""
+    if name.startswith(GAIN_OF):
+        return MOST_GAIN
+    monitor = any(s.name == name for s in study.plant.inputs)
+    return (ZEROS if monitor else MOST_ZERO) * size_of(study, name)
 
 
 def _estimated(

@@ -31,6 +31,10 @@ from .start import RESTED, UNKNOWN, loosened, zeroed
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
 HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
 
+# Set by judgement: a factor of e^2 for what is positive, twice the size for the rest.
+# Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
+PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
+
 # Set by judgement. Check: `pytest tests/test_discover.py -k held_out_experiments`
 SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
 

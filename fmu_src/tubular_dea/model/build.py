@@ -93,7 +93,7 @@ class Build:
         display_unit: str | None = None,
     ) -> sympy.Symbol:
         """A parameter of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
-        if not isinstance(value, Real):
+        if not isinstance(value, Real) or not math.isfinite(value):
             raise DeclarationError(f"{_here()}: parameter {name!r}: expected a number but was given {value!r}")
         q = self._quantity(
             name,

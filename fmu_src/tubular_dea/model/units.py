@@ -197,10 +197,15 @@ _ALSO = {
     "vdc": "V",
     "adc": "A",
 }
+# Products written without a point; in any case, Nm would be a nanometre.
+_JOINED = {"Nm": "N.m", "kNm": "kN.m", "mNm": "mN.m", "Ncm": "N.cm", "Nmm": "N.mm", "Ns": "N.s", "kNs": "kN.s"}
+_JOINED |= {"Pas": "Pa.s", "mPas": "mPa.s", "kPas": "kPa.s", "MPas": "MPa.s", "Vs": "V.s", "As": "A.s", "Js": "J.s"}
 _BY_CASE: dict[str, list[str]] = {}
 for _name in _NAMED:
     _BY_CASE.setdefault(_name.lower(), []).append(_name)
 _SIGNS = str.maketrans({"μ": "u", "Ω": "Ohm", "°": "deg", "·": ".", "⋅": ".", "×": ".", "*": ".", "^": None, "−": "-"})
+
+PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 QUANTITY_NAMES = {
     "m": "Length",
@@ -347,7 +352,7 @@ def _named(name: str) -> Unit | None:
     """The unit of a name, in any case where that is clear."""
     if name in _NAMED:
         return _NAMED[name]
-    also = _ALSO.get(name.lower())
+    also = _JOINED.get(name) or _ALSO.get(name.lower())
     if also:
         return parse(also)
     same = _BY_CASE.get(name.lower(), [])
@@ -358,3 +363,11 @@ def _times(value: Unit, other: Unit, exponent: Power, sign: int) -> Unit:
     power = exponent * sign
     exponents = tuple(a + power * b for a, b in zip(value.exponents, other.exponents, strict=True))
     return Unit(value.factor * float(other.factor**power), exponents)
+
+
+def readable(value: float, unit: str) -> tuple[float, str]:
+    """Factor and name of the unit in which an SI value has one to three digits before the point."""
+    if value == 0 or not unit[0].isalpha() or unit[1:2].isdigit() or unit.startswith(("kg", "deg")):
+        return 1.0, unit
+    power = min(max(math.floor(math.log10(abs(value)) / 3), -3), 3) * 3
+    return 10.0**power, PREFIXES[power] + unit

@@ -160,18 +160,7 @@ class Plant:
     file: str = ""
 
     def __post_init__(self) -> None:
-        for what, given in (("inputs", self.inputs), ("outputs", self.outputs), ("places", self.places)):
-            if not isinstance(given, Sequence) or isinstance(given, str):
-                raise DeclarationError(
-                    f"{self.name}: {what}: expected a list, as {what}=[...], but was given {given!r}"
-                )
-            alone = [one for one in given if isinstance(one, str)]
-            if alone:
-                kind = {"inputs": "Input", "outputs": "Output", "places": "Path, Balance or Coefficient"}[what]
-                raise DeclarationError(
-                    f"{self.name}: {what}: expected {kind}, as {kind.split(',')[0]}({alone[0]!r}), but was given the "
-                    f"name {alone[0]!r} alone"
-                )
+        self._check_kinds()
         driven = [q.name for q in self.model.inputs]
         for signal in self.inputs:
             if signal.name not in driven:
@@ -205,6 +194,25 @@ class Plant:
         at_once = _at_once(self.model, [o.name for o in self.outputs])
         inputs = [s if s.direct is not None else replace(s, direct=s.name in at_once) for s in self.inputs]
         object.__setattr__(self, "inputs", tuple(inputs))
+
+    def _check_kinds(self) -> None:
+        """`DeclarationError` for a model, a list or a signal that is none."""
+        if not isinstance(self.model, Model):
+            raise DeclarationError(
+                f"Plant: model: expected a model, as m.model(), but was given a {type(self.model).__name__}"
+            )
+        for what, given in (("inputs", self.inputs), ("outputs", self.outputs), ("places", self.places)):
+            if not isinstance(given, Sequence) or isinstance(given, str):
+                raise DeclarationError(
+                    f"{self.name}: {what}: expected a list, as {what}=[...], but was given {given!r}"
+                )
+            alone = [one for one in given if isinstance(one, str)]
+            if alone:
+                kind = {"inputs": "Input", "outputs": "Output", "places": "Path, Balance or Coefficient"}[what]
+                raise DeclarationError(
+                    f"{self.name}: {what}: expected {kind}, as {kind.split(',')[0]}({alone[0]!r}), but was given the "
+                    f"name {alone[0]!r} alone"
+                )
 
     def _check_once(self) -> None:
         """`DeclarationError` for a signal that is given twice."""

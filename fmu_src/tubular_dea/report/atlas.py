@@ -8,9 +8,9 @@ import numpy as np
 
 from ..discover.atlas import Atlas, Signature
 from ..model.effect import equations
+from ..model.units import readable
 from .colours import COLOURS
 from .page import Page
-from .parts import readable
 from .svg import GRID, Plot, thinned
 
 ALIKE, NAMED = 0.9, 4  # cosine from which on two effects look alike, and how many of these are named at most

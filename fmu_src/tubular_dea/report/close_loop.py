@@ -9,15 +9,16 @@ import plotly.graph_objects as go
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
 from ..discover.outcome import floor, remainder
-from ..discover.remarks import shifted, thin
+from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
+from ..model.units import readable
 from ..recordings.table import some
 from .effects import effects
 from .in_short import LEFT, foretold, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
-from .parts import POINTS, bars, parameter_row, percent, readable, record_and_residuals
+from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
 from .residuals import answered
 
 WORDS = {
@@ -70,12 +71,13 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """The errors before and after, a zero that no sensor has, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
     noise = floor(found.study, after["rmse"])
-    held, little = "", thin(found)
+    held, little, unmoved = "", thin(found), still(found)
     if before["held_out_rmse"] is not None:
         names = some([p.name for p in found.study.held_out])
         held = f"held out ({names}) {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
     said = f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"
     few = [f"these recordings prove little: {little}"] if little else []
+    few += [f"{unmoved}: what it does is not tested"] if unmoved else []
     return [said, *foretold(found, errors), *shifted(found), *few]
 
 
@@ -131,7 +133,8 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
-        f"{_size(found, noise['from_monitors'])}. Where a residual is told as so many times the noise, both are meant."
+        f"{_size(found, noise['from_monitors'])}. Where a residual is told as so many times {LEFT}, every sample is "
+        f"compared with both and with what an input may do between two samples: {_size(found, noise['allowed'])} rms."
     )
     page.text(
         f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "

@@ -18,9 +18,9 @@ from ..discover.engine import Discovery
 from ..discover.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
-from ..model.units import factor
+from ..model.units import factor, readable
 from .page import Page
-from .parts import AFTER, BEFORE, percent, readable, shown_unit, usual_scale
+from .parts import AFTER, BEFORE, percent, shown_unit, usual_scale
 from .residuals import Answered, answered
 from .svg import QUIET, Plot, span
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,6 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .colours import COLOURS
+
+LABEL_LETTERS = 22  # that fit beside a panel in one line
 
 Panels = Sequence[tuple[str, Mapping[str, np.ndarray]]]  # of each: axis label with unit, curves by legend name
 
@@ -45,7 +48,7 @@ def panels_figure(time: np.ndarray, panels: Panels, title: str = "", figure: Fig
             # One colour a name where curves are compared, one a panel where they stand alone.
             colour = COLOURS[(offset if len(curves) > 1 else number) % len(COLOURS)]
             axis.plot(time, values, color=colour, linewidth=1.5, label=name or None)
-        axis.set_ylabel(label)
+        axis.set_ylabel(textwrap.fill(label, LABEL_LETTERS))
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
         if len(curves) > 1 and (number == 0 or list(curves) != list(panels[number - 1][1])):

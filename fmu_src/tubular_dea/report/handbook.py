@@ -16,8 +16,8 @@ from ..emit.tables import STYLE, body, changes, document, parameter_table
 from ..laws import kinds, laws
 from ..model.declare import Model
 from ..model.effect import Effect
+from ..model.units import readable
 from ..plants.plant import Plant
-from .parts import readable
 
 _STYLE = (
     STYLE
@@ -28,7 +28,7 @@ padding: 1rem; box-sizing: border-box; } nav ul { list-style: none; margin: .2re
 nav b a { color: inherit; } a { color: #2a6f97; text-decoration: none; } a:hover { text-decoration: underline; }
 main { max-width: 66rem; padding: 0 2rem 6rem; box-sizing: border-box; }
 section { margin-top: 2.5rem; } dt { font-weight: 600; }
-article { border-bottom: 1px solid #dde3e8; padding-bottom: 1.2rem; } h3 { margin: 1.6rem 0 .3rem; }
+article { border-bottom: 1px solid #dde3e8; padding-bottom: 1.2rem; overflow-x: auto; } h3 { margin: 1.6rem 0 .3rem; }
 h5 { margin: .8rem 0 .2rem; font-size: .95em; } dd { margin-left: 1.5rem; } dd p { margin: .1rem 0 .5rem; }
 .call { font-family: ui-monospace, monospace; font-size: .9em; background: #f3f5f7; padding: .3rem .5rem; }
 summary { cursor: pointer; color: #2a6f97; } .index td { font-size: .9em; }

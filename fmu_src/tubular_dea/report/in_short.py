@@ -6,9 +6,10 @@ from typing import Any
 
 from ..discover.engine import Discovery
 from ..model.effect import Effect
+from ..model.units import readable
 from .effects import size_words
 from .page import Page
-from .parts import AFTER, BEFORE, RECORD, readable
+from .parts import AFTER, BEFORE, RECORD
 from .svg import bars
 
 CONFIDENCE = {
@@ -27,7 +28,7 @@ DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size could not be told from it."
 )
-LEFT = "what the noise of the sensor and of the monitors leaves together"
+LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 SHOWN = 3  # effects that could not be seen

@@ -10,11 +10,10 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..model.declare import Model, Quantity
-from ..model.units import factor
+from ..model.units import factor, readable
 from .colours import COLOURS
 
 POINTS = 700  # drawn of each record: averages over as many blocks
-PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 RECORD, BEFORE, AFTER = "#1b2733", COLOURS[0], COLOURS[1]
 
 
@@ -76,11 +75,3 @@ def usual_scale(value: float, unit: str, model: Model) -> tuple[float, str]:
     """As `readable`; for a unit that takes no prefix (m3/s) the one in which `model` shows such quantities."""
     alike = [q for q in model.quantities().values() if q.display_unit and q.unit == unit]
     return shown_unit(alike[0]) if alike and unit[1:2].isdigit() else readable(value, unit)
-
-
-def readable(value: float, unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which an SI value has one to three digits before the point."""
-    if value == 0 or not unit[0].isalpha() or unit[1:2].isdigit() or unit.startswith("kg"):
-        return 1.0, unit
-    power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -3, 3)) * 3
-    return 10.0**power, PREFIXES[power] + unit

@@ -75,7 +75,7 @@ def panels(
         if limit is not None:
             curves["limit"] = Trace(np.array(span), np.full(2, limit * scale), DARK, 1.0, dash=True)
         made.append(Panel(label, curves))
-    return [*made, Panel("energy [mJ]", _energies(assisted, span))]
+    return [*made, Panel("energy [mJ]", _energies(runs, span))]
 
 
 def pulse_times(run: Run) -> list[tuple[float, float]]:
@@ -139,12 +139,15 @@ def _counted(run: Run, name: str) -> np.ndarray:
     return np.asarray(run.time[np.flatnonzero(np.diff(run[f"scheduler.{name}"]) > 0)])
 
 
-def _energies(run: Run, span: tuple[float, float]) -> dict[str, Trace]:
-    """What has gone into the electrodes and come out to the blood, since the start of the time shown [mJ]."""
-    inside = (run.time >= span[0]) & (run.time <= span[1])
-    volt, charge, given = voltage(run)[inside], run["tube.charge"][inside], run["heart.tube_work"][inside]
-    electrical = np.concatenate([[0.0], np.cumsum((volt[1:] + volt[:-1]) / 2 * np.diff(charge))])
-    return {
-        "into the electrodes": Trace(run.time[inside], electrical * 1e3, COLOURS[2]),
-        "to the blood": Trace(run.time[inside], (given[0] - given) * 1e3, COLOURS[1]),
-    }
+def _energies(runs: Mapping[str, Run], span: tuple[float, float]) -> dict[str, Trace]:
+    """What each assisted run has put into the electrodes and given to the blood [mJ], since the start of the time shown
+    (and what the electrodes held then)."""
+    curves = {}
+    for number, (name, run) in enumerate(list(runs.items())[1:]):
+        inside = (run.time >= span[0]) & (run.time <= span[1])
+        volt, charge, given = voltage(run)[inside], run["tube.charge"][inside], run["heart.tube_work"][inside]
+        put = np.concatenate([[charge[0] * volt[0] / 2], (volt[1:] + volt[:-1]) / 2 * np.diff(charge)])
+        colour, time = COLOURS[number % len(COLOURS)], run.time[inside]
+        curves[f"into the electrodes, {name}"] = Trace(time, np.cumsum(put) * 1e3, colour)
+        curves[f"to the blood, {name}"] = Trace(time, (given[0] - given) * 1e3, colour, 1.0, dash=True)
+    return curves

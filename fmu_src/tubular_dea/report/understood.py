@@ -14,12 +14,12 @@ from ..identify.drive import Drive, drives
 from ..identify.sampling import rate
 from ..identify.study import sensor_noise
 from ..model.declare import Quantity
-from ..model.units import Amount, converted
+from ..model.units import Amount, converted, readable
 from ..plants.plant import Output, Plant
 from ..recordings.table import some
 from .colours import COLOURS
 from .figures import png, sized
-from .parts import readable, shown_unit
+from .parts import shown_unit
 
 FIRST = 5  # samples whose median is what a record begins with
 SHORT = 0.01  # up to its inverse a number is short
@@ -150,8 +150,8 @@ class Understanding:
         said = [(e.source.path.name, r) for e in self.recordings.experiments if e.source for r in _remarks_of(e.source)]
         if said:
             yield ""
-        for file, remark in said:
-            yield f"{file}: {remark}"
+        for remark in dict.fromkeys(r for _, r in said):  # once for all files that it is said of
+            yield f"{some([file for file, r in said if r == remark], 4)}: {remark}"
 
     def picture(self) -> bytes:
         """`drawing` as PNG."""
