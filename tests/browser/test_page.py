@@ -297,7 +297,9 @@ def test_pictures_of_each_view(page: Page, view: str, width: int, theme: str) ->
 def test_a_closed_loop_page_switches_before_and_after(browser: Page, tmp_path: Path) -> None:
     lag = PLANT.own["electrode_resistance"]
     found = with_effects(PLANT.model, [lag.id], PLANT.own).with_values({**lag.typical, "C_1": 320e3})
-    content = closed_loop(read_folder(BENCH, PLANT), found, {"C_1": 310e3}, {"model": "closed/model.json", "data": "b"})
+    content = closed_loop(
+        read_folder(BENCH, PLANT), found, {"C_1": 310e3}, {"model": "closed/model.json", "data": "b"}, {}
+    )
     own = browser.path
     try:
         browser.path = write(tmp_path / "lab.html", content)

@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 from lab_page import Page, commands, table
 
+from tubular_dea.api.recordings import read_recordings
 from tubular_dea.cli import main
 from tubular_dea.kernel import Kernel
+from tubular_dea.lab.opened import closed_loop
+from tubular_dea.lab.page import write
 from tubular_dea.plants.load import load_plant
 from tubular_dea.protocol import Protocol
 
+LOOP = Path(__file__).parents[2] / "cosim_examples" / "plants" / "mock_loop.py"
 TANKS = Path(__file__).parents[2] / "cosim_examples" / "plants" / "cascaded_tanks.py"
 
 
@@ -67,3 +71,34 @@ def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
     )
     made = json.loads((tmp_path / "model.json").read_text())
     assert (made["plant"], made["parameters"]["k1"]["value"]) == (str(TANKS), 0.03)
+
+
+def test_a_recording_starts_where_the_fit_found_it(browser: Page, tmp_path: Path) -> None:
+    plant, time = load_plant(str(LOOP)), np.arange(0.0, 8.0, 0.01)
+    flow = 1e-4 * (1 + np.sin(2 * np.pi * time))
+    begun = {"p_C_start": 9000.0}
+    true = Kernel(plant.model).simulate(Protocol.of(time, flow=flow), time, begun)["pressure"]
+    noise = 0.1 * np.random.default_rng(1).standard_normal(time.size)
+    read = {"time [s]": time, "flow [m3/s]": flow + 1e-9 * noise, "pressure [Pa]": true + noise}
+    content = closed_loop(
+        read_recordings({"beats": read}, plant), plant.model, {}, {"model": "", "data": ""}, {"beats": begun}
+    )
+    own = browser.path
+    try:
+        browser.path = write(tmp_path / "loop.html", content)
+        browser.open()
+        browser.show("data")
+        left = (
+            "const [run] = lab.D.runs, recorded = lab.D.experiments[0].outputs.pressure;"
+            "const reached = Array.from(run.values.pressure.slice(0, run.rows));"
+            "return Math.max(...reached.map((v, i) => Math.abs(v - recorded[i])));"
+        )
+        assert browser.run(left) < 1.0
+        assert "--set p_C_start=9000" in browser.run("return lab.command();")
+        browser.run("lab.change('data', (s) => { s.data.set.p_C_start = 0; });")  # by hand
+        browser.wait("lab.D.runs && !lab.D.latest.busy && !lab.D.same")
+        assert browser.run(left) > 8000.0
+        assert browser.messages() == []
+    finally:
+        browser.close()
+        browser.path = own

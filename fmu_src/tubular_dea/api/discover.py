@@ -132,6 +132,9 @@ class DiscoveryResult:
         out, found = Path(out), self.discovery
         recordings, before = found.recordings, found.base.fitted.values
         called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
+        begins = {
+            p.source: p.case.own for p in reversed(found.named_study.pieces)
+        }  # of parts of a recording, the first
 
         def built() -> bytes:
             with working_folder("the FMU") as folder:
@@ -139,7 +142,7 @@ class DiscoveryResult:
 
         with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
             compiled = pool.submit(built)
-            shown = pool.submit(lambda: page(closed_loop(recordings, self.model, before, called)))
+            shown = pool.submit(lambda: page(closed_loop(recordings, self.model, before, called, begins)))
             covariance = uncertainty(found.named.fitted, self.model)
             written = close_loop.report(found, self.to_dict())
             lab, fmu = shown.result(), compiled.result()

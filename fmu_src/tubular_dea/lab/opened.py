@@ -14,10 +14,16 @@ from .recorded import carried
 BEFORE, PUBLISHED = "before: refitted without effects", "as declared"
 
 
-def closed_loop(recordings: Recordings, model: Model, before: Mapping[str, float], paths: Mapping[str, str]) -> Content:
+def closed_loop(
+    recordings: Recordings,
+    model: Model,
+    before: Mapping[str, float],
+    paths: Mapping[str, str],
+    own: Mapping[str, Mapping[str, float]],
+) -> Content:
     """The found model over its recordings; the refitted base model and the declared one to switch to.
 
-    `paths` tell how the copied commands call `model` and `data`.
+    `paths` tell how the copied commands call `model` and `data`, `own` where each recording begins.
     """
     plant, found = recordings.plant, set(model.parameter_values())
     off = {name: value for effect in model.effects for name, value in plant.catalogue[effect].off.items()}
@@ -33,6 +39,7 @@ def closed_loop(recordings: Recordings, model: Model, before: Mapping[str, float
         model_file=paths["model"],
         data=paths["data"],
         state={"view": "data"},
+        own={name: {n: v for n, v in values.items() if n in found} for name, values in own.items()},
     )
 
 

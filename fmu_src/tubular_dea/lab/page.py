@@ -78,7 +78,8 @@ class Content:
     """What a page opens with: plant and model, values to switch between, recordings, a first state.
 
     `patients` (SI units) come beside the known ones, under the name or file that the command takes; `r_times` [s] are
-    recorded beats. `model_file`, `plant_file` and `data` are how the copied commands call what the page was made from.
+    recorded beats; `own` are start values of each recording by its name (SI units). `model_file`, `plant_file` and
+    `data` are how the copied commands call what the page was made from.
     """
 
     plant: Plant = PLANT
@@ -92,6 +93,7 @@ class Content:
     plant_file: str = ""
     data: str = ""
     state: Mapping[str, Any] = field(default_factory=dict)
+    own: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def write(path: Path, content: Content) -> Path:
@@ -187,6 +189,7 @@ def _facts(content: Content, models: _Models) -> dict[str, Any]:
         "recordings": content.recordings.texts,
         "thinned": content.recordings.thinned,
         "geometry": dict(content.geometry),
+        "own": {name: dict(values) for name, values in content.own.items()},
         "modelFile": content.model_file,
         "plantFile": content.plant_file,
         "data": content.data,

@@ -125,10 +125,15 @@ function dataChanged() {
   if (!D.experiments.length) { D.runs = null; drawData(); return; }
   if (D.sent !== D.version) D.before = null;
   D.sent = D.version;
-  const experiments = D.experiments.map(({ time, drive, start }) => ({ time, drive, start })), base = compared(), values = dataValues();
+  const experiments = D.experiments.map((e) => ({ time: e.time, drive: e.drive, start: e.start, own: ownStart(e) })), base = compared(), values = dataValues();
   D.same = JSON.stringify(base) === JSON.stringify(values);
   if (!D.before) new Latest("data", (runs) => { D.before = runs; drawData(); }, D.latest).ask({ values: base, experiments });
   D.latest.ask({ values, experiments });
+}
+
+/* Where a recording of the closed loop begins, as the fit found it, but for what was set by hand. */
+function ownStart(e) {
+  return Object.fromEntries(Object.entries(facts.own[e?.name] ?? {}).filter(([name]) => state.data.set[name] === undefined));
 }
 
 /* What the model is compared with: before the closed loop where the page comes from one, else as it opened. */
@@ -171,7 +176,7 @@ function drawList() {
     unit = q.unit === "m" ? { ...q, shown: "um", factor: 1e-6 } : q;
     if (s) { square += s.square; n += s.n; }
     const pick = make("button", { type: "button", "aria-pressed": String(e.name === state.data.shown), onclick: () => change("data", (st) => { st.data.shown = e.name; }) }, e.name);
-    const told = [`${e.time.length} samples`, e.start === "rested" ? "starts rested" : "starts loaded: taken at equilibrium", ...(facts.thinned[e.file] ? [`every ${facts.thinned[e.file]}th sample`] : []), ...(e.unused.length ? [`not used: ${e.unused.join(", ")}`] : []), ...e.remarks, ...(run?.reason ? [`the model ended at ${show(run.reached)} s: ${run.reason}`] : [])].join("; ");
+    const told = [`${e.time.length} samples`, Object.keys(ownStart(e)).length ? "starts where the fit found it" : e.start === "rested" ? "starts rested" : "starts loaded: taken at equilibrium", ...(facts.thinned[e.file] ? [`every ${facts.thinned[e.file]}th sample`] : []), ...(e.unused.length ? [`not used: ${e.unused.join(", ")}`] : []), ...e.remarks, ...(run?.reason ? [`the model ended at ${show(run.reached)} s: ${run.reason}`] : [])].join("; ");
     return make("tr", {}, make("th", { scope: "row" }, pick), make("td", {}, s ? amount(unit, s.rmse) : "-"), make("td", {}, s ? `${show(s.fit, 4)} %` : "-"), make("td", {}, amount(unit, noiseLevel(e.outputs[output].filter(Number.isFinite)), 3)), make("td.note", {}, told));
   });
   D.list.replaceChildren(make("table#recordings", {}, make("thead", {}, make("tr", {}, ...["experiment", "RMSE", "fit", "noise, about", "understood"].map((t) => make("th", { scope: "col" }, t)))), make("tbody", {}, ...rows)));
@@ -193,7 +198,8 @@ function shownExperiment() {
 function dataCommand() {
   const e = shownExperiment();
   if (!e) return ["tubular-dea lab", ...plantOption(), ...modelOption(), "--data DATA --out lab.html"].join(" ");
-  const atRest = e.start === "rested" ? "" : ` --set ${facts.all.curve.switch}=true`;
+  const begins = Object.entries(ownStart(e)).map(([name, value]) => ` --set ${name}=${value}`).join("");
+  const atRest = (e.start === "equilibrium" && facts.all.curve ? ` --set ${facts.all.curve.switch}=true` : "") + begins;
   return [`cat > model.json <<'END'\n${modelFile()}END`, `cat > inputs.csv <<'END'\n${tableOf(e.drive)}\nEND`,
     `tubular-dea simulate ${[...plantOption(), "--model model.json"].join(" ")} --inputs inputs.csv --interval ${Number(median(e.time.subarray(1).map((t, i) => t - e.time[i])).toPrecision(6))}${atRest} --out run`].join("\n");
 }
@@ -203,6 +209,7 @@ function dataPython() {
   const own = new Set(facts.effects.filter((f) => !effects.includes(f.id)).flatMap((f) => f.parameters));
   const added = new Set(facts.effects.filter((f) => state.data.on.includes(f.id)).flatMap((f) => f.parameters)); // else of usual size
   const changed = Object.fromEntries(facts.all.parameters.filter((q) => added.has(q.name) || (!own.has(q.name) && values[q.name] !== (q.value ?? 0))).map((q) => [q.name, values[q.name]]));
+  Object.assign(changed, ownStart(e));
   if (e?.start === "equilibrium" && facts.all.curve) changed[facts.all.curve.switch] = 1;
   const plant = facts.plantFile ? `, ${JSON.stringify(facts.plantFile)}` : "", name = JSON.stringify(e?.name ?? "NAME");
   return [

@@ -171,9 +171,12 @@ function delayedDrive(facts, parameters, drive) {
   return { time, u };
 }
 
-/* Breakpoints and their later selves, each of a jump twice, up to the end of the drive. */
+const NEAR = 1e-9; // s, between breakpoints that are one
+
+/* Breakpoints and their later selves, each of a jump twice, up to the end of the drive. Those nearer than NEAR to another
+   fall on it, on one of the drive if there is one, as in protocol.py. */
 function mergedTimes(time, delays) {
-  const end = time[time.length - 1], marks = new Map();
+  const end = time[time.length - 1], own = new Set(time), marks = new Map();
   for (const delay of [0, ...delays])
     for (let i = 0; i < time.length; i++) {
       const t = time[i] + delay;
@@ -181,9 +184,14 @@ function mergedTimes(time, delays) {
       const twice = (i > 0 && time[i - 1] === time[i]) || (i + 1 < time.length && time[i + 1] === time[i]);
       marks.set(t, Math.max(marks.get(t) ?? 1, twice ? 2 : 1));
     }
-  const out = [];
-  for (const t of [...marks.keys()].sort((a, b) => a - b)) for (let k = 0; k < marks.get(t); k++) out.push(t);
-  return Float64Array.from(out);
+  const kept = [];
+  for (const t of [...marks.keys()].sort((a, b) => a - b)) {
+    const last = kept[kept.length - 1];
+    if (!last || t - last.t > NEAR) { kept.push({ t, count: marks.get(t) }); continue; }
+    last.count = Math.max(last.count, marks.get(t));
+    if (own.has(t)) last.t = t;
+  }
+  return Float64Array.from(kept.flatMap(({ t, count }) => Array(count).fill(t)));
 }
 
 /* Values of a piecewise straight signal at `wanted` - delay; of two equal times the first is the left side. */
@@ -191,9 +199,20 @@ function sampled(time, values, wanted, delay) {
   const out = new Float64Array(wanted.length);
   for (let i = 0; i < wanted.length; i++) {
     const left = i + 1 < wanted.length && wanted[i + 1] === wanted[i];
-    out[i] = valueAt(time, values, wanted[i] - delay, left);
+    out[i] = valueAt(time, values, delay ? onBreakpoint(time, wanted[i] - delay) : wanted[i], left);
   }
   return out;
+}
+
+/* A time, or the breakpoint that it is nearer to than NEAR. */
+function onBreakpoint(time, t) {
+  let low = 0, high = time.length - 1; // the first breakpoint not before t
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (time[middle] < t) low = middle + 1; else high = middle;
+  }
+  const near = low > 0 && t - time[low - 1] < time[low] - t ? time[low - 1] : time[low];
+  return Math.abs(near - t) < NEAR ? near : t;
 }
 
 function valueAt(time, values, t, left = false) {

@@ -64,11 +64,12 @@ function cell(job) {
   return { at: job.at, without: found?.without, with: found?.with, vetoes: found?.counted.vetoes ?? 0, reason: run.reason };
 }
 
-/* Recorded drives through the model with all effects; what was loaded at its start begins at equilibrium. */
+/* Recorded drives through the model with all effects; what was loaded at its start begins at equilibrium, and what begins
+   where no input tells, there. */
 function fitted(job) {
   const { curve } = facts.all;
   return job.experiments.map((e) => {
-    const values = e.start === "equilibrium" && curve ? { ...job.values, [curve.switch]: 1 } : job.values;
+    const values = { ...job.values, ...e.own, ...(e.start === "equilibrium" && curve ? { [curve.switch]: 1 } : {}) };
     return engine.trajectory("all", facts.all, values, e.drive, e.time, { maxSteps: 100000 });
   });
 }
