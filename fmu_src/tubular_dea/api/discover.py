@@ -132,9 +132,8 @@ class DiscoveryResult:
         out, found = Path(out), self.discovery
         recordings, before = found.recordings, found.base.fitted.values
         called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
-        begins = {
-            p.source: p.case.own for p in reversed(found.named_study.pieces)
-        }  # of parts of a recording, the first
+        pieces = reversed(found.named_study.pieces)  # of parts of a recording, the first tells where it begins
+        begins = {p.source: p.case.own for p in pieces}
 
         def built() -> bytes:
             with working_folder("the FMU") as folder:

@@ -104,7 +104,7 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     """The significant residual where not everything is explained: its size, share and channel."""
     if found.verdict not in ("partly_explained", "unexplained"):
         return None
-    state, before = found.named.lack_of_fit, found.base.lack_of_fit
+    state = found.named.lack_of_fit
     if found.shifted and noise_alone(state):
         shift = found.shifted
         unit = _unit(found, shift.output)
@@ -115,7 +115,7 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     return {
         "rms": state.structure if left is None else min(state.structure, left),
         "unit": _unit(found, found.study.plant.outputs[0].name),
-        "share": min(1.0, max(state.excess, 0.0) / max(before.excess, 1.0)),
+        "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
         "channel": channel(found),
     }
 
@@ -234,8 +234,8 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
     why, proposal = WHY[found.verdict], found.proposal
-    little = remarks.thin(found) or remarks.still(found)
-    if found.verdict == "no_effect" and little:
+    little = found.verdict == "no_effect" and (remarks.thin(found) or remarks.still(found))
+    if little:
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
     if found.verdict == "no_effect":
@@ -293,10 +293,18 @@ def _effect(found: Discovery, name: str) -> dict[str, Any]:
 
 def _explained(found: Discovery, name: str) -> float:
     """The share of the misfit beyond noise that an effect explains, given the other named effects."""
-    study = found.search.base_study
-    before = max(found.base.misfit - residuals.expected_squares(study, study.pieces), 1.0)
     gained = found.chosen_gains.get(name, 0.0)
-    return float(np.clip(gained / before, 0.0, 1.0))
+    return float(np.clip(gained / _at_first(found), 0.0, 1.0))
+
+
+def _unexplained(study: Study, option: Option) -> float:
+    """The misfit of all recordings, held-out ones too, beyond what noise leaves."""
+    return max(option.misfit - residuals.expected_squares(study, study.pieces), 0.0)
+
+
+def _at_first(found: Discovery) -> float:
+    """That of the base model, not less than 1."""
+    return max(_unexplained(found.search.base_study, found.base), 1.0)
 
 
 def evidence(found: Discovery, name: str) -> float:

@@ -36,9 +36,8 @@ def inputs(
         values, there = recorded[signal.name][seen], lines[seen]
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
         command = signal.name in commanded or (signal.held and changes_by_itself(values))
-        on = values != 0 if signal.held else np.ones(values.size, dtype=bool)  # what is held may be off
-        if not command and np.count_nonzero(on) > STANDSTILL:
-            for finding in _standstill(values[on], signal.name, there[on], stops=(np.max,)):
+        if not command:
+            for finding in _standstill(values, signal.name, there, stops=(np.max,), off=signal.held):
                 hint = f"{signal.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured"
                 yield f"{finding}; {hint}"
 
@@ -102,11 +101,15 @@ def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> I
 
 
 def _standstill(
-    values: np.ndarray, name: str, lines: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)
+    values: np.ndarray,
+    name: str,
+    lines: np.ndarray,
+    stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min),
+    off: bool = False,
 ) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
 
-    A signal written by a computer may stand still.
+    A signal written by a computer may stand still, and one that may be `off` is 0 then.
     """
     if not _noisy(values):
         return
@@ -119,7 +122,7 @@ def _standstill(
             )
     if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
         return
-    for begin, end in _still(values):
+    for begin, end in [run for run in _still(values) if not off or values[run[0]] != 0]:
         yield (
             f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
             f"values {values[begin]:g}; empty these cells or leave the experiment out"

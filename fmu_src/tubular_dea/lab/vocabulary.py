@@ -14,6 +14,7 @@ def vocabulary() -> dict[str, Any]:
     return {
         "units": {name: [u.factor, list(u.exponents), u.offset] for name, u in units._NAMED.items()},
         "alsoUnits": dict(units._ALSO),
+        "joinedUnits": dict(units._JOINED),
         "signs": {chr(code): mark or "" for code, mark in units._SIGNS.items()},
         "alsoTime": list(columns.ALSO_TIME),
         "missing": sorted(cells.MISSING),

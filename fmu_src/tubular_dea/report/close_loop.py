@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import plotly.graph_objects as go
@@ -129,6 +130,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
+    structure = _no_more(state.structure, outcome["error"]["recalibrated"])
     where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
@@ -137,7 +139,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"compared with both and with what an input may do between two samples: {_size(found, noise['allowed'])} rms."
     )
     page.text(
-        f"2. The model with its own parameters refitted: {_size(found, state.structure)} rms of its residual are not "
+        f"2. The model with its own parameters refitted: {_size(found, structure)} rms of its residual are not "
         f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations."
         + (f" Numerical errors account for a gain of at most {found.numeric:.2g}." if found.numeric else "")
     )
@@ -154,13 +156,19 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.figure(
             bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
         )
-    beyond = f"{_size(found, after.structure)} rms of it" if after.structure else "nothing of its rms"
+    left = _no_more(after.structure, outcome["error"]["after"])
+    beyond = f"{_size(found, left)} rms of it" if left else "nothing of its rms"
     page.text(
         f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part differs from "
         f"that of the noise by {after.z_slow:.1f} standard deviations); on the held-out experiments the residual is "
         f"{found.held_ratio:.3f} times {LEFT}."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
+
+
+def _no_more(structure: float, error: Mapping[str, Any]) -> float:
+    """What is left beyond noise, of samples weighted as in the fits, but no more than the error of all of them."""
+    return structure if error["rmse"] is None else min(structure, float(error["rmse"]))
 
 
 def _undone(found: Discovery, step: Round) -> str:

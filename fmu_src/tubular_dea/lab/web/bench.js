@@ -20,18 +20,19 @@ function readExperiment(path, raw, geometry = {}) {
   const zero = columns.time.column.clock ? taken.time[0] : 0, time = taken.time.map((t) => t - zero), inputs = {}, outputs = {};
   checkTime(table, lines, time);
   for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
-  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest])]);
+  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest], s.held).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
+  const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter(Boolean), still = there.filter((h) => isConstant(finite(pick(columns[h].values))));
   for (const o of bench.outputs) {
     const heading = Object.keys(o.columns).find((name) => name in columns);
     if (!heading) continue;
     const recorded = pick(columns[heading].values), parameter = o.columns[heading];
     const rest = parameter ? geometry[parameter] ?? facts.tube.parameters.find((p) => p.name === parameter).value : 0;
-    refuse(path, outputFindings(recorded, o, lines, heading, rest));
+    refuse(path, outputFindings(recorded, o, lines, heading, rest, still.includes(heading) && still.length < there.length));
     outputs[o.name] = recorded.map((v) => v - rest);
   }
-  const told = bench.inputs.filter((s) => columns[s.name].column.name !== s.name).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
+  const told = bench.inputs.filter((s) => columns[s.name].column.name !== headingName(s.name)).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
   for (const o of bench.outputs)
-    for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== n))
+    for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== headingName(n)))
       told.push(`${name} is read from ${columns[name].column.shown}, the only column with that in its heading`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
   return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks] };
@@ -69,7 +70,11 @@ function assigned(table) {
 }
 
 function headed(table, name) {
-  let found = table.columns.filter((c) => c.name === name);
+  let found = table.columns.filter((c) => c.name === headingName(name));
+  if (found.length > 1) { // as f and F
+    const exact = found.filter((c) => c.heading.replace(/^["' ]+/, "").startsWith(name));
+    if (exact.length) found = exact;
+  }
   if (!found.length && name === "time") found = timesOf(table.columns);
   if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: say which with --columns ${name}=${found[1].number}`);
   return found[0];
@@ -80,7 +85,7 @@ function wordedIn(table, headings, units, columns) {
   const taken = new Set(Object.values(columns).map((c) => c.number)), fitting = [];
   for (const c of table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem))
     for (const name of headings)
-      if (name.split("_").every((word) => c.name.split("_").includes(word)) && isIn(c.unit, units[name])) fitting.push([name, c]);
+      if (headingName(name).split("_").every((word) => c.name.split("_").includes(word)) && isIn(c.unit, units[name])) fitting.push([name, c]);
   fitting.sort((a, b) => b[0].length - a[0].length);
   return new Set(fitting.map(([, c]) => c.number)).size === 1 ? fitting[0] : undefined;
 }
@@ -244,14 +249,21 @@ function wrongUnit(values, name, signal, lines) {
   return [];
 }
 
-function outputFindings(recorded, signal, lines, name, rest) {
+const finite = (values) => values.filter(Number.isFinite);
+
+function isConstant(values) {
+  return span(values) <= 12 * noiseLevel(values) || span(values) === 0;
+}
+
+/* The faults of an output, which `rests` where another one moves. */
+function outputFindings(recorded, signal, lines, name, rest, rests) {
   const seen = indicesOf(Array.from(recorded), Number.isFinite), values = Float64Array.from(seen, (i) => recorded[i]), there = seen.map((i) => lines[i]);
   if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers; expected at least ${bench.leastSamples}`];
   const found = wrongUnit(values, name, signal, there);
   const noise = noiseLevel(values);
-  if (span(values) <= 12 * noise || span(values) === 0)
+  if (!rests && isConstant(values))
     found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}${noise > 0 ? ` beside noise of ${g(noise, 3)}` : ""}) contains no information; expected one in which the output moves`);
-  found.push(...standstill(values, name, there, [largest, smallest]));
+  if (!rests) found.push(...standstill(values, name, there, [largest, smallest]));
   const parameter = Object.values(signal.columns).find(Boolean);
   if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter));
   return found;
@@ -281,7 +293,7 @@ function isNoisy(values) {
   return noise > Math.max(words.quiet * span(values), words.coarse * resolution(values));
 }
 
-function standstill(values, name, lines, stops) {
+function standstill(values, name, lines, stops, off = false) {
   if (!isNoisy(values)) return [];
   const found = [];
   for (const extreme of stops.map((stop) => stop(values))) {
@@ -292,7 +304,7 @@ function standstill(values, name, lines, stops) {
   let steps = 0;
   for (let i = 1; i < values.length; i++) if (values[i] !== values[i - 1]) steps++;
   if (steps < 0.1 * values.length) return found; // a coarse monitor may well stand still
-  for (const [begin, end] of stillRuns(values))
+  for (const [begin, end] of stillRuns(values).filter(([first]) => !off || values[first] !== 0)) // what may be off is 0 then
     found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; empty these cells or leave the experiment out`);
   return found;
 }

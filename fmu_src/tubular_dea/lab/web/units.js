@@ -50,6 +50,7 @@ function unitPower(name, text) {
 
 function namedUnit(name) {
   if (Object.hasOwn(words.units, name)) { const [factor, exponents, offset] = words.units[name]; return { factor, exponents, offset }; }
+  if (Object.hasOwn(words.joinedUnits, name)) return parseUnit(words.joinedUnits[name]);
   if (Object.hasOwn(words.alsoUnits, name.toLowerCase())) return parseUnit(words.alsoUnits[name.toLowerCase()]);
   const same = byCase.get(name.toLowerCase()) ?? [];
   return same.length === 1 ? namedUnit(same[0]) : null;
