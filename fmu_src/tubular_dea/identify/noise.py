@@ -99,6 +99,11 @@ class Noise:
         return self.total * float(np.sqrt(self.colour(self.step).innovation))
 
     @property
+    def own_innovation(self) -> float:
+        """The same without what is driven: that of the sensor alone."""
+        return replace(self, driven=0.0).innovation
+
+    @property
     def total(self) -> float:
         """Standard deviation with what is driven."""
         return float(np.hypot(self.rms, self.driven))

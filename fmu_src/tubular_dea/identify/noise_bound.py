@@ -28,7 +28,7 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
     bound = prediction_error(left)
     if not np.isfinite(known.freedom) or bound <= 0:
         return known
-    innovation = replace(known, driven=0.0).innovation  # a line need not follow its monitor's noise at every sample
+    innovation = known.own_innovation  # a line need not follow its monitor's noise at every sample
     # without a quiet stretch the signal cannot be separated from noise of its colour
     if innovation > TOO_MUCH * bound or (not known.quiet and known.tau > BRIEF * known.step):
         freedom, memory = float(sum(r.size for r in left)), _brief_memory(left)
@@ -53,10 +53,9 @@ def _no_larger(known: Noise, left: list[np.ndarray]) -> Noise:
     Quiet stretches last too short to tell a memory of seconds; what is new in each sample they tell well.
     """
     rms = float(np.sqrt(sum(float(r @ r) for r in left) / sum(r.size for r in left)))
-    innovation = replace(known, driven=0.0).innovation
-    if known.white > 0 or not innovation < rms < known.rms:
+    if known.white > 0 or not known.own_innovation < rms < known.rms:
         return known
-    return replace(known, rms=rms, correlation=float(np.sqrt(1 - (innovation / rms) ** 2)))
+    return replace(known, rms=rms, correlation=float(np.sqrt(1 - (known.own_innovation / rms) ** 2)))
 
 
 def _brief_memory(records: list[np.ndarray]) -> float:
