@@ -9,7 +9,7 @@ cost a second.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,9 @@ SCORE_STEP = 0.02  # [1] of an amplitude's typical size: the step of its differe
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
 HIDDEN = 1e-3  # [1] share of a column that must be left for it to be anything but the present parameters
+
+
+Point = tuple[dict[str, float], dict[str, float]]  # shape and strength, by parameter (SI)
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,17 @@ def candidates(
 
 
 def candidates_at(
-    study: Study, values: Mapping[str, float], rows: int, present: Ids = (), effects: Iterable[Effect] | None = None
+    study: Study,
+    values: Mapping[str, float],
+    rows: int,
+    present: Ids = (),
+    effects: Iterable[Effect] | None = None,
+    points: Callable[[Effect], list[Point]] | None = None,
 ) -> list[Candidate]:
-    """The same at any parameters; `rows` counts the rows of the residual, including those of the prior."""
+    """The same at any parameters; `rows` counts the rows of the residual, including those of the prior.
+
+    `points` are those of an effect's shapes and strengths at which columns are taken (default: `every_point`).
+    """
     listed = [e for e in (study.catalogue.values() if effects is None else effects) if e.id not in present]
     problem = study.problem(present, [], values)
     rows -= sum(r.size for r in problem.records)  # of the prior
@@ -77,13 +88,8 @@ def candidates_at(
     baseline = dict(
         zip(distinct, side_by_side(lambda k: _baseline(k, problem, values, known), distinct.values()), strict=True)
     )
-    points = [
-        (baseline[id(kernels[e.id])], e, dict(zip(e.shapes, p, strict=True)), strength)
-        for e in listed
-        for p in itertools.product(*e.shapes.values())
-        for strength in _strengths(e)
-    ]
-    found = side_by_side(lambda point: _candidate(problem, rows, *point), points)
+    asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in (points or every_point)(e)]
+    found = side_by_side(lambda one: _candidate(problem, rows, *one), asked)
     return [c for c in found if c is not None]
 
 
@@ -143,9 +149,16 @@ def _candidate(
     return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
 
 
-def _strengths(effect: Effect) -> list[dict[str, float]]:
-    """{} for the derivative, and every strength at which a secant is taken."""
-    return [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
+def every_point(effect: Effect) -> list[Point]:
+    """The whole shape grid; at each point {} for the derivative, and every strength at which a secant is taken."""
+    strengths = [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
+    grid = itertools.product(*effect.shapes.values())
+    return [(dict(zip(effect.shapes, shape, strict=True)), strength) for shape in grid for strength in strengths]
+
+
+def middle_point(effect: Effect) -> list[Point]:
+    """The middle of the shape grid, for the derivative alone: where what an effect changes is seen."""
+    return [({name: values[len(values) // 2] for name, values in effect.shapes.items()}, {})]
 
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:

@@ -1,8 +1,8 @@
 """The choice of held-out experiments: they should confirm effects, and leave enough data to find them.
 
-Every candidate's columns at the declared parameters show how its change is distributed over the experiments. The
-held-out experiments should contain about a share HELD of it, for as many candidates as possible, and the training data
-most of it. Without them, the uncertainty of the base's own parameters should increase only little.
+Every effect's columns, at the declared parameters and the middle of its shapes, show how its change is distributed over
+the experiments. The held-out experiments should contain about a share HELD of it, for as many candidates as possible, and the training
+data most of it. Without them, the uncertainty of the base's own parameters should increase only little.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _information(study: Study) -> _Information:
     residual, jacobian = problem.linearised(problem.scaled(values))
     ends = np.cumsum([p.record.size for p in study.pieces])
     parts = np.split(jacobian[: ends[-1]], ends[:-1])
-    listed = bank.candidates_at(everyone, values, residual.size)
+    listed = bank.candidates_at(everyone, values, residual.size, points=bank.middle_point)
     squares = np.array([[np.sum(part**2) for part in np.split(c.columns[: ends[-1]], ends[:-1])] for c in listed])
     shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), 1e-300)
     return _Information(shares, np.array([part.T @ part for part in parts]))

@@ -19,7 +19,7 @@ TOLERANCE = 1e-6  # [1] of the kernel
 FINE = 1e-7  # [1] of the kernel where differences are taken
 
 # Set by measurement: fewer cost as much. Check: `pytest tests/test_sensitivities.py`
-COLUMNS_TOGETHER = 8  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
+COLUMNS_TOGETHER = 4  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
 
 # Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least

@@ -39,14 +39,20 @@ static inline void keep(const Source *source, int s, double time, const double *
 #include "attempt.h"
 
 #define DIFFERENCE 1e-6 /* of the columns' sizes, for J' */
-#define COLUMNS_WIDE 8  /* columns that are worked on at once */
+
+/* Columns that are worked on at once: what a vector register holds, as idle ones cost as much as others. */
+#if defined(__AVX512F__)
+#define COLUMNS_WIDE 8
+#define VECTORIZED "clang loop vectorize(enable) vectorize_width(8) interleave(disable) unroll(disable)"
+#else
+#define COLUMNS_WIDE 4
+#define VECTORIZED "clang loop vectorize(enable) vectorize_width(4) interleave(disable) unroll(disable)"
+#endif
 
 typedef double Wide[COLUMNS_WIDE]; /* one value of each of these columns */
 
 #if defined(__clang__)
-#define EVERY_COLUMN(l) \
-    _Pragma("clang loop vectorize(enable) vectorize_width(8) interleave(disable) unroll(disable)") \
-    for (int l = 0; l < COLUMNS_WIDE; l++)
+#define EVERY_COLUMN(l) _Pragma(VECTORIZED) for (int l = 0; l < COLUMNS_WIDE; l++)
 #else
 #define EVERY_COLUMN(l) for (int l = 0; l < COLUMNS_WIDE; l++)
 #endif
@@ -154,8 +160,8 @@ static SolverStatus take(const TangentRun *run, double time, double h, const dou
     return error < INFINITY ? SOLVER_OK : SOLVER_STEP_TOO_SMALL;
 }
 
-/* J and df/dt at a place `sign` sizes along the columns. */
-static inline void linearise_moved(const Taken *s, const Block *block, const Wide prepared[NQ], double sign, Wide J[NJ],
+/* J and df/dt at a place `sign` sizes along the columns. Flattened: a loop that calls anything is not vectorised. */
+__attribute__((flatten)) static void linearise_moved(const Taken *s, const Block *block, const Wide prepared[NQ], double sign, Wide J[NJ],
                                    Wide dx_dt[NX])
 {
     Wide x[NX], u[NU], q[NQ], entries[NJ], along[NX]; /* local: the compiler knows that they do not overlap */
