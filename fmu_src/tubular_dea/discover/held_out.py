@@ -1,8 +1,9 @@
 """The choice of held-out experiments: they should confirm effects, and leave enough data to find them.
 
 Every effect's columns, at the declared parameters and the middle of its shapes, show how its change is distributed over
-the experiments. The held-out experiments should contain about a share HELD of it, for as many candidates as possible, and the training
-data most of it. Without them, the uncertainty of the base's own parameters should increase only little.
+the experiments. The held-out experiments should contain about a share HELD of it, for as many candidates as possible,
+and the training data most of it. Without them, the uncertainty of the base's own parameters should increase only
+little.
 """
 
 from __future__ import annotations
