@@ -24,6 +24,7 @@ EVALUATIONS = 60  # [evaluations] after which it ends
 AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and yet turn out to be the better
 ELSEWHERE = 1.0  # [standard deviations] of a parameter between optima that are two
+SAME = 0.1  # [standard deviations] of every parameter between fits that are one
 AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
 # Set by judgement: far less than any interval, far more than the searches' precision. Check:
@@ -148,8 +149,12 @@ def may_be_better(other: Fit, fitted: Fit) -> bool:
     """
     if other.cost < fitted.cost - AGREE:
         return True
-    distance = np.abs(other.scaled - fitted.scaled) / np.sqrt(np.diag(fitted.covariance))
-    return AGREE < other.cost - fitted.cost < LOST * fitted.cost and bool(distance.max() > ELSEWHERE)
+    return AGREE < other.cost - fitted.cost < LOST * fitted.cost and apart(other, fitted) > ELSEWHERE
+
+
+def apart(one: Fit, other: Fit) -> float:
+    """The largest distance of a parameter in two fits of the same problem, in standard deviations of the second."""
+    return float(np.max(np.abs(one.scaled - other.scaled) / np.sqrt(np.diag(other.covariance)), initial=0.0))
 
 
 def described(

@@ -16,7 +16,7 @@ from ..kernel import KernelError
 from ..model.declare import Model
 from ..plants.plant import Plant
 from .adjust import MOST_SETTLES, SETTLES, adjusted
-from .fit import AGREE, Fit, FitError, fit, may_be_better
+from .fit import AGREE, SAME, Fit, FitError, apart, fit, may_be_better
 from .monitor_uncertainty import with_monitor_noise
 from .noise_limit import with_noise_of
 from .problem import Free, Problem
@@ -123,10 +123,7 @@ def settled(
     begin = dict(start) | {n: v for n, v in work.plant.restarts.items() if n in fitted.names}
     try:
         again = adjusted(replace(work, noise=first[0].noise), (), begin, fitted.free)
-        other = joint(again, begin, 1, seed, names, start)
-        if not may_be_better(other[1], fitted):
-            return first
-        found = _taken_in_turn(again, other, start, seed, names, noisy=False)
+        found = _taken_in_turn(again, joint(again, begin, 1, seed, names, start), start, seed, names, fitted)
     except (FitError, KernelError):
         return first
     return first if found[2].cost > fitted.cost - AGREE else _taken_in_turn(found[0], found[1:], start, seed, names)
@@ -138,18 +135,20 @@ def _taken_in_turn(
     start: Mapping[str, float],
     seed: int,
     names: Sequence[str] | None,
-    noisy: bool = True,
+    known: Fit | None = None,
 ) -> tuple[Study, Problem, Fit]:
-    """A joint fit and the records' own numbers, in turn until the cost changes no more.
+    """A joint fit and the records' own numbers, in turn until neither the cost nor the parameters change any more.
 
-    Unless `noisy`, the noise stays as it is, so that costs can be compared: each turn may find less of it.
+    With a `known` fit only as long as this one may be the better, which a first joint fit, with edges half a sample
+    off, does not show; and the noise stays as it is, so that costs can be compared: each turn may find less of it.
     """
     problem, best = found
     for number in range(MOST_SETTLES):
-        work = adjusted(with_noise_of(work, best) if noisy else work, (), best.values, best.free)
-        before = best.cost
+        work = adjusted(work if known is not None else with_noise_of(work, best), (), best.values, best.free)
+        before = best
         problem, best = joint(work, best.values, 1, seed, names, start)
-        if number + 1 >= SETTLES and abs(before - best.cost) < AGREE:
+        settles = abs(before.cost - best.cost) < AGREE or apart(best, before) < SAME
+        if (number + 1 >= SETTLES and settles) or (known is not None and not may_be_better(best, known)):
             break
     return work, problem, best
 
