@@ -24,7 +24,7 @@ EVALUATIONS = 60  # [evaluations] after which it ends
 AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and yet turn out to be the better
 ELSEWHERE = 1.0  # [standard deviations] of a parameter between optima that are two
-SAME = 0.1  # [standard deviations] of every parameter between fits that are one
+UNMOVED = 0.1  # [standard deviations] of every parameter between fits that are one
 AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
 # Set by judgement: far less than any interval, far more than the searches' precision. Check:

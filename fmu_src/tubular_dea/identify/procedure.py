@@ -16,7 +16,7 @@ from ..kernel import KernelError
 from ..model.declare import Model
 from ..plants.plant import Plant
 from .adjust import MOST_SETTLES, SETTLES, adjusted
-from .fit import AGREE, SAME, Fit, FitError, apart, fit, may_be_better
+from .fit import AGREE, UNMOVED, Fit, FitError, apart, fit, may_be_better
 from .monitor_uncertainty import with_monitor_noise
 from .noise_limit import with_noise_of
 from .problem import Free, Problem
@@ -147,7 +147,7 @@ def _taken_in_turn(
         work = adjusted(work if known is not None else with_noise_of(work, best), (), best.values, best.free)
         before = best
         problem, best = joint(work, best.values, 1, seed, names, start)
-        settles = abs(before.cost - best.cost) < AGREE or apart(best, before) < SAME
+        settles = abs(before.cost - best.cost) < AGREE or apart(best, before) < UNMOVED
         if (number + 1 >= SETTLES and settles) or (known is not None and not may_be_better(best, known)):
             break
     return work, problem, best
