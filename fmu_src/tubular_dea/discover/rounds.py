@@ -103,18 +103,30 @@ def take_round(
     if not options:
         return replace(blank, reason="no candidate could be refitted")
     said = [_said(study, base, chosen, o, threshold) for o in options]
-    good = _undenied(chosen, options, [i for i, (accepted, _) in enumerate(said) if accepted])
+    if any(s.accepted for s in said):  # what wandering explains is no rival of what it does not
+        real = [i for i, s in enumerate(said) if not s.wanders]
+        options, said = [options[i] for i in real], [said[i] for i in real]
+    good = _undenied(chosen, options, [i for i, s in enumerate(said) if s.accepted])
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
-    return replace(blank, options=options, accepted=said[best][0], reason=said[best][1])
+    return replace(blank, options=options, accepted=said[best].accepted, reason=said[best].reason)
 
 
-def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> tuple[bool, str]:
-    """Whether an option is accepted over the choice, and the reason in words."""
+@dataclass(frozen=True)
+class _Said:
+    """Whether an option is accepted, why (not), and whether a zero that wanders explains as much."""
+
+    accepted: bool
+    reason: str
+    wanders: bool = False
+
+
+def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> _Said:
+    """What is said of an option over the choice."""
     accepted, reason = accept(base, chosen, one, threshold)
     if accepted and explained_by_wandering(study, chosen, one, threshold):
-        return False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}"
-    return accepted, reason
+        return _Said(False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}", True)
+    return _Said(accepted, reason)
 
 
 def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
