@@ -28,7 +28,7 @@ CURVES = 4  # [1] curves over a file's time: Legendre polynomials from a straigh
 
 # Set by measurement: with 5 um of drift at 5 kHz, four laws that are not there gain 0.02 to 0.09 of it, as no zero
 # wanders so smoothly. Check: `python -m blind.score --singles 1 --only field_dependent_permittivity --seed 136000`
-BESIDE = 0.2  # [1] share of what wandering explains that an effect has to gain beside it
+GAINED_BESIDE = 0.2  # [1] share of what wandering explains that an effect has to gain beside it
 
 
 def explained_by_wandering(study: Study, before: Option, after: Option, threshold: float) -> bool:
@@ -40,7 +40,7 @@ def explained_by_wandering(study: Study, before: Option, after: Option, threshol
     size, wandering = _likeliest(study, before)
     gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
     beside = _misfit(study, before, size) - _misfit(study, after, size)
-    return beside < max(threshold, BESIDE * wandering) and wandering > gained - EARNS
+    return beside < max(threshold, GAINED_BESIDE * wandering) and wandering > gained - EARNS
 
 
 def leaves(study: Study, before: Option, options: Sequence[Option], threshold: float) -> bool:

@@ -213,6 +213,9 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     coarse = float(np.median([resolution(y) for _, y, _ in records]))
     every = stretches(records)
     chosen = calm(every, coarse)
+    lines = _stripped(chosen, records, Colour(0.0))[1] if _freedom(chosen) >= CALMEST else []
+    if lines:
+        chosen = calm(every, coarse, lines=lines)
     if _freedom(chosen) < CALMEST:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)

@@ -57,6 +57,11 @@ class Stretches:
         """Degrees of freedom left."""
         return self.values.shape[1] * (self.values.shape[0] - self.basis.shape[1])
 
+    @property
+    def left(self) -> np.ndarray:
+        """The values without the basis (n, m)."""
+        return self.values - self.basis @ (self.basis.T @ self.values)
+
     def only(self, chosen: np.ndarray) -> Stretches:
         """Some of them, (m,) of truth values."""
         return replace(self, values=self.values[:, chosen], record=self.record[chosen], first=self.first[chosen])
@@ -133,16 +138,19 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     return left[:, values > 1e-7 * values[0]]
 
 
-def calm(groups: Sequence[Stretches], step: float, enough: int = CALMEST) -> list[Stretches]:
+def calm(
+    groups: Sequence[Stretches], step: float, enough: int = CALMEST, lines: Sequence[float] = ()
+) -> list[Stretches]:
     """The stretches that move no more from sample to sample than the calmest ones do, which have `enough` degrees of
-    freedom, but for chance.
+    freedom, but for chance, and for hum at `lines` [Hz], which differs from file to file.
 
     Nor more than a sensor with this smallest `step` does, which is calm in the middle of one and not between two.
     Those without any noise are none to hold others against.
     """
     rings = [np.zeros(g.values.shape[1], dtype=bool) for g in groups]
+    left = [g.without(lines).left for g in groups] if lines else [g.values for g in groups]
     for lag in DIFFERENCES if groups else ():
-        moved = [_differences(g.values, lag) for g in groups]
+        moved = [_differences(v, lag) for v in left]
         calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)], enough)
         limit = max(NOT_CALM * calmest, COARSE * step**2)
         rings = [r | (m > limit) for r, m in zip(rings, moved, strict=True)]
