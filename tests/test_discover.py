@@ -269,3 +269,11 @@ def _left_by_the_fmu(fmu: Path, file: Path) -> float:
     )
     modelled = np.interp(time, run["time"], run["measured_displacement"])
     return float(np.sqrt(np.mean((0.015 + modelled - recorded["radius_[m]"]) ** 2)))
+
+
+def test_levels_are_tried_near_the_ends_of_what_their_state_passes() -> None:
+    stop = PLANT.catalogue["rigid_stop"]
+    tried = [shape["lambda_2_stop"] for shape, _ in bank.every_point(stop, {"lambda_2": (1.0, 1.24)})]
+    assert max(tried) == pytest.approx(1.228) and min(tried) == pytest.approx(1.012)
+    assert all(v in tried for v in stop.shapes["lambda_2_stop"] if v < 1.24)
+    assert [shape["lambda_2_stop"] for shape, _ in bank.every_point(stop, {})] == list(stop.shapes["lambda_2_stop"])

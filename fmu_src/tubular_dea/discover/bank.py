@@ -22,11 +22,16 @@ from ..identify.study import Study
 from ..identify.threads import side_by_side
 from ..kernel import Kernel, KernelError
 from ..model.effect import Effect
+from .levels import Passed, passed
 from .parameters import size, switched_off
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_discover.py::test_scores_point_to_the_refit`
 SCORE_STEP = 0.02  # [1] of an amplitude's typical size: the step of its difference quotient
+
+# Set by measurement: a stop at a stretch of 1.242, where the tube comes to 1.239, scored less than four other effects
+# with levels 0.05 apart. Check: `pytest tests/test_discover.py -k levels`
+NEAR_ENDS = (0.05, 0.1, 0.9, 0.95)  # [1] shares of what a state passes, at which levels are tried
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
 HIDDEN = 1e-3  # [1] share of a column that must be left for it to be anything but the present parameters
@@ -77,7 +82,8 @@ def candidates_at(
 ) -> list[Candidate]:
     """The same at any parameters; `rows` counts the rows of the residual, including those of the prior.
 
-    `points` are those of an effect's shapes and strengths at which columns are taken (default: `every_point`).
+    `points` are those of an effect's shapes and strengths at which columns are taken (default: `every_point`, with
+    levels where the present model passes them).
     """
     listed = [e for e in (study.catalogue.values() if effects is None else effects) if e.id not in present]
     problem = study.problem(present, [], values)
@@ -88,7 +94,9 @@ def candidates_at(
     baseline = dict(
         zip(distinct, side_by_side(lambda k: _baseline(k, problem, values, known), distinct.values()), strict=True)
     )
-    asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in (points or every_point)(e)]
+    ranges = passed(study, present, values, listed) if points is None else {}
+    at = {e.id: every_point(e, ranges) if points is None else points(e) for e in listed}
+    asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in at[e.id]]
     found = side_by_side(lambda one: _candidate(problem, rows, *one), asked)
     return [c for c in found if c is not None]
 
@@ -149,11 +157,23 @@ def _candidate(
     return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
 
 
-def every_point(effect: Effect) -> list[Point]:
-    """The whole shape grid; at each point {} for the derivative, and every strength at which a secant is taken."""
+def every_point(effect: Effect, ranges: Passed) -> list[Point]:
+    """The whole shape grid; at each point {} for the derivative, and every strength at which a secant is taken.
+
+    A level is tried near the ends of what its state passes too, and not beyond `ranges`.
+    """
     strengths = [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
-    grid = itertools.product(*effect.shapes.values())
+    grid = itertools.product(*(_values(effect, name, ranges) for name in effect.shapes))
     return [(dict(zip(effect.shapes, shape, strict=True)), strength) for shape in grid for strength in strengths]
+
+
+def _values(effect: Effect, name: str, ranges: Passed) -> list[float]:
+    """The grid of a shape."""
+    listed = list(effect.shapes[name])
+    if effect.levels.get(name) not in ranges:
+        return listed
+    low, high = ranges[effect.levels[name]]
+    return [*(v for v in listed if low < v < high), *(low + share * (high - low) for share in NEAR_ENDS)]
 
 
 def middle_point(effect: Effect) -> list[Point]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
 from ..identify.study import Study
-from ..kernel import KernelError
+from .levels import passed
 from .parameters import at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
@@ -87,15 +87,6 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
 
 def _unreached(study: Study, ids: Ids, fitted: Fit) -> Ids:
     """The effects with a level that its state never passes in training."""
-    watched = [(i, level, state) for i in ids for level, state in study.catalogue[i].levels.items()]
-    if not watched:
-        return ()
-    try:
-        runs = study.response(ids, study.training).trajectories(study.shared(fitted.values))
-    except KernelError:
-        return ()
-    passed = {
-        state: (min(float(r[state].min()) for r in runs), max(float(r[state].max()) for r in runs))
-        for _, _, state in watched
-    }
-    return tuple(i for i, level, state in watched if not passed[state][0] < fitted.values[level] < passed[state][1])
+    ranges = passed(study, ids, fitted.values, [study.catalogue[i] for i in ids])
+    watched = [(i, level, state) for i in ids for level, state in study.catalogue[i].levels.items() if state in ranges]
+    return tuple(i for i, level, state in watched if not ranges[state][0] < fitted.values[level] < ranges[state][1])
