@@ -213,9 +213,9 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     coarse = float(np.median([resolution(y) for _, y, _ in records]))
     every = stretches(records)
     chosen = calm(every, coarse)
-    lines = _stripped(chosen, records, Colour(0.0))[1] if _freedom(chosen) >= CALMEST else []
-    if lines:
-        chosen = calm(every, coarse, lines=lines)
+    mains = _mains(chosen, records)
+    if mains:
+        chosen = calm(every, coarse, lines=mains)
     if _freedom(chosen) < CALMEST:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)
@@ -224,6 +224,14 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
         if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, _freedom(chosen) < CALM_SHARE * _freedom(every)
+
+
+def _mains(chosen: list[Stretches], records: Records) -> list[float]:
+    """The lines [Hz] of hum in chosen stretches; none where they are too few to tell. No ringing of a plant is hum."""
+    if _freedom(chosen) < CALMEST:
+        return []
+    step = min(s.step for s in chosen)
+    return [f for f in _stripped(chosen, records, Colour(0.0))[1] if hums.is_hum(f, step)]
 
 
 def _variance(records: Records) -> float:
