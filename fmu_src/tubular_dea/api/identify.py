@@ -24,7 +24,7 @@ from ..identify.nuisances import with_nuisances
 from ..identify.problem import Problem
 from ..identify.study import PRIOR, Study, study
 from ..model.declare import Model, nearest
-from ..model.units import readable
+from ..model.units import in_words, readable
 from ..plants.plant import Plant
 from ..plants.saved import as_json
 from . import tables
@@ -105,7 +105,7 @@ class IdentificationResult:
         each = self.content.get("outputs", {"": self.content})
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
-            fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {_told(e['rmse'], e['unit'])}")
+            fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {in_words(e['rmse'], e['unit'])}")
         return [*said, "(+- standard error; 95 % intervals in parameters.json)", *self.remarks(), *fits]
 
     def remarks(self) -> list[str]:
@@ -123,8 +123,8 @@ class IdentificationResult:
         if self.verdict == "misfit":
             said.append(
                 f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times what noise "
-                f"and sampling allow (the sensor's noise: {_told(self.content['noise_floor'], self.content['unit'])}), "
-                "so the intervals are too narrow"
+                "and sampling allow (the sensor's noise: "
+                f"{in_words(self.content['noise_floor'], self.content['unit'])}), so the intervals are too narrow"
             )
         return said
 
@@ -159,12 +159,6 @@ def _bound(model: Model, name: str, end: str) -> str:
     """The least or the largest allowed value of a parameter, with its unit."""
     q = model.quantity(name)
     return f"{q.minimum if end == 'least' else q.maximum:g} {q.unit}".removesuffix(" 1")
-
-
-def _told(error: float, unit: str) -> str:
-    """An error in a readable unit."""
-    scale, unit = readable(error, unit)
-    return f"{error / scale:.3g} {unit}"
 
 
 def identify(

@@ -11,7 +11,7 @@ from ..identify.intervals import interval
 from ..identify.nuisances import zero_spread
 from ..model.declare import Quantity
 from ..model.effect import Effect
-from ..model.units import factor, readable
+from ..model.units import factor, in_words
 from .acceptance import clean, noise_alone, size_interval
 from .engine import Discovery
 from .oscillations import Oscillation
@@ -82,8 +82,9 @@ def _beyond(found: Discovery) -> list[str]:
 
 def _told(value: float, q: Quantity) -> str:
     """A value [SI] in the unit in which its quantity is shown, or one that makes a short number."""
-    scale, unit = (factor(q.display_unit, q.unit), q.display_unit) if q.display_unit else readable(value, q.unit)
-    return f"{value / scale:.3g} {unit}".removesuffix(" 1")
+    if not q.display_unit:
+        return in_words(value, q.unit)
+    return f"{value / factor(q.display_unit, q.unit):.3g} {q.display_unit}".removesuffix(" 1")
 
 
 def _unit(effect: Effect, parameter: str) -> str:

@@ -371,3 +371,9 @@ def readable(value: float, unit: str) -> tuple[float, str]:
         return 1.0, unit
     power = min(max(math.floor(math.log10(abs(value)) / 3), -3), 3) * 3
     return 10.0**power, PREFIXES[power] + unit
+
+
+def in_words(value: float, unit: str) -> str:
+    """An SI value in three digits and a unit that suits it."""
+    scale, shown = readable(value, unit)
+    return f"{value / scale:.3g} {shown}".removesuffix(" 1")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..discover.atlas import Atlas, Signature
 from ..model.effect import equations
-from ..model.units import readable
+from ..model.units import in_words
 from .colours import COLOURS
 from .page import Page
 from .svg import GRID, Plot, thinned
@@ -144,8 +144,7 @@ def _sizes(one: Signature) -> Iterator[str]:
         value = one.effect.typical[q.name]
         if q.name in one.effect.on or (q.name in one.effect.refine and value == one.effect.off.get(q.name, 0.0)):
             continue
-        scale, unit = readable(value, q.unit)
-        yield f"{q.name} = {value / scale:.3g} {unit}".removesuffix(" 1")
+        yield f"{q.name} = {in_words(value, q.unit)}"
 
 
 def _amounts(atlas: Atlas, one: Signature) -> Iterator[str]:
@@ -154,10 +153,9 @@ def _amounts(atlas: Atlas, one: Signature) -> Iterator[str]:
     for output, full in atlas.scale.items():
         parts = [part for _, _, reading, part in atlas.parts() if reading.output == output]
         left = full * float(np.sqrt(np.mean(np.concatenate([one.residual[p] for p in parts]) ** 2)))
-        scale, unit = readable(left, atlas.plant.quantity(output).unit)
-        most = full * float(max(np.abs(one.residual[p]).max() for p in parts)) / scale
+        unit, most = atlas.plant.quantity(output).unit, full * float(max(np.abs(one.residual[p]).max() for p in parts))
         yield (
-            f"It leaves {left / scale:.3g} {unit} rms of {output.replace('_', ' ')} ({most:.3g} {unit} at most), "
+            f"It leaves {in_words(left, unit)} rms of {output.replace('_', ' ')} ({in_words(most, unit)} at most), "
             f"{one.remains / one.changed:.0%} of the change it makes; the model's own parameters absorb the rest."
         )
 
@@ -169,10 +167,10 @@ def _panels(atlas: Atlas, one: Signature) -> Iterator[tuple[str, str]]:
     tops = {output: max(float(sizes[p].max()) for _, _, r, p in parts if r.output == output) for output in atlas.scale}
     for name, _, reading, part in parts:
         top = tops[reading.output]
-        scale, unit = readable(top * atlas.scale[reading.output], atlas.plant.quantity(reading.output).unit)
+        most = in_words(top * atlas.scale[reading.output], atlas.plant.quantity(reading.output).unit)
         yield (
             _panel(f"{one.effect.id}, {name}", reading.times, one.residual[part], top),
-            f"{name}, \N{PLUS-MINUS SIGN}{top * atlas.scale[reading.output] / scale:.3g} {unit}",
+            f"{name}, \N{PLUS-MINUS SIGN}{most}",
         )
     name, _, reading, part = next(entry for entry in parts if sizes[entry[3]].max() == sizes.max())
     near = _surroundings(sizes[part])

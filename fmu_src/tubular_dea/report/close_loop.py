@@ -13,7 +13,7 @@ from ..discover.outcome import floor, remainder
 from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
-from ..model.units import readable
+from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
 from .in_short import LEFT, foretold, in_short, least, not_seen
@@ -269,8 +269,7 @@ def _size(found: Discovery, value: float | None) -> str:
     """An error of the first output, in words."""
     if not value:
         return "no answer" if value is None else "none"
-    scale, unit = readable(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
-    return f"{value / scale:.3g} {unit}"
+    return in_words(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
 
 
 def _number(value: float | None) -> str:

@@ -16,7 +16,7 @@ from ..emit.tables import STYLE, body, changes, document, parameter_table
 from ..laws import kinds, laws
 from ..model.declare import Model
 from ..model.effect import Effect
-from ..model.units import readable
+from ..model.units import in_words
 from ..plants.plant import Plant
 
 _STYLE = (
@@ -108,11 +108,7 @@ def _catalogue(plant: Plant) -> tuple[str, list[Entry]]:
 
 def _typical(effect: Effect) -> str:
     """The parameters at which an effect has its usual size, in readable units."""
-    sizes = []
-    for q in effect.parameters:
-        scale, unit = readable(effect.typical[q.name], q.unit)
-        sizes.append(f"`{q.name}` {effect.typical[q.name] / scale:.3g} {'' if unit == '1' else unit}".strip())
-    return inline(", ".join(sizes))
+    return inline(", ".join(f"`{q.name}` {in_words(effect.typical[q.name], q.unit)}" for q in effect.parameters))
 
 
 def _effect(model: Model, effect: Effect) -> str:

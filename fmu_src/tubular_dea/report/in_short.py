@@ -6,7 +6,7 @@ from typing import Any
 
 from ..discover.engine import Discovery
 from ..model.effect import Effect
-from ..model.units import readable
+from ..model.units import in_words
 from .effects import size_words
 from .page import Page
 from .parts import AFTER, BEFORE, RECORD
@@ -116,8 +116,7 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     rows += [("sensor's noise", outcome["noise_floor"], RECORD)]
     entries = []
     for words, value, colour in rows:
-        scale, shown = readable(value or 0.0, unit)
-        entries.append((words, value or 0.0, "no answer" if value is None else f"{value / scale:.3g} {shown}", colour))
+        entries.append((words, value or 0.0, "no answer" if value is None else in_words(value, unit), colour))
     first = found.study.plant.outputs[0].headings[0].replace("_", " ")
     where = seen or "on held-out experiments"
     after = f" (before) and with {effects} (after)" if effects else ""
@@ -133,8 +132,8 @@ def foretold(found: Discovery, errors: dict[str, Any]) -> list[str]:
     declared, refitted = errors["published"]["held_out_rmse"], errors["recalibrated"]["held_out_rmse"]
     if declared is None or refitted is None or declared >= refitted:
         return []
-    scale, unit = readable(declared, errors["published"]["unit"])
-    return [f"As declared, without any refit, the model predicts what was held out to {declared / scale:.3g} {unit}."]
+    size = in_words(declared, errors["published"]["unit"])
+    return [f"As declared, without any refit, the model predicts what was held out to {size}."]
 
 
 def least(found: Discovery) -> str:
@@ -208,8 +207,7 @@ def _shown_limit(effect: Effect, parameter: str, value: float | None) -> str:
 
 def _limit(effect: Effect, parameter: str, value: float) -> str:
     unit = next(q.unit for q in effect.parameters if q.name == parameter)
-    scale, shown = readable(value, unit)
-    size, off = f"{value / scale:.3g} {shown}".removesuffix(" 1"), effect.off.get(parameter, 0.0)
+    size, off = in_words(value, unit), effect.off.get(parameter, 0.0)
     if off:
         return f"within {size} of {off:g}"
     return f"above {size}" if _smaller_is_more(effect, parameter) else f"below {size}"
