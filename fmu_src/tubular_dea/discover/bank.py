@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -35,7 +36,6 @@ NEAR_ENDS = (0.05, 0.1, 0.9, 0.95)  # [1] shares of what a state passes, at whic
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
 HIDDEN = 1e-3  # [1] share of a column that must be left for it to be anything but the present parameters
-
 
 Point = tuple[dict[str, float], dict[str, float]]  # shape and strength, by parameter (SI)
 
@@ -94,9 +94,8 @@ def candidates_at(
     baseline = dict(
         zip(distinct, side_by_side(lambda k: _baseline(k, problem, values, known), distinct.values()), strict=True)
     )
-    ranges = passed(study, present, values, listed) if points is None else {}
-    at = {e.id: every_point(e, ranges) if points is None else points(e) for e in listed}
-    asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in at[e.id]]
+    points = points or partial(every_point, ranges=passed(study, present, values, listed))
+    asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in points(e)]
     found = side_by_side(lambda one: _candidate(problem, rows, *one), asked)
     return [c for c in found if c is not None]
 

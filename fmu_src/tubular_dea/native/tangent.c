@@ -161,8 +161,8 @@ static SolverStatus take(const TangentRun *run, double time, double h, const dou
 }
 
 /* J and df/dt at a place `sign` sizes along the columns. Flattened: a loop that calls anything is not vectorised. */
-__attribute__((flatten)) static void linearise_moved(const Taken *s, const Block *block, const Wide prepared[NQ], double sign, Wide J[NJ],
-                                   Wide dx_dt[NX])
+__attribute__((flatten)) static void linearise_moved(const Taken *s, const Block *block, const Wide prepared[NQ],
+                                                     double sign, Wide J[NJ], Wide dx_dt[NX])
 {
     Wide x[NX], u[NU], q[NQ], entries[NJ], along[NX]; /* local: the compiler knows that they do not overlap */
     double du[NU];
