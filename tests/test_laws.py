@@ -203,7 +203,10 @@ def test_off_is_the_base_over_time(plant: str, place: int) -> None:
     assert np.max(np.abs(run(plant, place, shaped) - base)) < 1e-7 * np.max(np.abs(base))
 
 
-@pytest.mark.parametrize("case", LAWS, ids=named)
+SHOWING = [c for c in LAWS if not (c[0] == "tanks" and named(c).startswith("rectification"))]  # nothing negative there
+
+
+@pytest.mark.parametrize("case", SHOWING, ids=named)
 def test_on_it_shows(case: tuple[str, int, int]) -> None:
     plant, place, i = case
     base = run(plant)

@@ -23,6 +23,7 @@ from .next_experiment import DIFFER, at_channel, kind
 from .options import Option
 from .oscillations import Oscillation, oscillations
 from .parameters import switched_on
+from .residuals import LackOfFit
 
 WHY = {
     "no_effect": "At this level of noise nothing is missing",
@@ -111,13 +112,17 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
-    left = errors(found.named_study, found.named.ids, found.named.fitted.values)["rmse"]
     return {
-        "rms": state.structure if left is None else min(state.structure, left),
+        "rms": beyond_noise(state, errors(found.named_study, found.named.ids, found.named.fitted.values)),
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
         "channel": channel(found),
     }
+
+
+def beyond_noise(state: LackOfFit, error: Mapping[str, Any]) -> float:
+    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most the error of all of them."""
+    return state.structure if error["rmse"] is None else min(state.structure, float(error["rmse"]))
 
 
 def _unpredicted(found: Discovery) -> dict[str, Any]:

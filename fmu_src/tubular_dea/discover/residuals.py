@@ -9,7 +9,7 @@ import numpy as np
 
 from ..identify.compiled import Ids
 from ..identify.fit import Fit
-from ..identify.misfit import BLOCK, block_sums, parts
+from ..identify.misfit import BLOCK, SLOW_CHANCE, block_sums, parts
 from ..identify.study import Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k far`,
@@ -56,12 +56,12 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
     level = max(noise.uncertainty for noise in study.noise.values())
     quiet = all(noise.quiet for noise in study.noise.values())
     known = quiet and all(noise.slow_known for noise in study.noise.values())
-    z_slow = float(means @ means - variance.sum()) / np.hypot(
-        np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum()
-    )
+    slow = float(means @ means - variance.sum())
+    z_slow = slow / np.hypot(np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum())
     uncertainty = np.hypot(np.sqrt(2.0 * n), level * n)
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))
-    gained = excess / n / share * study.noise[pieces[0].case.readings[0].output].slow ** 2
+    beyond = max(excess, slow) if z_slow > SLOW_CHANCE else excess  # where the level of the noise hides what is slow
+    gained = beyond / n / share * study.noise[pieces[0].case.readings[0].output].slow ** 2
     return LackOfFit(
         excess,
         expected,

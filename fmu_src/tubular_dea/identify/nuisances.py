@@ -31,7 +31,7 @@ from .study import Nuisances, Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py`
 LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
-MOST_LASTING = 64  # [1] edges of a record that are estimated together: each needs a simulation of its own
+MOST_LASTING = 2e6  # [samples] simulated at most for a record's edges that are estimated together: all of it for each
 EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference quotient
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -129,7 +129,7 @@ def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: P
     """Every edge by name, with the case in which it alone has moved and by how much [s], if what an instant changes
     lasts; none otherwise."""
     edges = piece.driven.edges
-    if not 1 < len(edges) <= MOST_LASTING:
+    if len(edges) < 2 or len(edges) * piece.record.size > MOST_LASTING:
         return []
 
     def moved(number: int) -> tuple[str, Case, float]:

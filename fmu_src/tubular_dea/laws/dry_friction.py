@@ -30,6 +30,7 @@ from .places import Balance
 
 KINDS = (Balance,)
 NEEDS = "the balance of a speed"
+SHORTEST = 1e-7  # of it: the least travel, as a slide with ideal friction moves on by the root of it at every turn
 TRAVELS = (1e-3, 1e-2, 1e-1)  # of the displacement's usual size
 
 
@@ -46,7 +47,7 @@ def law(at: BalanceSite) -> Effect | None:
         length,
         "Displacement within which it builds up",
         0.01 * size,
-        1e-5 * size,
+        SHORTEST * size,
         10 * size,
         shapes=[t * size for t in TRAVELS],
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import plotly.graph_objects as go
 
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
-from ..discover.outcome import floor, remainder
+from ..discover.outcome import beyond_noise, floor, remainder
 from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK
@@ -130,7 +129,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
-    structure = _no_more(state.structure, outcome["error"]["recalibrated"])
+    structure = beyond_noise(state, outcome["error"]["recalibrated"])
     where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
@@ -156,7 +155,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.figure(
             bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
         )
-    left = _no_more(after.structure, outcome["error"]["after"])
+    left = beyond_noise(after, outcome["error"]["after"])
     beyond = f"{_size(found, left)} rms of it" if left else "nothing of its rms"
     page.text(
         f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part differs from "
@@ -164,11 +163,6 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"{found.held_ratio:.3f} times {LEFT}."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
-
-
-def _no_more(structure: float, error: Mapping[str, Any]) -> float:
-    """What is left beyond noise, of samples weighted as in the fits, but no more than the error of all of them."""
-    return structure if error["rmse"] is None else min(structure, float(error["rmse"]))
 
 
 def _undone(found: Discovery, step: Round) -> str:
