@@ -96,13 +96,15 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     monkeypatch.setattr(rounds, "fitted_option", lambda study, ids, start, fine: again.append(ids))
     model = SimpleNamespace(parameter_values=lambda: {})
     study = SimpleNamespace(plant=SimpleNamespace(model=model))
-    found = rounds._refits(study, option(excess=6000.0), scored(*[100.0] * 5), list(left), {}, lambda what: None)
+    before = option(excess=6000.0)
+    starts = [rounds._Start(before.fitted, scored(*[100.0] * 5))]
+    found = rounds._refits(study, before, starts, list(left), {}, lambda what: None)
     assert [o.ids[-1] for o in found] == ["c0", "c4", "c3", "c1", "c2"]  # best first
     assert sorted(ended) == ["c0", "c1", "c3", "c4"]
     assert sorted(again) == [("c0",), ("c3",), ("c4",)]
     ended.clear()
     known = {"c2": option("c2", excess=2501.0).fitted}  # of a search at another level of noise: it starts there
-    rounds._refits(study, option(excess=6000.0), scored(*[100.0] * 5), list(left), known, lambda what: None)
+    rounds._refits(study, before, starts, list(left), known, lambda what: None)
     assert ended.index("c2") == 0
 
 

@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 from . import hum as hums
 from .colour import Colour
 from .monitors import resolution
-from .quiet import BARELY_CALM, CALMEST, Records, Stretches, calm, louder, steady, stretches
+from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Records, Stretches, calm, louder, steady, stretches
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -159,11 +159,10 @@ class Noise:
 def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
     chosen, quiet, rings = _chosen(records)
-    found = _told(records, chosen, quiet, rings)
-    if found.quiet:
-        return found
-    still = _before_events(records)
+    found, still = _told(records, chosen, quiet, rings), _before_events(records)
     if _freedom(still) < CALMEST:
+        return found
+    if found.quiet and _left(chosen) < NOT_CALM * max(_left(still), _coarse(records) ** 2):
         return found
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found
@@ -173,10 +172,15 @@ def _before_events(records: Records) -> list[Stretches]:
     """The calm stretches before anything happens in their records."""
     first = [next((e for e in events if time[0] < e < time[-1]), time[0]) for time, _, events in records]
     kept = []
-    for one in calm(stretches(records), float(np.median([resolution(y) for _, y, _ in records]))):
+    for one in calm(stretches(records), _coarse(records)):
         ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
         kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
     return [k for k in kept if k.record.size]
+
+
+def _left(groups: Sequence[Stretches]) -> float:
+    """The variance of stretches without what creeps."""
+    return sum(float(np.sum(g.left**2)) for g in groups) / max(_freedom(groups), 1)
 
 
 def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -> Noise:
@@ -210,8 +214,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
 
 def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
-    coarse = float(np.median([resolution(y) for _, y, _ in records]))
-    every = stretches(records)
+    coarse, every = _coarse(records), stretches(records)
     chosen = calm(every, coarse)
     mains = _mains(chosen, records)
     if mains:
@@ -224,6 +227,11 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
         if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, _freedom(chosen) < CALM_SHARE * _freedom(every)
+
+
+def _coarse(records: Records) -> float:
+    """The step of the sensor's readings."""
+    return float(np.median([resolution(y) for _, y, _ in records]))
 
 
 def _mains(chosen: list[Stretches], records: Records) -> list[float]:

@@ -17,6 +17,7 @@ from .places import Balance, Coefficient, Path, Place
 
 ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")
 """Laws that, at an input, belong to what drives the plant and not to the monitor that recorded it."""
+ORDINARY = 0.05  # of the farther bound: the size of a parameter that usually is nothing
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ class Site:
     ) -> Knob:
         """A parameter of the law."""
         start = off if off is not None else typical
-        q = Quantity(self.name(part), unit, description, start, "", low, high, nominal=abs(typical) or 1.0)
+        usual = abs(typical) or ORDINARY * max(abs(low), abs(high))
+        q = Quantity(self.name(part), unit, description, start, "", low, high, nominal=usual)
         return Knob(q, typical, off, on, tuple(shapes), trade, refine, tuple(strengths))
 
     def time_constant(
