@@ -116,7 +116,7 @@ def test_what_is_right_or_cannot_be_known_passes(expression: sympy.Expr, unit: s
         (n**x, "1", "the exponent of n has to be a number"),
         (x * step(x + v), "m", "cannot be added"),
         (y, "m", "multiply it by 0.001, or correct the unit"),
-        (w, "rad/s", "expected rad/s but w is in rpm; multiply it by 0.0166667"),
+        (w, "rad/s", "expected rad/s but w is in rpm; multiply it by 0.10472"),
         (2 * x, "kg", "(the number 2 has no unit"),
     ],
 )

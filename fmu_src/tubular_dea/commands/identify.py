@@ -1,4 +1,4 @@
-"""Find the model's parameters from bench recordings: the paper's staged procedure, then all of them jointly.
+"""Find a model's parameters from recordings: for the tube the paper's staged procedure, then all of them jointly.
 
 DATA is a folder of files, one experiment each, headed with quantity and unit:
   time [s],pressure [Pa],voltage [V],radius [m]
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--staged", action="store_true", help="start with the paper's stages (always done from table-2)"
     )
     parser.add_argument(
-        "--free", nargs="+", default=None, metavar="NAME", help="identify these only (default: all nine)"
+        "--free", nargs="+", default=None, metavar="NAME", help="identify these only (default: all tunable ones)"
     )
     parser.add_argument(
         "--starts", type=int, default=3, help="starts of the joint fit, near the starting values (default: 3)"

@@ -1,7 +1,8 @@
 """Oscillations that no recorded input drives: lines in the sensor's spectrum that are not mains hum.
 
 The noise estimate finds them in quiet parts of the records and removes them (`Noise.lines`). Here their frequency is
-refined over all records, and their amplitude is determined in the residual of each.
+refined over all records, and their amplitude is determined in the residual of each. Where the model oscillates more
+with it, an input drives it, and the residual is what the model misses of that.
 """
 
 from __future__ import annotations
@@ -49,10 +50,12 @@ def oscillations(found: Discovery) -> list[Oscillation]:
         return []
     answers = study.response(named.ids, study.pieces).outputs(named.fitted.values)
     left: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
+    driven: dict[tuple[str, str], np.ndarray] = {}
     for piece, answer in zip(study.pieces, answers, strict=True):
         residual = piece.record - with_nuisances(study, piece, answer)
         for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
             left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
+            driven[reading.output, piece.name] = answer[part]
     told: list[Oscillation] = []
     for output, records in left.items():
         noise = study.noise[output]
@@ -62,7 +65,8 @@ def oscillations(found: Discovery) -> list[Oscillation]:
                 continue
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
             errors = {name: noise.slow_at(_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records}
-            seen = [r for r in records if amplitudes[r[0]] > LINE_TOLD * errors[r[0]]]
+            follows = {name: abs(_wave(fine, times, driven[output, name])) for name, times, _ in records}
+            seen = [r for r in records if amplitudes[r[0]] > max(LINE_TOLD * errors[r[0]], follows[r[0]])]
             if any(_steady(fine, times, residual) for _, times, residual in seen):
                 told.append(Oscillation(output, fine, amplitudes))
     return told

@@ -162,7 +162,8 @@ def estimate(records: Records) -> Noise:
     found, still = _told(records, chosen, quiet, rings), _before_events(records)
     if _freedom(still) < CALMEST:
         return found
-    if found.quiet and _left(chosen) < NOT_CALM * max(_left(still), _coarse(records) ** 2):
+    alike = _left(chosen) < NOT_CALM * max(_left(still), _coarse(records) ** 2)
+    if found.quiet and alike and not (rings and _freedom(still) >= SOME_FREEDOM):
         return found
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found

@@ -25,7 +25,7 @@ from .noise import Noise
 from .noise_bound import limited
 from .problem import Free, Problem
 from .response import Response
-from .start import RESTED, UNKNOWN, loosened, zeroed
+from .start import MOVED, RESTED, UNKNOWN, loosened, zeroed
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -301,9 +301,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
             if seen.any():
-                records.append(
-                    (experiment.time[seen], experiment.outputs[output.name][seen], np.unique(driven.protocol.time))
-                )
+                records.append((experiment.time[seen], experiment.outputs[output.name][seen], _events(driven)))
         noise = noises.estimate(records)
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
@@ -319,6 +317,14 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
     if not found:
         raise UserError(f"{recordings.source}: expected at least one output but no file has any")
     return found
+
+
+def _events(driven: Drive) -> np.ndarray:
+    """When something happens: corners of the inputs, without those by which noise moves them before they set out."""
+    time, inputs = driven.protocol.time, driven.protocol.inputs
+    moved = [np.abs(v - v[0]) > MOVED * driven.noise.get(name, 0.0) for name, v in inputs.items()]
+    set_out = min((int(np.argmax(m)) for m in moved if m.any()), default=1)
+    return np.unique(np.append(time[:1], time[max(set_out - 1, 0) :]))
 
 
 def choose_held_out(recordings: Recordings) -> list[str]:

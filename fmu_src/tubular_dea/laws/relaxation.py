@@ -22,8 +22,8 @@ from .places import Balance, Coefficient
 
 KINDS = (Balance, Coefficient)
 NEEDS = "a balance, or a definition that inputs alone move"
-TIMES = (0.1, 1.0, 10.0)  # of the usual time there
-LONGEST = 20.0  # longer, and it holds the plant at its start
+TIMES = (0.1, 1.0, 10.0, 100.0)  # of the usual time there, which may be that of a ringing
+LONGEST = 300.0  # of it
 STRESS_TIMES = (1.0, 10.0, 100.0)  # of the usual time of a stress without a balance
 
 

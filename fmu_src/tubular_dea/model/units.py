@@ -71,6 +71,9 @@ _PREFIXED = {
     "C": (Unit(1.0, (0, 0, 1, 1, 0)), "pnum"),
     "F": (Unit(1.0, (-1, -2, 4, 2, 0)), "pnum"),
     "Ohm": (Unit(1.0, (1, 2, -3, -2, 0)), "mkMG"),
+    "H": (Unit(1.0, (1, 2, -2, -2, 0)), "num"),
+    "Wb": (Unit(1.0, (1, 2, -2, -1, 0)), "um"),
+    "T": (Unit(1.0, (1, 0, -2, -1, 0)), "um"),
 }
 _POWERS = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 
@@ -85,7 +88,7 @@ _NAMED = {
     "h": Unit(3600.0, _TIME),
     "d": Unit(86400.0, _TIME),
     "bpm": Unit(1 / 60, _RATE),
-    "rpm": Unit(1 / 60, _RATE),
+    "rpm": Unit(math.tau / 60, _RATE),
     "inch": Unit(0.0254, _LENGTH),
     "mil": Unit(25.4e-6, _LENGTH),
     "degC": Unit(1.0, _WARMTH, 273.15),
@@ -205,6 +208,8 @@ for _name in _NAMED:
     _BY_CASE.setdefault(_name.lower(), []).append(_name)
 _SIGNS = str.maketrans({"μ": "u", "Ω": "Ohm", "°": "deg", "·": ".", "⋅": ".", "×": ".", "*": ".", "^": None, "−": "-"})
 
+ANGLES = ("rad", "deg", "rpm")
+
 PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 QUANTITY_NAMES = {
@@ -262,7 +267,14 @@ def factor(unit: str, expected: str) -> float:
         raise UnitError(f"expected a unit like {expected!r} but was given {unit!r}")
     if given.offset != wanted.offset:
         raise UnitError(f"{unit!r} and {expected!r} have zeros of their own: no factor makes one the other")
-    return given.factor / wanted.factor
+    return given.factor / wanted.factor * math.tau ** float(_cycles(unit, expected) - _cycles(expected, unit))
+
+
+def _cycles(unit: str, other: str) -> Power:
+    """To what power `unit` counts cycles, where `other` counts angles to the same: 1 Hz is 2 pi rad/s."""
+    cycles = sum(e for n, e in named_powers(unit).items() if n.lower().endswith(("hz", "hertz")))
+    angles = sum(e for n, e in named_powers(other).items() if _ALSO.get(n.lower(), n.lower()) in ANGLES)
+    return cycles if cycles == angles else 0
 
 
 def converted(values: Amount, unit: str, expected: str) -> Amount:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import plotly.graph_objects as go
@@ -70,15 +71,28 @@ def headline(found: Discovery) -> str:
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """The errors before and after, a zero that no sensor has, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
-    noise = floor(found.study, after["rmse"])
-    held, little, unmoved = "", thin(found), still(found)
-    if before["held_out_rmse"] is not None:
-        names = some([p.name for p in found.study.held_out])
-        held = f"held out ({names}) {_size(found, before['held_out_rmse'])} -> {_size(found, after['held_out_rmse'])}, "
-    said = f"error {_size(found, before['rmse'])} -> {_size(found, after['rmse'])}, {held}noise {_size(found, noise)}"
+    little, unmoved = thin(found), still(found)
+    said = [_error_line(found, "", before, after, floor(found.study, after["rmse"]))]
+    for name in list(after.get("outputs", ()))[1:]:
+        noise = found.study.noise[name].rms if name in found.study.noise else None
+        said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
     few = [f"these recordings prove little: {little}"] if little else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
-    return [said, *foretold(found, errors), *shifted(found), *few]
+    return [*said, *foretold(found, errors), *shifted(found), *few]
+
+
+def _error_line(
+    found: Discovery, name: str, before: Mapping[str, Any], after: Mapping[str, Any], noise: float | None
+) -> str:
+    """The errors of an output before and after, and its noise where it is known."""
+
+    def change(error: str) -> str:
+        return " -> ".join(_amount(e[error], e["unit"]) for e in (before, after))
+
+    said = f"{name}error {change('rmse')}"
+    if before["held_out_rmse"] is not None:
+        said += f", held out ({some([p.name for p in found.study.held_out])}) {change('held_out_rmse')}"
+    return said if noise is None else f"{said}, noise {_amount(noise, after['unit'])}"
 
 
 def _one_of(found: Discovery, effect: str) -> str:
@@ -104,15 +118,13 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows = []
     for name, label in labels.items():
         e = outcome["error"][name]
-        rows.append(
-            [
-                label,
-                _size(found, e["rmse"]),
-                _percent(e["fit_percent"]),
-                _size(found, e["held_out_rmse"]),
-                _percent(e["held_out_fit_percent"]),
+        for output, own in e.get("outputs", {"": e}).items():
+            told = [
+                text
+                for prefix in ("", "held_out_")
+                for text in (_amount(own[f"{prefix}rmse"], own["unit"]), _percent(own[f"{prefix}fit_percent"]))
             ]
-        )
+            rows.append([f"{output}, {label}" if output else label, *told])
     page.table(["model", "error", "fit [%]", "held-out error", "held-out fit [%]"], rows)
     held = ", ".join(outcome["held_out"]) or "none"
     page.text(
@@ -261,9 +273,14 @@ def _records(found: Discovery) -> list[tuple[go.Figure, str]]:
 
 def _size(found: Discovery, value: float | None) -> str:
     """An error of the first output, in words."""
+    return _amount(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
+
+
+def _amount(value: float | None, unit: str) -> str:
+    """An error in words."""
     if not value:
         return "no answer" if value is None else "none"
-    return in_words(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
+    return in_words(value, unit)
 
 
 def _number(value: float | None) -> str:
