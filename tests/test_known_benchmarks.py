@@ -1,6 +1,7 @@
 """Plants of public identification benchmarks, with their published parameters, simulated here by SciPy.
 
 Each is declared as its users first would, without what makes it a benchmark: a loop, friction, a sign that is not seen.
+A hot plate beside them, whose loss is declared linear, radiates.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lsim
 
 import tubular_dea as td
-from tubular_dea.plants import Balance, Build, Input, Output, Path, Plant
+from tubular_dea.plants import Balance, Build, Coefficient, Input, Output, Path, Plant
 
 ALPHA, BETA, GAMMA, DELTA = 5e4, 1e3, 0.8, -1.1  # Bouc-Wen's, with m = 2 kg, c = 10 N.s/m, k = 5e4 N/m
 MASS, VISCOUS, COULOMB, WEIGHT = 95.1, 203.5, 20.4, -3.2  # of the positioning system, kg, N.s/m, N, N
@@ -145,3 +146,38 @@ def test_a_speed_without_its_sign_is_found() -> None:
     assert [e.id for e in found.effects] == ["rectification(speed)"]
     assert found.effects[0].parameters["speed_rectification_part"].value == pytest.approx(1.0, abs=0.02)
     assert found.parameters["gain"].value == pytest.approx(GAIN, rel=0.05)
+
+
+def plate() -> Plant:
+    m = Build("Plate")
+    power = m.input("power", "W", nominal=60.0)
+    capacity = m.parameter("capacity", "J/K", 30.0, minimum=0.1)
+    transfer = m.parameter("transfer", "W/K", 0.15, minimum=1e-4)
+    theta = m.state("theta", "K", nominal=250.0)
+    loss = m.define("loss", "W", transfer * theta, nominal=50.0)
+    m.derivative(theta, (power - loss) / capacity)
+    m.output("temperature", "K", theta)
+    places = [Path("power"), Balance("theta"), Coefficient("loss", of="theta"), Path("temperature")]
+    return Plant(m.model(), [Input("power", held=True)], [Output("temperature")], places=places)
+
+
+def heated(number: int) -> dict[str, np.ndarray]:
+    """How much warmer than 295 K a plate is that radiates, under steps of power."""
+    random, step, fine = np.random.default_rng(number), 3.0, 6
+    power = np.repeat([0.0, *random.uniform(0, 65, 10)], 60)
+    theta, read = 0.0, []
+    for heat in power:
+        read.append(theta)
+        for _ in range(fine):
+            radiated = 5.67e-8 * 0.92 * 0.0125 * ((theta + 295) ** 4 - 295.0**4)
+            theta += step / fine * (heat - 0.06 * theta - radiated) / 32
+    noisy = np.array(read) + 0.15 * random.standard_normal(len(read))
+    return {"time [s]": step * np.arange(power.size), "power [W]": power, "temperature [K]": noisy}
+
+
+def test_a_loss_that_grows_with_the_temperature_is_found() -> None:
+    """What bends a dependence is far below 1: it has a size of its own, and is not taken to be at its bound."""
+    tables = {f"steps {number}": heated(number) for number in range(3)}
+    found = td.discover(td.read_recordings(tables, plant=plate()))
+    assert found.verdict in ("effect_found", "ambiguous")
+    assert "dependence(loss)" in {i for e in found.effects for i in (e.id, *e.equivalent)}

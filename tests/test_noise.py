@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from tubular_dea.identify import noise
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.hum import is_hum
 from tubular_dea.identify.noise import Noise, estimate, rounded
+from tubular_dea.identify.quiet import stretches
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -259,3 +262,17 @@ def test_what_rings_out_does_not_hide_the_rest_before_the_first_event() -> None:
         records.append((time, ringing + 1e-4 * random.standard_normal(time.size), np.array([0.0, 1.0, 10.0])))
     found = estimate(records)
     assert found.quiet and found.rms == pytest.approx(1e-4, rel=0.15)
+
+
+def test_what_moves_five_times_as_much_as_at_rest_is_no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The load of a drive with play coasts: of stretches as short as its rest, none tells that the long ones move."""
+    time, listed = 1e-3 * np.arange(4000), []
+    for number in range(4):
+        random = np.random.default_rng(number)
+        wandering = lfilter([0.1], [1, -0.97], random.standard_normal(time.size))
+        coasting = np.where(time < 1.0, 0.0, wandering + 3 * (time - 1.0))
+        listed.append((time, coasting + 0.05 * random.standard_normal(time.size), np.array([0.0, 1.0])))
+    later = [(t[1000:], y[1000:], np.array([1.0])) for t, y, _ in listed]
+    monkeypatch.setattr(noise, "_chosen", lambda records: (stretches(later), True, False))
+    found = estimate(listed)
+    assert found.quiet and found.rms == pytest.approx(0.05, rel=0.1)

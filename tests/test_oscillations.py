@@ -18,15 +18,21 @@ AFTER_A_PULSE = np.where((TIME > 1000) & (TIME < 1040), 0.2 * STEADY / 1e-3, 0.0
 SLOW = 0.2 * (TIME % 500) / 500  # a ramp in every part of the record
 
 
-@pytest.mark.parametrize(("left", "told"), [(STEADY, 1), (AFTER_A_PULSE, 0), (SLOW, 0)])
+NOTHING = np.zeros(TIME.size)
+
+
+@pytest.mark.parametrize(
+    ("left", "driven", "told"),
+    [(STEADY, NOTHING, 1), (STEADY, 3 * STEADY, 0), (AFTER_A_PULSE, NOTHING, 0), (SLOW, NOTHING, 0)],
+)
 def test_a_line_that_lasts_is_told_once_and_what_a_model_misses_otherwise_is_none(
-    monkeypatch: pytest.MonkeyPatch, left: np.ndarray, told: int
+    monkeypatch: pytest.MonkeyPatch, left: np.ndarray, driven: np.ndarray, told: int
 ) -> None:
-    record = left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
+    record = driven + left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
     case = SimpleNamespace(readings=[SimpleNamespace(output="voltage", times=TIME)], parts=lambda: [slice(None)])
     piece = SimpleNamespace(name="a", record=record, case=case)
     noise = {"voltage": Noise(1e-4, 0.0, lines=(0.18, 0.2, 0.21), step=1.0)}
-    answers = SimpleNamespace(outputs=lambda values: [np.zeros(TIME.size)])
+    answers = SimpleNamespace(outputs=lambda values: [driven])
     study = SimpleNamespace(noise=noise, pieces=[piece], response=lambda ids, pieces: answers)
     named = SimpleNamespace(ids=(), fitted=SimpleNamespace(values={}))
     monkeypatch.setattr(oscillations, "with_nuisances", lambda study, piece, answer: answer)

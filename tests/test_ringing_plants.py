@@ -102,7 +102,11 @@ def test_a_ringing_plant_is_identified_from_switchings_between_samples() -> None
 
 
 def test_nothing_is_missing_from_a_ringing_plant() -> None:
-    assert td.discover(recordings()).verdict == "no_effect"
+    found = td.discover(recordings())
+    assert found.verdict == "no_effect"
+    _, piston, pressure = found.lines()[:3]  # every output is told
+    assert piston.startswith("error ") and piston.endswith(" um")
+    assert pressure.startswith("load_pressure: error ") and pressure.endswith(" kPa")
 
 
 def pendulum() -> Plant:

@@ -22,8 +22,10 @@ from .places import Balance, Coefficient
 
 KINDS = (Balance, Coefficient)
 NEEDS = "a balance, or a definition that inputs alone move"
-TIMES = (0.1, 1.0, 10.0, 100.0)  # of the usual time there, which may be that of a ringing
-LONGEST = 300.0  # of it
+TIMES = (0.1, 1.0, 10.0)  # of the usual time there
+LONGEST = 20.0  # longer, and it holds a store at its start
+SLOW_TIMES = (*TIMES, 100.0)  # in the balance of a speed, where the usual time is that of a ringing
+SLOWEST = 300.0
 STRESS_TIMES = (1.0, 10.0, 100.0)  # of the usual time of a stress without a balance
 
 
@@ -49,7 +51,8 @@ def _branch(at: BalanceSite) -> Effect:
     x = at.coordinate
     unit, size = at.per((at.rate_unit, 1), (x.unit, -1)), at.rate_size / x.nominal
     stiffness = at.knob("stiffness", unit, f"Branch on {x.name}", 0.1 * size, -0.2 * size, 1e4 * size, off=0.0)
-    tau = at.time_constant("Time within which it relaxes", 1.0, 1e-2, LONGEST, TIMES)
+    longest, times = (SLOWEST, SLOW_TIMES) if at.moves else (LONGEST, TIMES)
+    tau = at.time_constant("Time within which it relaxes", 1.0, 1e-2, longest, times)
 
     def apply(model: Model) -> Model:
         model, slow = at.state(
