@@ -197,7 +197,7 @@ def test_an_effect_that_gains_little_is_vague() -> None:
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
     study = SimpleNamespace(catalogue={"lag": lag})
     for gain, vague in ((10.7, ["lag"]), (10.9, [])):  # a normal number is 3.3 from its mean once in a thousand
-        assert engine._vague(study, found(BASE, chosen, gains={"lag": gain}), chosen) == vague
+        assert [*engine._vague(study, found(BASE, chosen, gains={"lag": gain}), chosen)] == vague
 
 
 def test_what_is_held_out_sees_what_may_be_missing_and_leaves_what_is_needed() -> None:

@@ -208,13 +208,14 @@ def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: alone if ids == ("lag",) else None)
     assert engine._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
     assert search.rivals == [both]
+    assert search.withdrawn == {"creep": "the interval of its size includes nothing"}
     assert engine._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
 
 
 def test_few_rivals_are_looked_at_again_where_an_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple] = []
     monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: asked.append(ids))
-    monkeypatch.setattr(engine, "_vague", lambda work, found, described: ["creep"])
+    monkeypatch.setattr(engine, "_vague", lambda work, found, described: {"creep": "it gains nothing"})
     rivals = [option(f"rival{i}", "creep", excess=10.0 * i) for i in range(9)]
     both = option("lag", "creep")
     assert engine._withdrawn(None, found(BASE, both, rivals=rivals, gains={"creep": 5.0}), both) is BASE

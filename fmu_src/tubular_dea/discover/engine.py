@@ -248,24 +248,27 @@ def supported(work: Study, found: Search, described: Option) -> bool:
     return not _vague(work, found, described) and acceptance.confirmed(found.base, found.chosen)
 
 
-def _vague(work: Study, found: Search, described: Option) -> list[str]:
-    """The effects with too small a gain, with an interval that includes the value at which they are off, or with a
-    strength at a bound."""
+def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
+    """Why effects are not supported, by id: too small a gain, an interval that includes the value at which they are
+    off, or a strength at a bound."""
     state = described.lack_of_fit
     slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else state.coloured
-    return [
-        n
-        for n in described.ids
-        if found.gains.get(n, np.inf) < acceptance.EARNS * slow
-        or not acceptance.bounded_away(work.catalogue[n], described.fitted)
-        or n in described.impossible
-    ]
+    why = {}
+    for name in described.ids:
+        if name in described.impossible:
+            why[name] = "it would need an implausible strength, or a level that no record passes"
+        elif not acceptance.bounded_away(work.catalogue[name], described.fitted):
+            why[name] = "the interval of its size includes nothing"
+        elif found.gains.get(name, np.inf) < acceptance.EARNS * slow:
+            why[name] = "beside the others it gains no more than chance can"
+    return why
 
 
 def _withdrawn(work: Study, found: Search, described: Option) -> Option:
     """The choice (and its rivals) without its least supported effect; the base, if that was the only one."""
     vague = _vague(work, found, described)
     least = min(vague or described.ids, key=lambda n: found.gains.get(n, 0.0))
+    found.withdrawn[least] = vague.get(least, "data that took part in no fit do not support it")
 
     def without(one: Option) -> Option | None:
         rest = tuple(i for i in one.ids if i != least)

@@ -31,6 +31,7 @@ class Search:
     """The rounds, the base, the final option, its rivals (best first), and the gain of each of its effects.
 
     `study` has the nuisance parameters as estimated with the choice, `base_study` as estimated with the base.
+    `withdrawn` says of effects why they were taken back.
     """
 
     base: Option
@@ -40,6 +41,7 @@ class Search:
     rounds: list[Round] = field(default_factory=list)
     rivals: list[Option] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
+    withdrawn: dict[str, str] = field(default_factory=dict)
 
 
 def revise(found: Search, tell: Progress) -> None:

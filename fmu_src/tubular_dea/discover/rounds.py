@@ -87,36 +87,54 @@ def take_round(
     last of them are not refitted again.
     """
     tell("scores of the catalogue")
-    listed = bank.candidates(study, chosen.fitted, chosen.ids)
-    starts = [_Start(chosen.fitted, bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian))]
-    ranked = bank.best_of_each(starts[0].scored)
-    null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
-    threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
-    limits = detection_limits(listed, chosen.fitted.jacobian, null)
-    kept = [] if chosen.ids or study.plant.latent else listed
-    blank = Round(chosen.ids, ranked, null, threshold, [], False, "", limits, kept)
-    if ranked[0].statistic < threshold:
-        return replace(blank, reason="no score exceeds what chance gives")
-    hopeless = no_further_effect(base, chosen, AT_BEST * ranked[0].statistic, ranked[0].id) if chosen.ids else ""
-    if hopeless:
+    blank, start = _scored(study, chosen, numeric, seed)
+    starts = [start, *_as_declared(study, chosen)]
+    hopeless = _hopeless(base, chosen, blank)
+    if hopeless and len(starts) == 1:
         return replace(blank, reason=hopeless)
-    shortlist = _shortlist(ranked, threshold, ALL_REFITS if _astray(chosen, ranked[0]) else MOST_REFITS)
-    starts += _as_declared(study, chosen)
-    shortlist = list(dict.fromkeys([*shortlist, *(i for one in starts[1:] for i in one.best)]))
+    most = ALL_REFITS if _astray(chosen, blank.scores[0]) else MOST_REFITS
+    shortlist = [] if hopeless else _shortlist(blank.scores, blank.threshold, most)
+    shortlist += [name for one in starts[1:] for name in one.best]
     behind = [o.ids[-1] for o in known[REFITS:]]
-    shortlist = [i for i in shortlist if i not in behind]
+    shortlist = [i for i in dict.fromkeys(shortlist) if i not in behind]
     study.compiled.gather(chosen.ids, shortlist)
     options = _refits(study, chosen, starts, shortlist, {o.ids[-1]: o.fitted for o in known}, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
-    said = [_said(study, base, chosen, o, threshold) for o in options]
+    return _decided(study, base, chosen, replace(blank, options=options))
+
+
+def _scored(study: Study, chosen: Option, numeric: float, seed: int) -> tuple[Round, _Start]:
+    """The round with the scores of the catalogue, and where refits start."""
+    listed = bank.candidates(study, chosen.fitted, chosen.ids)
+    start = _Start(chosen.fitted, bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian))
+    null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
+    threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
+    limits = detection_limits(listed, chosen.fitted.jacobian, null)
+    kept = [] if chosen.ids or study.plant.latent else listed
+    ranked = bank.best_of_each(start.scored)
+    return Round(chosen.ids, ranked, null, threshold, [], False, "", limits, kept), start
+
+
+def _hopeless(base: Option, chosen: Option, step: Round) -> str:
+    """Why no candidate of a round is worth a refit; "" if one is."""
+    best = step.scores[0]
+    if best.statistic < step.threshold:
+        return "no score exceeds what chance gives"
+    return no_further_effect(base, chosen, AT_BEST * best.statistic, best.id) if chosen.ids else ""
+
+
+def _decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
+    """The round with its options in order, and whether the first of them is accepted."""
+    options = step.options
+    said = [_said(study, base, chosen, o, step.threshold) for o in options]
     if any(s.accepted for s in said):  # what wandering explains is no rival of what it does not
         real = [i for i, s in enumerate(said) if not s.wanders]
         options, said = [options[i] for i in real], [said[i] for i in real]
     good = _undenied(chosen, options, [i for i, s in enumerate(said) if s.accepted])
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
-    return replace(blank, options=options, accepted=said[best].accepted, reason=said[best].reason)
+    return replace(step, options=options, accepted=said[best].accepted, reason=said[best].reason)
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,9 @@ def _settled(found: Search, stages: Sequence[Search]) -> Search:
         return found
     nothing = Search(found.base, found.base, found.base_study, found.base_study)
     stage = next((s for s in stages if s.chosen is best), nothing)
-    return replace(stage, rounds=found.rounds, rivals=sorted([*stage.rivals, found.chosen], key=lambda o: -o.evidence))
+    contradicted = dict.fromkeys({*found.chosen.ids} - {*best.ids}, "the held-out experiments contradict it")
+    rivals = sorted([*stage.rivals, found.chosen], key=lambda o: -o.evidence)
+    return replace(stage, rounds=found.rounds, rivals=rivals, withdrawn=contradicted)
 
 
 def _converged(study: Study, chosen: Option, tell: Progress) -> Option:

@@ -62,10 +62,17 @@ def headline(found: Discovery) -> str:
     named = _one_of if found.verdict == "partly_explained" else summary
     names = " and ".join(named(found, i) for i in found.chosen.ids)
     others = ", ".join(dict.fromkeys(i for group in found.equivalent.values() for i in group))
-    nearest = f" (nearest: {', '.join(found.chosen.ids)})" if found.chosen.ids else ""
     left = remainder(found)
     what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
-    return WORDS[found.verdict].format(names=names, others=others, nearest=nearest, remainder=what)
+    return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
+
+
+def _nearest(found: Discovery) -> str:
+    """What comes nearest to an explanation, and how near, or why it is none; "" where nothing does."""
+    if found.chosen.ids:
+        stays = max(found.chosen.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
+        return f" (nearest: {' and '.join(found.chosen.ids)}; {percent(min(stays, 1.0))} of what is not noise stays)"
+    return "".join(f" (nearest: {name}, but {why})" for name, why in list(found.search.withdrawn.items())[:1])
 
 
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
@@ -181,10 +188,9 @@ def _undone(found: Discovery, step: Round) -> str:
     """A sentence where an effect that a round accepted is not in the final model; else ""."""
     if not step.accepted or step.options[0].ids[-1] in found.named.ids:
         return ""
-    return (
-        " It is not in the final model: a later step replaced or removed it, the held-out data contradict it, or it "
-        "leaves too much unexplained."
-    )
+    name = step.options[0].ids[-1]
+    left = "it leaves too much unexplained" if name in found.chosen.ids else "a later step replaced or removed it"
+    return f" It is not in the final model: {found.search.withdrawn.get(name, left)}."
 
 
 def _channels(page: Page, found: Discovery, told: str | None) -> None:
