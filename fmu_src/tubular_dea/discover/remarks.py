@@ -151,7 +151,8 @@ def _starts(found: Discovery) -> list[str]:
         return []
     return [
         f"{', '.join(loaded)} begin{'s' if len(loaded) == 1 else ''} under load: the states at the start are "
-        "estimated from the record."
+        "estimated from the record, and a slow effect may hide in them. A file that began at rest under its first load "
+        'shows smaller ones if bench.toml says so: [start] and NAME = "equilibrium".'
     ]
 
 
