@@ -176,7 +176,7 @@ def heated(number: int) -> dict[str, np.ndarray]:
 
 
 def test_a_loss_that_grows_with_the_temperature_is_found() -> None:
-    """What bends a dependence is far below 1: it has a size of its own, and is not taken to be at its bound."""
+    """Named before, but taken back for a parameter that was always at its bound: it had the size 1 in any unit."""
     tables = {f"steps {number}": heated(number) for number in range(3)}
     found = td.discover(td.read_recordings(tables, plant=plate()))
     assert found.verdict in ("effect_found", "ambiguous")

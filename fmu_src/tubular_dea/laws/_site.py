@@ -17,7 +17,7 @@ from .places import Balance, Coefficient, Path, Place
 
 ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")
 """Laws that, at an input, belong to what drives the plant and not to the monitor that recorded it."""
-ORDINARY = 0.05  # of the farther bound: the size of a parameter that usually is nothing
+ORDINARY = 0.3  # of the farther bound: the size of a parameter that usually is nothing
 
 
 @dataclass(frozen=True)

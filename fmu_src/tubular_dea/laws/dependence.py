@@ -6,8 +6,9 @@
                                |   .'
                            1 --+.'-------- of
 
-Equation: coefficient' = coefficient exp(slope of + bend of^2), which keeps its sign at any value, also beyond what was
-recorded; a signal' = signal + slope of + bend of^2.
+Equation: coefficient' = coefficient exp(slope of), which keeps its sign at any value, also beyond what was recorded; a
+signal' = signal + slope of. What is bent besides is another law: with a bend as well, it would be any curve, and would
+fit better than the law that holds.
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (modifying and interfering inputs).
 
@@ -32,7 +33,7 @@ def law(at: SignalSite) -> Effect | None:
         return None
     factor = isinstance(at.place, Coefficient)
     unit, size = ("1", 1.0) if factor else (at.unit, at.nominal)
-    one, two = size / of.nominal, size / of.nominal**2
+    one = size / of.nominal
     slope = at.knob(
         "slope",
         at.per((unit, 1), (of.unit, -1)),
@@ -42,20 +43,10 @@ def law(at: SignalSite) -> Effect | None:
         20 * one,
         off=0.0,
     )
-    bend = at.knob(
-        "bend",
-        at.per((unit, 1), (of.unit, -2)),
-        "Its change with the square",
-        0.0,
-        -20 * two,
-        20 * two,
-        off=0.0,
-        refine=True,
-    )
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
-        change = slope.symbol * of.symbol + bend.symbol * of.symbol**2
+        change = slope.symbol * of.symbol
         return at.put(model, signal * sympy.exp(change) if factor else signal + change)
 
-    return at.effect(f"A dependence on {of.name} changes {at.words}", "Doebelin 2004", apply, slope, bend)
+    return at.effect(f"A dependence on {of.name} changes {at.words}", "Doebelin 2004", apply, slope)
