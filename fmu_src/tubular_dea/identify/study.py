@@ -20,7 +20,7 @@ from .drive import Drive, without_hum
 from .drive import drives as all_drives
 from .edges import Rise
 from .marginal import Marginal
-from .monitors import resolution, slow_level
+from .monitors import slow_level
 from .noise import Noise
 from .noise_bound import limited
 from .problem import Free, Problem
@@ -310,7 +310,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         if stated and not noise.quiet:  # the colour would be the signal's
             noise = replace(noise, correlation=0.0, white=0.0)
         if not stated:
-            noise = noises.rounded(noise, float(np.median([resolution(y) for _, y, _ in records])))
+            noise = noises.rounded(noise, noises.coarseness(records))
         found[output.name] = replace(
             noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
         )

@@ -186,9 +186,8 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _undone(found: Discovery, step: Round) -> str:
     """A sentence where an effect that a round accepted is not in the final model; else ""."""
-    if not step.accepted or step.options[0].ids[-1] in found.named.ids:
+    if not step.accepted or (name := step.options[0].ids[-1]) in found.named.ids:
         return ""
-    name = step.options[0].ids[-1]
     left = "it leaves too much unexplained" if name in found.chosen.ids else "a later step replaced or removed it"
     return f" It is not in the final model: {found.search.withdrawn.get(name, left)}."
 
