@@ -112,8 +112,23 @@ def test_what_is_held_or_commanded_may_rest_and_what_is_missing_is_no_rest() -> 
     assert not list(checks.inputs(still, PLANT, lines, commanded=["pressure"]))
     monitored = {"pressure": moving, "voltage": np.where(resting == 0, 5e3, 5e3 + (moving - 5e3) / 75)}  # 4 V of noise
     assert [fault for fault in checks.inputs(monitored, PLANT, lines) if "'voltage'" in fault and "frozen" in fault]
+    started = np.where((lines < 60) | (lines > 370), 0.0, moving)  # an excitation that begins and ends at rest
+    assert not list(checks.inputs({"pressure": started, "voltage": moving}, PLANT, lines))
     missing = np.where(resting == 0, np.nan, moving)
     assert not list(checks.inputs({"pressure": missing, "voltage": moving}, PLANT, lines))
+
+
+def test_a_command_that_is_smooth_where_it_moves_may_stand_still() -> None:
+    """Levels with ramps between them, and a sum of sines that rests in the middle: no noise is in them."""
+    random, at = np.random.default_rng(4), np.arange(1500)
+    ramp = np.hanning(20) / np.hanning(20).sum()
+    levels = np.convolve(np.repeat(random.uniform(1e3, 8e3, 15), 100), ramp, mode="same")
+    sines = sum(np.sin(2 * np.pi * at * k / 375 + k * k) for k in range(1, 30))  # 13 samples in the fastest turn
+    rest = np.clip(np.abs(at - 750) / 100 - 1, 0, 1)
+    for command in (levels, 5e3 + 100 * sines * rest * rest * (3 - 2 * rest)):
+        assert not list(checks.inputs({"pressure": command, "voltage": np.zeros(1500)}, PLANT, at + 2))
+        noisy = command + random.normal(0, 30, 1500) * (np.abs(at - 750) > 100)
+        assert "frozen" in next(checks.inputs({"pressure": noisy, "voltage": np.zeros(1500)}, PLANT, at + 2))
 
 
 def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from math import comb
 
 import numpy as np
 
@@ -16,6 +17,8 @@ SATURATED = 0.03  # [1] share of all samples that read the extreme where a senso
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
 ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
 LIVELY = 0.7  # [1] the same of a record whose noise is some steps of its resolution, where it does not stand still
+HIGH_ORDER = 8  # [1] of the differences that are left of noise, but not of what is smooth, as a commanded sine is
+SMOOTHED_OUT = 0.1  # [1] share of the third differences: 0.04 for a sine of 6 samples, 0.97 for noise of memory 0.97
 STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
 CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
 NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
@@ -37,7 +40,7 @@ def inputs(
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
         command = signal.name in commanded or (signal.held and changes_by_itself(values))
         if not command:
-            for finding in _standstill(values, signal.name, there, stops=(np.max,), off=signal.held):
+            for finding in _standstill(values, signal.name, there, (np.max,), signal):
                 hint = f"{signal.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured"
                 yield f"{finding}; {hint}"
 
@@ -105,11 +108,12 @@ def _standstill(
     name: str,
     lines: np.ndarray,
     stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min),
-    off: bool = False,
+    driven: Input | None = None,
 ) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
 
-    A signal written by a computer may stand still, and one that may be `off` is 0 then.
+    A signal written by a computer may stand still. An input is 0 before and after a plant is `driven`, and one that is
+    held may be 0 in between.
     """
     if not _noisy(values):
         return
@@ -122,11 +126,13 @@ def _standstill(
             )
     if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
         return
-    for begin, end in [run for run in _still(values) if not off or values[run[0]] != 0]:
-        yield (
-            f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
-            f"values {values[begin]:g}; empty these cells or leave the experiment out"
-        )
+    for begin, end in _still(values):
+        off = driven is not None and (driven.held or begin == 0 or end == values.size - 1)
+        if values[begin] != 0 or not off:
+            yield (
+                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
+                f"values {values[begin] + 0.0:g}; empty these cells or leave the experiment out"
+            )
 
 
 def _still(values: np.ndarray) -> list[tuple[int, int]]:
@@ -137,18 +143,25 @@ def _still(values: np.ndarray) -> list[tuple[int, int]]:
 
 def _noisy(values: np.ndarray) -> bool:
     """Neighbouring values differ by noise, some steps of their resolution and a share of the span; nearly all of them
-    do, but where the sensor stands still or has run into a stop."""
+    do, but where the sensor stands still or has run into a stop. What is smooth where it moves is no noise."""
     step = np.abs(np.diff(values))
     free = (step > 0) | ((values[1:] != values.min()) & (values[1:] != values.max()))
     for begin, end in _still(values):
         free[begin:end] = False
     if np.count_nonzero(step[free]) < LIVELY * np.count_nonzero(free):
         return False
-    moving = np.convolve(step > 0, np.ones(3), mode="valid") == 3
-    if moving.sum() < STANDSTILL:
+    noise, left = (_differing(values, order) for order in (3, HIGH_ORDER))
+    if left < SMOOTHED_OUT * noise:
         return False
-    noise = 1.4826 * float(np.median(np.abs(np.diff(values, 3)[moving]))) / np.sqrt(20.0)
     return noise > max(QUIET * float(np.ptp(values)), COARSE_SENSOR * resolution(values))
+
+
+def _differing(values: np.ndarray, order: int) -> float:
+    """The noise of which differences of that order speak, over samples that all differ; 0 where these are few."""
+    moving = np.convolve(np.diff(values) != 0, np.ones(order), mode="valid") == order
+    if moving.sum() < STANDSTILL:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(values, order)[moving]))) / float(np.sqrt(comb(2 * order, order)))
 
 
 def _below_rest(

@@ -26,6 +26,8 @@ def vocabulary() -> dict[str, Any]:
         "often": text.OFTEN,
         "standstill": checks.STANDSTILL,
         "lively": checks.LIVELY,
+        "order": checks.HIGH_ORDER,
+        "smooth": checks.SMOOTHED_OUT,
         "coarse": checks.COARSE_SENSOR,
         "structure": checks.STRUCTURE,
         "quiet": monitors.QUIET,

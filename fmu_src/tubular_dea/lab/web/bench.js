@@ -20,7 +20,7 @@ function readExperiment(path, raw, geometry = {}) {
   const zero = columns.time.column.clock ? taken.time[0] : 0, time = taken.time.map((t) => t - zero), inputs = {}, outputs = {};
   checkTime(table, lines, time);
   for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
-  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest], s.held).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
+  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
   const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter(Boolean), still = there.filter((h) => isConstant(finite(pick(columns[h].values))));
   for (const o of bench.outputs) {
     const heading = Object.keys(o.columns).find((name) => name in columns);
@@ -287,13 +287,21 @@ function isNoisy(values) {
   for (const [begin, end] of stillRuns(values)) free.fill(false, begin, end);
   const others = indicesOf(free, Boolean);
   if (others.filter((i) => step[i] > 0).length < words.lively * others.length) return false;
-  const moving = indicesOf(Array.from(thirds(values)), (_, i) => step[i] > 0 && step[i + 1] > 0 && step[i + 2] > 0);
-  if (moving.length < words.standstill) return false;
-  const third = thirds(values), noise = 1.4826 * median(moving.map((i) => Math.abs(third[i]))) / Math.sqrt(20);
+  const [noise, left] = [3, words.order].map((order) => differing(values, order));
+  if (left < words.smooth * noise) return false; // a command
   return noise > Math.max(words.quiet * span(values), words.coarse * resolution(values));
 }
 
-function standstill(values, name, lines, stops, off = false) {
+/* The noise of which differences of that order speak, over samples that all differ; 0 where these are few. */
+function differing(values, order) {
+  let rest = Float64Array.from(values), binomial = 1;
+  for (let k = 1; k <= order; k++) [rest, binomial] = [rest.subarray(1).map((v, i) => v - rest[i]), binomial * (order + k) / k];
+  const moves = steps(values).map((s) => (s > 0 ? 1 : 0));
+  const moving = indicesOf(Array.from(rest), (_, i) => moves.subarray(i, i + order).every(Boolean));
+  return moving.length < words.standstill ? 0 : 1.4826 * median(moving.map((i) => Math.abs(rest[i]))) / Math.sqrt(binomial);
+}
+
+function standstill(values, name, lines, stops, driven = null) {
   if (!isNoisy(values)) return [];
   const found = [];
   for (const extreme of stops.map((stop) => stop(values))) {
@@ -304,8 +312,11 @@ function standstill(values, name, lines, stops, off = false) {
   let steps = 0;
   for (let i = 1; i < values.length; i++) if (values[i] !== values[i - 1]) steps++;
   if (steps < 0.1 * values.length) return found; // a coarse monitor may well stand still
-  for (const [begin, end] of stillRuns(values).filter(([first]) => !off || values[first] !== 0)) // what may be off is 0 then
-    found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin])}; empty these cells or leave the experiment out`);
+  for (const [begin, end] of stillRuns(values)) {
+    const off = driven && (driven.held || begin === 0 || end === values.length - 1);
+    if (values[begin] === 0 && off) continue;
+    found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin] + 0)}; empty these cells or leave the experiment out`);
+  }
   return found;
 }
 
