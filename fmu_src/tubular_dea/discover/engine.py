@@ -39,7 +39,9 @@ from .operating_point import repeats
 from .options import Option, fitted_option, option
 from .parameters import base_parameters
 from .revision import Search
+from .rounds import take_round
 from .settle import iterated
+from .settled_start import settled
 
 # Set by convention. Check: `pytest tests/test_discover.py::test_the_same_recordings_and_seed_give_the_same_result`
 SEED = 20240  # [1] of all random numbers: the same recordings give the same answer
@@ -55,6 +57,9 @@ MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`
 SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
+
+# Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
+WORTH = 0.5  # [1] share of what starts and effects explained that a first effect may leave to the next ones
 
 Progress = Callable[[str], None]
 
@@ -127,6 +132,7 @@ def discover(
         work = with_held_out(work)
     _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
     tell("recalibrate the base model")
+    prepared = work
     work, fitted = _recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
         tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
@@ -134,6 +140,7 @@ def discover(
         work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
     numeric = numerics.numeric_gain(work, fitted.values)
     found = _searched(work, fitted, numeric, seed, tell)
+    found = _from_equilibrium(prepared, found, recordings, seed, tell)
     work, fitted = found.study, found.base.fitted
     isolated = None
     if found.chosen.ids or not acceptance.clean(found.base.lack_of_fit):
@@ -197,6 +204,25 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
         work, fitted = _base_settled(replace(found.base_study, noise=limited.noise), found.base.fitted, seed)
         found = selection.search(work, fitted, numeric, seed, tell, found.rounds)
     return found
+
+
+def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
+    """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
+    of every file: each of them takes one from the misfit by chance. Where nothing was found it has to explain more."""
+    other = settled(prepared, [p.name for p in found.study.held_out], recordings.experiments)
+    if other is None:
+        return found
+    tell("the same from starts at equilibrium")
+    work, fitted = _base_settled(other, base.recalibrate(other, 1, seed, found.base.fitted.values), seed)
+    numeric, alone = numerics.numeric_gain(work, fitted.values), option(work, (), fitted)
+    first = take_round(work, alone, alone, numeric, seed, tell)
+    by_chance = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
+    reached = min((o.misfit for o in first.options), default=np.inf) - found.chosen.misfit
+    if reached > max(by_chance, WORTH * (alone.misfit - found.chosen.misfit) if found.chosen.ids else 0.0):
+        return found
+    again = selection.search(work, fitted, numeric, seed, tell, [first])
+    enough = again.chosen.misfit < found.chosen.misfit + (by_chance if found.chosen.ids else 0)
+    return again if again.chosen.ids and enough else found
 
 
 def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:

@@ -9,6 +9,7 @@ import numpy as np
 from ..identify.fit import Fit
 from ..identify.intervals import interval
 from ..identify.nuisances import zero_spread
+from ..identify.start import UNKNOWN
 from ..model.declare import Quantity
 from ..model.effect import Effect
 from ..model.units import factor, in_words
@@ -146,14 +147,24 @@ def _partly(found: Discovery) -> list[str]:
 
 def _starts(found: Discovery) -> list[str]:
     """Files that do not begin at rest."""
-    loaded = [e.name for e in found.recordings.experiments if e.start == "unknown"]
-    if not loaded:
-        return []
-    return [
-        f"{', '.join(loaded)} begin{'s' if len(loaded) == 1 else ''} under load: the states at the start are "
-        "estimated from the record, and a slow effect may hide in them. A file that began at rest under its first load "
-        'shows smaller ones if bench.toml says so: [start] and NAME = "equilibrium".'
-    ]
+    own = {p.source for p in found.study.pieces if p.loose}
+    loaded = [e.name for e in found.recordings.experiments if e.start == UNKNOWN]
+    free, settled = ([n for n in loaded if (n in own) == is_free] for is_free in (True, False))
+    said = []
+    if free:
+        said.append(
+            f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
+            "estimated from the record, and a slow effect may hide in them. A file that began at rest under its first "
+            'load shows smaller ones if bench.toml says so: [start] and NAME = "equilibrium".'
+        )
+    if settled:
+        effects = " and ".join(found.search.chosen.ids) or "an effect"
+        said.append(
+            f"{', '.join(settled)} begin{'s' if len(settled) == 1 else ''} under load, and at equilibrium with it: "
+            f"together with {effects} that explains more than states of its own for every start. If it was not so, say "
+            'it in bench.toml: [start] and NAME = "unknown".'
+        )
+    return said
 
 
 def _spread(found: Discovery) -> list[str]:

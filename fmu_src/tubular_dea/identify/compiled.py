@@ -18,7 +18,7 @@ import sympy
 
 from ..errors import UserError
 from ..kernel import Kernel
-from ..model.declare import Model
+from ..model.declare import Model, unchecked
 from ..model.effect import Effect
 from ..plants.plant import Plant
 from .start import loosened, unknowns
@@ -62,8 +62,10 @@ class Compiled:
     def model(self, ids: Iterable[str], *more: Effect) -> Model:
         """The model with the effects `ids` of the catalogue and `more`, all off."""
         model = self.base
-        for effect in [*(self.catalogue[name] for name in self._ordered(ids)), *more]:
-            model = effect(model)
+        with unchecked():
+            for effect in [*(self.catalogue[name] for name in self._ordered(ids)), *more]:
+                model = effect(model)
+        model.check()
         return loosened(model) if self.loose else model
 
     def unknown(self, ids: Ids) -> dict[str, float]:
@@ -155,16 +157,27 @@ class Compiled:
 
     def _kind(self, effect: Effect) -> str:
         """Delays break the inputs into more pieces; a state is calm whose own rate is a number."""
-        model, old = effect(self.base), [s.quantity.name for s in self.base.states]
+        with unchecked():
+            model = effect(self.base)
         fixed = {p.quantity.symbol for p in model.parameters}
-        own = [s for s in model.states if s.quantity.name not in old]
+        own = model.states[len(self.base.states) :]
         if len(model.delays) > len(self.base.delays):
             return LIVELY
-        rates = [sympy.sympify(s.derivative).diff(s.quantity.symbol) for s in own]
-        return (CALM if all(r.free_symbols <= fixed for r in rates) else LIVELY) if own else STILL
+        calm = all(_linear(sympy.sympify(s.derivative), s.quantity.symbol, fixed) for s in own)
+        return (CALM if calm else LIVELY) if own else STILL
 
     def _ordered(self, ids: Iterable[str]) -> Ids:
         return tuple(sorted({*ids}, key=self._place.__getitem__))
+
+
+def _linear(expression: sympy.Expr, symbol: sympy.Symbol, fixed: set[sympy.Symbol]) -> bool:
+    """Whether an expression is written as linear in a symbol, by a factor of numbers and `fixed` symbols."""
+    holding = [a for a in expression.args if symbol in a.free_symbols]
+    if expression == symbol or not holding:
+        return True
+    others = {s for a in expression.args if a not in holding for s in a.free_symbols}
+    alone = expression.is_Add or (expression.is_Mul and len(holding) == 1 and others <= fixed)
+    return alone and all(_linear(a, symbol, fixed) for a in holding)
 
 
 def _cut(names: Sequence[str], size: int) -> list[Ids]:

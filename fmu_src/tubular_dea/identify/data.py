@@ -57,8 +57,8 @@ class Experiment:
 
     Outputs are as the model puts them out (a radius less its rest). `lines` are the numbers of the samples' lines in
     the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
-    starts (`start.STARTS`); `begins` [s] when, on a clock of the whole folder, where experiments follow without rest.
-    `source` says how the file was understood.
+    starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
+    where experiments follow without rest. `source` says how the file was understood.
     """
 
     name: str
@@ -68,6 +68,7 @@ class Experiment:
     lines: np.ndarray
     trigger: np.ndarray | None = None
     start: str = RESTED
+    start_said: bool = False
     begins: float | None = None
     source: Source | None = None
 
@@ -143,8 +144,9 @@ def of_tables(
 
 def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:
     """The experiment with its kind of start, from bench.toml or from its first samples, and its start time."""
-    start = said.start.get(experiment.name, said.start.get("default", "")) or detected(experiment, plant)
-    return replace(experiment, start=start, begins=said.order.get(experiment.name))
+    start = said.start.get(experiment.name, said.start.get("default", ""))
+    placed = replace(experiment, start_said=bool(start), begins=said.order.get(experiment.name))
+    return replace(placed, start=start or detected(experiment, plant))
 
 
 def _commanded(said: BenchFile) -> list[str]:

@@ -126,18 +126,19 @@ def search(
     if not np.all(np.isfinite(problem.residuals(start))):
         return None
     try:
-        return least_squares(
-            problem.residuals,
-            start,
-            jac=lambda x: problem.linearised(x)[1],
-            bounds=problem.bounds(),
-            method="trf",
-            x_scale="jac",
-            ftol=precision,
-            xtol=PRECISION,
-            gtol=1e-8,
-            max_nfev=evaluations,
-        )
+        with np.errstate(over="ignore"):  # an infinite cost is that of a step to be refused
+            return least_squares(
+                problem.residuals,
+                start,
+                jac=lambda x: problem.linearised(x)[1],
+                bounds=problem.bounds(),
+                method="trf",
+                x_scale="jac",
+                ftol=precision,
+                xtol=PRECISION,
+                gtol=1e-8,
+                max_nfev=evaluations,
+            )
     except KernelError:  # an answer there, but no sensitivities
         return None
 

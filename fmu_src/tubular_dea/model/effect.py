@@ -98,17 +98,18 @@ class Effect:
             raise DeclarationError(f"{model.name} has the effect {self.id!r} already; it cannot be added twice")
         declared = [Parameter(replace(q, value=self.off.get(q.name, q.value)), tunable=True) for q in self.parameters]
         with unchecked():
-            changed = self.apply(model.extend(parameters=declared)).marked(self.id)
-        changed.check()
-        return changed
+            changed = self.apply(model.extend(parameters=declared))
+        return changed.marked(self.id)
 
 
 def with_effects(model: Model, ids: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
     """The model with the effects `ids` of a catalogue added in that order; `DeclarationError` for an unknown id."""
-    for name in ids:
-        if name not in catalogue:
-            raise DeclarationError(f"{model.name}: there is no effect {name!r}{nearest(name, catalogue)}")
-        model = catalogue[name](model)
+    with unchecked():
+        for name in ids:
+            if name not in catalogue:
+                raise DeclarationError(f"{model.name}: there is no effect {name!r}{nearest(name, catalogue)}")
+            model = catalogue[name](model)
+    model.check()
     return model
 
 
