@@ -63,8 +63,9 @@ def test_a_wrong_unit_is_refused_in_its_line(right: str, wrong: str, line: int, 
 
 
 U = {"x": "m", "y": "mm", "v": "m/s", "n": "1", "p": "Pa", "a": "deg", "b": "rad", "w": "rpm", "h": "%", "T": "degC"}
+U |= {"R": "degC", "K": "K"}
 S = {name: sympy.Symbol(name, real=True) for name in U}
-x, y, v, n, p, a, b, w, h, T = S.values()
+x, y, v, n, p, a, b, w, h, T, R, K = S.values()
 KNOWN = {S[name]: unit for name, unit in U.items()}
 
 
@@ -88,6 +89,9 @@ KNOWN = {S[name]: unit for name, unit in U.items()}
         (n - 1, "rad"),
         (sympy.sin(a * 3.14159 / 180), "1"),
         (T + 273.15, "K"),
+        (K - 273.15, "degC"),
+        (T - R, "K"),
+        (sympy.Max(T + K, R), "degC"),
         (sympy.Float(9.81), "m/s2"),
         (sympy.Integer(0), "N"),
         (sympy.atan2(x, 2 * x), "rad"),
@@ -118,6 +122,9 @@ def test_what_is_right_or_cannot_be_known_passes(expression: sympy.Expr, unit: s
         (y, "m", "multiply it by 0.001, or correct the unit"),
         (w, "rad/s", "expected rad/s but w is in rpm; multiply it by 0.10472"),
         (2 * x, "kg", "(the number 2 has no unit"),
+        (K, "degC", "K is in K: the zero of degC is at 273.15 K; declare it in K"),
+        (T, "K", "T is in degC: the zero of degC is at 273.15 K"),
+        (T - R, "degC", "is in degC, as a difference: the zero of degC is at 273.15 K"),
     ],
 )
 def test_what_is_wrong_is_said(expression: sympy.Expr, unit: str, words: str) -> None:

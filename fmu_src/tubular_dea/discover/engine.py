@@ -208,7 +208,8 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
 
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
-    of every file: each of them takes one from the misfit by chance. Where nothing was found it has to explain more."""
+    of every file: each of them takes one from the misfit by chance. Where nothing was found it has to explain more,
+    and where what was found explains most from an equilibrium too, there is no other explanation."""
     other = settled(prepared, [p.name for p in found.study.held_out], recordings.experiments)
     if other is None:
         return found
@@ -219,6 +220,8 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     by_chance = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
     reached = min((o.misfit for o in first.options), default=np.inf) - found.chosen.misfit
     if reached > max(by_chance, WORTH * (alone.misfit - found.chosen.misfit) if found.chosen.ids else 0.0):
+        return found
+    if first.options[0].ids[-1] in found.chosen.ids:
         return found
     again = selection.search(work, fitted, numeric, seed, tell, [first])
     enough = again.chosen.misfit < found.chosen.misfit + (by_chance if found.chosen.ids else 0)

@@ -16,7 +16,7 @@ from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
-from .parameters import unusual
+from .parameters import lost, unusual
 from .power import Sizes, detection_limits
 from .refit import FIRST_STEPS, FULL_STEPS, first_refit, further
 from .wander import explained_by_wandering
@@ -51,10 +51,6 @@ ALL_REFITS = 24  # [1] candidates refitted at most where models are so far that 
 # Set by measurement: a base that has compensated for a delay of 6 ms leaves 56 000 more than noise, the best score is
 # 11 000, that of the delay 2 000. Check: `python -m blind.score --singles 1 --only sensor_delay --seed 9700`
 PROMISES = 0.5  # [1] share of what is left that the best score promises at least where scores are relied on
-
-# Set by measurement: a base of electric drives whose speed was counted without its sign ended at 1/250 of its rate.
-# Check: `pytest tests/test_known_benchmarks.py`
-LOST_BASE = 1.5  # [1] of the solver's numbers (a factor of 4.5) from the declared value: the base may be lost
 
 Progress = Callable[[str], None]
 
@@ -211,14 +207,11 @@ def _as_declared(study: Study, chosen: Option) -> list[_Start]:
 
     A base that cannot follow the records may have ended where it hardly moves, and nothing scores there.
     """
-    if chosen.ids or not far(chosen):
+    if chosen.ids or not far(chosen) or not lost(study.plant, chosen.fitted):
         return []
     problem = study.problem((), chosen.fitted.free, {})
-    declared = problem.scaled(study.plant.model.parameter_values())
-    if max(abs(chosen.fitted.scaled - declared)) < LOST_BASE:
-        return []
     try:
-        fitted = described(problem, declared)
+        fitted = described(problem, problem.scaled(study.plant.model.parameter_values()))
     except KernelError:  # no answer there
         return []
     return [_Start(fitted, bank.scores(bank.candidates(study, fitted), fitted.residual, fitted.jacobian))]

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..identify.adjust import MOST_SETTLES, adjusted
 from ..identify.fit import AGREE
 from ..identify.study import Study
 from .acceptance import clean
 from .options import Option, fitted_option
+from .parameters import declared_values, lost
 
 
 def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     """An option with nuisance parameters as it makes them likely itself, and the study that has these.
 
     A start under load and the parameters that it is estimated with change together, in several steps. Where more than
-    noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values.
+    noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values; where
+    some are far from these, all begin there: two branches may have taken each other's place, and that of a viscosity.
     """
-    study, one = iterated(study, one)
-    if clean(one.lack_of_fit):
-        return study, one
-    again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
-    if again is None or not study.plant.restart:
-        return study, one
-    return min((study, one), iterated(study, again), key=lambda settled: settled[1].misfit)
+    tried = [iterated(study, one)]
+    study, one = tried[0]
+    if not clean(one.lack_of_fit) and study.plant.restart:
+        tried += _begun(study, one, study.plant.restarts)
+    if lost(study.plant, one.fitted):
+        declared = declared_values(study.plant, one.fitted)
+        values = one.fitted.values | declared
+        tried += _begun(adjusted(study, one.ids, values, one.fitted.free, started=False), one, declared)
+    return min(tried, key=lambda settled: settled[1].misfit)
+
+
+def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:
+    """The option fitted once more from other `values` (SI) of some parameters; nothing where that fails."""
+    again = fitted_option(study, one.ids, one.fitted.values | dict(values), one.refined)
+    return [] if again is None else [iterated(study, again)]
 
 
 def iterated(study: Study, one: Option) -> tuple[Study, Option]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeAlias
 
@@ -25,11 +25,15 @@ LONGEST = 60  # characters of an expression in a message
 
 @dataclass(frozen=True)
 class Measure:
-    """Powers of units; `bare` is a number as it is written, and without `exact` a number is a factor in it."""
+    """Powers of units; `bare` is a number as it is written, and without `exact` a number is a factor in it.
+
+    `zeros` counts the zeros of their own that its units have: one for a temperature in degC, none for a difference.
+    """
 
     powers: Mapping[str, Power]
     exact: bool = True
     bare: bool = False
+    zeros: int = 0
 
 
 Known = Mapping[sympy.Symbol, str]  # the units of quantities
@@ -46,10 +50,15 @@ def fault(what: str, expression: sympy.Expr, unit: str, known: Known) -> str:
         found = _measure(expression, known)
     except _Unlike as problem:
         return f"{what}: {problem}{_hint(expression)}"
-    declared = Measure(named_powers(unit))
-    if found is None or found.bare or _same(found, declared):
+    declared = _of_unit(unit)
+    said = f"{what}: expected {unit} but {_short(expression)} is in {written(found.powers)}" if found else ""
+    if found is None or found.bare or (_same(found, declared) and not (found.exact and found.zeros != declared.zeros)):
         return ""
-    said = f"{what}: expected {unit} but {_short(expression)} is in {written(found.powers)}"
+    if _same(found, declared):
+        own = next((name for name in (unit, *found.powers) if parse(name).offset), unit)
+        zero = f"{parse(own).offset:g}"
+        said = said if unit != own or unit not in found.powers else f"{said}, as a difference"
+        return f"{said}: the zero of {own} is at {zero} K; declare it in K (files may be in degC), or say + or - {zero}"
     if _base(found) == _base(declared):
         return f"{said}; multiply it by {_scale(found) / _scale(declared):.6g}, or correct the unit"
     return f"{said}; correct the expression or the unit{_hint(expression)}"
@@ -60,10 +69,14 @@ def per_second(unit: str) -> str:
     return combined((unit, 1), ("s", -1))
 
 
+def _of_unit(unit: str) -> Measure:
+    return Measure(named_powers(unit), zeros=int(parse(unit).offset != 0))
+
+
 def _measure(e: sympy.Basic, known: Known) -> Measure | None:
     """What `e` is measured in; None where that cannot be known."""
     if e.is_Symbol:
-        return Measure(named_powers(known[e])) if e in known else None
+        return _of_unit(known[e]) if e in known else None
     if e.is_number:
         return Measure({}, exact=abs(e) == 1, bare=True)
     rule = next((rule for kinds, rule in RULES if isinstance(e, kinds)), None)
@@ -83,7 +96,14 @@ def _alike(terms: Sequence[sympy.Basic], known: Known) -> Measure | None:
                 f"{_short(first)} is in {written(like.powers)} and {_short(term)} in {written(m.powers)}: "
                 "they cannot be added or compared; correct the expression or a unit"
             )
-    return Measure(like.powers, exact=len(measured) == len(terms) and all(m.exact for _, m in measured))
+    exact = len(measured) == len(terms) and all(m.exact for _, m in measured)
+    return Measure(like.powers, exact, zeros=like.zeros)
+
+
+def _sum(terms: Sequence[sympy.Basic], known: Known) -> Measure | None:
+    """What all terms are measured in; the difference of two temperatures has no zero any more."""
+    like = _alike(terms, known)
+    return like and replace(like, zeros=sum(m.zeros for term in terms if (m := _measure(term, known)) is not None))
 
 
 def _chosen(branches: Sequence[sympy.Basic], known: Known) -> Measure | None:
@@ -101,7 +121,11 @@ def _product(factors: Sequence[sympy.Basic], known: Known) -> Measure | None:
         return None
     for name, power in [pair for m in given for pair in m.powers.items()]:
         powers[name] = powers.get(name, 0) + power
-    return Measure(powers, all(m.exact for m in given), all(m.bare for m in given))
+    zeros = [m.zeros for m in given if not m.bare]
+    sign = -1 if -1 in factors else 1
+    return Measure(
+        powers, all(m.exact for m in given), all(m.bare for m in given), sign * zeros[0] if len(zeros) == 1 else 0
+    )
 
 
 def _power(of_and_to: Sequence[sympy.Basic], known: Known) -> Measure | None:
@@ -174,7 +198,8 @@ def _short(e: sympy.Basic) -> str:
 
 Rule: TypeAlias = Callable[[Sequence[sympy.Basic], Known], Measure | None]
 RULES: tuple[tuple[tuple[type, ...], Rule], ...] = (  # the first that fits
-    ((sympy.Add, sympy.Abs, sympy.Min, sympy.Max, sympy.floor, sympy.ceiling, positive_part), _alike),
+    ((sympy.Add,), _sum),
+    ((sympy.Abs, sympy.Min, sympy.Max, sympy.floor, sympy.ceiling, positive_part), _alike),
     ((sympy.Mul,), _product),
     ((sympy.Pow,), _power),
     ((sympy.Piecewise,), _chosen),

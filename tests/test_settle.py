@@ -1,0 +1,37 @@
+"""A fit that ended far from the declared values begins there once more: branches may have taken each other's place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import tubular_dea as td
+from tubular_dea.discover.options import fitted_option
+from tubular_dea.discover.parameters import lost
+from tubular_dea.discover.settle import iterated, own_nuisances
+from tubular_dea.identify.study import PRIOR, study
+from tubular_dea.plants.tube import PLANT
+
+LOST = {"eta_o": 1.1e4, "k_1": 255e6, "eta_1": 7.4e5, "k_2": 3e6, "eta_2": 9.5e6, "C_2": -35e3, "C_3": 1e3}
+
+
+def beats(number: int) -> dict[str, np.ndarray]:
+    """Pulses of voltage at a constant pressure, from equilibrium."""
+    time = np.arange(4000) / 250.0
+    voltage = np.interp(np.mod(time, 0.8), [0, 0.1, 0.15, 0.4, 0.45, 0.8], [0, 0, 1, 1, 0, 0]) * (4e3 + 500 * number)
+    pressure = 11e3 + 1500 * np.sin(2 * np.pi * (0.3 + 0.2 * number) * time)
+    kernel = td.Kernel(PLANT.model)
+    drive = td.Protocol.of(time, pressure=pressure, voltage=voltage)
+    run = kernel.simulate(drive, time, {"start_at_equilibrium": 1.0})["measured_displacement"]
+    read = run + 5e-6 * np.random.default_rng(number).standard_normal(time.size)
+    return {"time [s]": time, "pressure [Pa]": pressure, "voltage [V]": voltage, "displacement [m]": read}
+
+
+def test_a_lost_fit_is_found_again() -> None:
+    work = study(td.read_recordings({f"beats {n}": beats(n) for n in range(3)}), [], PRIOR)
+    declared = PLANT.model.parameter_values()
+    astray = fitted_option(work, (), declared | LOST, ())
+    assert astray is not None and lost(PLANT, astray.fitted)
+    stuck = iterated(work, astray)[1]
+    found = own_nuisances(work, astray)[1]
+    assert found.misfit < stuck.misfit - 100
+    assert not lost(PLANT, found.fitted)
