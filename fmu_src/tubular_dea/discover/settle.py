@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..identify.adjust import MOST_SETTLES, adjusted
+from ..identify.compiled import Ids
 from ..identify.fit import AGREE
 from ..identify.study import Study
 from .acceptance import clean
@@ -25,9 +27,17 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
         tried += _begun(study, one, study.plant.restarts)
     if lost(study.plant, one.fitted):
         declared = declared_values(study.plant, one.fitted)
-        values = one.fitted.values | declared
-        tried += _begun(adjusted(study, one.ids, values, one.fitted.free, started=False), one, declared)
+        values, begun = one.fitted.values | declared, _as_read(study, one.ids)
+        tried += _begun(adjusted(begun, one.ids, values, one.fitted.free, started=False), one, declared)
     return min(tried, key=lambda settled: settled[1].misfit)
+
+
+def _as_read(study: Study, ids: Ids) -> Study:
+    """The study without the starts that were estimated: they belong to other parameters."""
+    declared = study.plant.model.parameter_values()
+    first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
+    cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
+    return replace(study, pieces=[replace(p, case=case) for p, case in zip(study.pieces, cases, strict=True)])
 
 
 def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:
