@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+import made_up
 from tubular_dea.api import identify
+from tubular_dea.discover import outcome
+from tubular_dea.discover.options import Option
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.report import close_loop, in_short
 from tubular_dea.report.page import Page
@@ -73,3 +77,37 @@ def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertain
     assert said(0.129874, 4600.0) == "C_3      0.000129874 +- 4.6 kPa"
     assert said(3086.4, 130.0) == "C_3      3.0864 +- 0.13 kPa"
     assert said(3086.4, float("inf")) == "C_3      3.0864 +- inf kPa"
+
+
+def left(base: Option, chosen: Option, name: str, rmse: float) -> str:
+    """What the report says of the residual of the model `name` with this error [m], beside 5 um of noise."""
+    found = SimpleNamespace(base=base, chosen=chosen, study=SimpleNamespace(plant=PLANT))
+    return close_loop._left(found, {"error": {name: {"rmse": rmse}}, "noise_floor": 5e-6}, name)
+
+
+def of_size(one: Option, structure: float) -> Option:
+    return replace(one, lack_of_fit=replace(one.lack_of_fit, structure=structure))
+
+
+@pytest.mark.parametrize("structure", [0.0, 1e-6])
+def test_a_residual_of_noise_is_told_as_that_only(structure: float) -> None:
+    quiet = of_size(made_up.option(excess=-50.0, z_slow=-0.9), structure)
+    for name in ("recalibrated", "after"):
+        assert left(quiet, replace(quiet), name, 5.1e-6) == "it is no larger than the noise"
+
+
+def test_slow_parts_are_told_as_an_excess_only_where_they_are_one() -> None:
+    lag = made_up.option("lag", excess=-300.0, z_slow=-12.7)
+    weak = of_size(made_up.option(excess=900.0, z_slow=1.2), 3e-6)
+    assert left(weak, lag, "recalibrated", 13e-6) == "3 um rms of it is beyond the noise"
+    strong = of_size(made_up.option(excess=9000.0, z_slow=60.2), 3e-6)
+    said = left(strong, lag, "recalibrated", 13e-6)
+    assert said.endswith("beyond the noise, and its slow part exceeds that of the noise by 60 standard deviations")
+    assert left(made_up.option(z_slow=-0.4), lag, "recalibrated", 5e-6) == "by its size alone it may be noise"
+
+
+def test_what_is_beyond_noise_is_less_than_the_whole_error() -> None:
+    state = replace(made_up.lack_of_fit(900.0), structure=20e-6)
+    assert outcome.beyond_noise(state, {"rmse": 13e-6}, 5e-6) == pytest.approx(12e-6)
+    assert outcome.beyond_noise(state, {"rmse": 4e-6}, 5e-6) == pytest.approx(4e-6)
+    assert outcome.beyond_noise(state, {"rmse": None}, 5e-6) == 20e-6

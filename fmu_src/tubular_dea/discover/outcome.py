@@ -112,17 +112,22 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
+    error = errors(found.named_study, found.named.ids, found.named.fitted.values)
     return {
-        "rms": beyond_noise(state, errors(found.named_study, found.named.ids, found.named.fitted.values)),
+        "rms": beyond_noise(state, error, floor(found.study, error["rmse"])),
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
         "channel": channel(found),
     }
 
 
-def beyond_noise(state: LackOfFit, error: Mapping[str, Any]) -> float:
-    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most the error of all of them."""
-    return state.structure if error["rmse"] is None else min(state.structure, float(error["rmse"]))
+def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> float:
+    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most what the `noise` (SI, rms)
+    does not explain of the error of all of them; where the error is below the noise, at most the error."""
+    if error["rmse"] is None:
+        return state.structure
+    squares = float(error["rmse"]) ** 2
+    return min(state.structure, (squares - noise**2 if noise**2 < squares else squares) ** 0.5)
 
 
 def _unpredicted(found: Discovery) -> dict[str, Any]:

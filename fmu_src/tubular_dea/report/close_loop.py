@@ -7,12 +7,13 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from ..discover.acceptance import clean
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
 from ..discover.outcome import beyond_noise, floor, remainder
 from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
-from ..identify.misfit import BLOCK
+from ..identify.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
@@ -145,10 +146,8 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
-    state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
-    structure = beyond_noise(state, outcome["error"]["recalibrated"])
     where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
@@ -157,8 +156,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"compared with both and with what an input may do between two samples: {_size(found, noise['allowed'])} rms."
     )
     page.text(
-        f"2. The model with its own parameters refitted: {_size(found, structure)} rms of its residual are not "
-        f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations."
+        f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."
         + (f" Numerical errors account for a gain of at most {found.numeric:.2g}." if found.numeric else "")
     )
     _channels(page, found, outcome["residual"]["channel"])
@@ -174,14 +172,23 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.figure(
             bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
         )
-    left = beyond_noise(after, outcome["error"]["after"])
-    beyond = f"{_size(found, left)} rms of it" if left else "nothing of its rms"
     page.text(
-        f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part differs from "
-        f"that of the noise by {after.z_slow:.1f} standard deviations); on the held-out experiments the residual is "
-        f"{found.held_ratio:.3f} times {LEFT}."
+        f"{len(found.search.rounds) + 4}. The final residual: {_left(found, outcome, 'after')}. On the held-out "
+        f"experiments the residual is {found.held_ratio:.3f} times {LEFT}."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
+
+
+def _left(found: Discovery, outcome: dict[str, Any], name: str) -> str:
+    """How a residual compares with the noise; `name` is that of the model among the errors."""
+    option = found.base if name == "recalibrated" else found.chosen
+    state, left = option.lack_of_fit, beyond_noise(option.lack_of_fit, outcome["error"][name], outcome["noise_floor"])
+    if clean(state) and option.ids == found.chosen.ids:
+        return "it is no larger than the noise"
+    if not left:
+        return "by its size alone it may be noise"
+    more = f", and its slow part exceeds that of the noise by {state.z_slow:.0f} standard deviations"
+    return f"{_size(found, left)} rms of it is beyond the noise{more if state.z_slow > SLOW_CHANCE else ''}"
 
 
 def _undone(found: Discovery, step: Round) -> str:
@@ -195,7 +202,7 @@ def _undone(found: Discovery, step: Round) -> str:
 def _channels(page: Page, found: Discovery, told: str | None) -> None:
     """The fault isolation: the channel in which the residual arises; `told` is the one that the summary names."""
     if not found.isolated:
-        page.text("3. No channel is sought: the residual is noise.")
+        page.text("3. No channel is sought: the residual is no larger than the noise.")
         return
     how = (
         "from where the residual is large, as no function of the recorded signals explains half of it"
