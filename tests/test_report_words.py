@@ -10,7 +10,9 @@ import pytest
 import made_up
 from tubular_dea.api import identify
 from tubular_dea.discover import outcome
+from tubular_dea.discover.channels import Isolation
 from tubular_dea.discover.options import Option
+from tubular_dea.discover.zeros import Shift
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.report import close_loop, in_short
 from tubular_dea.report.page import Page
@@ -111,3 +113,43 @@ def test_what_is_beyond_noise_is_less_than_the_whole_error() -> None:
     assert outcome.beyond_noise(state, {"rmse": 13e-6}, 5e-6) == pytest.approx(12e-6)
     assert outcome.beyond_noise(state, {"rmse": 4e-6}, 5e-6) == pytest.approx(4e-6)
     assert outcome.beyond_noise(state, {"rmse": None}, 5e-6) == 20e-6
+
+
+def isolated(disturbance: bool, shifted: bool = True) -> SimpleNamespace:
+    """An unexplained residual whose isolation points to the voltage, while a zero of the sensor cannot be right."""
+    residual = made_up.option(excess=5000.0)
+    return SimpleNamespace(
+        verdict="unexplained",
+        chosen=residual,
+        base=residual,
+        study=SimpleNamespace(plant=PLANT),
+        isolated=Isolation("electrical", {"electrical": 9.0, "sensor": 2.0}, {}, disturbance),
+        shifted=Shift("measured_displacement", "trap1", 654e-6) if shifted else None,
+        equivalent={},
+        repeated=False,
+        proposal=None,
+    )
+
+
+@pytest.mark.parametrize("disturbance", [True, False])
+def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: bool) -> None:
+    found = isolated(disturbance)
+    why = "in trap1 the zero of measured_displacement would have to be far too large"
+    page, told = Page("a", "b"), outcome.channel(found)
+    close_loop._channels(page, found, told)
+    assert told == "sensor"
+    assert f"electrical. The channel is uncertain: the summary names sensor, because {why}." in page.document()
+    advice = outcome.advice(found)
+    assert f"a second sensor in the sensor channel, because {why}; the channel is uncertain, as the " in advice
+    assert advice.endswith(
+        f"the {'residual is largest where the ' * disturbance}electrical channel "
+        f"{'acts' if disturbance else 'explains most of it'}."
+    )
+
+
+def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: [])
+    found, page = isolated(True, shifted=False), Page("a", "b")
+    close_loop._channels(page, found, outcome.channel(found))
+    assert "uncertain" not in page.document() + outcome.advice(found)
+    assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")

@@ -17,6 +17,7 @@ from ..kernel import KernelError
 from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import noise_alone, size_interval
+from .channels import Isolation
 from .engine import Discovery
 from .input_noise import allowed_rms
 from .next_experiment import DIFFER, at_channel, kind
@@ -144,22 +145,43 @@ def _unpredicted(found: Discovery) -> dict[str, Any]:
 
 
 def channel(found: Discovery) -> str | None:
-    """The channel in which the residual arises; None without a residual.
+    """The channel in which the residual arises; None without a residual."""
+    return None if found.verdict == "no_effect" else _told_channel(found)[0]
+
+
+def _told_channel(found: Discovery) -> tuple[str | None, str]:
+    """The channel in which a residual arises, and why it is that one.
 
     That of the first effect, also where the effect explains nearly all and only its form is not quite right; else that
-    of the isolation.
+    of the isolation, unless a zero or a parameter that cannot be right tells another.
     """
-    if found.verdict == "no_effect":
-        return None
     if _by_effect(found):
-        return found.study.catalogue[found.chosen.ids[0]].channel
+        return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
     if found.shifted:
-        return next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        own = next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
     known = found.study.plant.own_channels
-    moved = [known[n] for n in remarks.implausible(found, found.base.fitted) if n in known]
+    moved = {n: known[n] for n in remarks.implausible(found, found.base.fitted) if n in known}
     if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks
-        return max(set(moved), key=moved.count)
-    return found.isolated.channel if found.isolated else None
+        own = max(moved.values(), key=list(moved.values()).count)
+        names = " and ".join(n for n, channel in moved.items() if channel == own)
+        return own, f"the fit needs implausible values of {names}, which belong to it"
+    return (found.isolated.channel, isolated_words(found.isolated)) if found.isolated else (None, "")
+
+
+def isolated_words(isolation: Isolation, channel: str = "this") -> str:
+    """Why the isolation tells a channel; `channel` is how the sentence calls it."""
+    if isolation.disturbance:
+        return f"the residual is largest where {channel} channel acts"
+    return f"{channel} channel explains most of it"
+
+
+def contested(found: Discovery) -> str:
+    """Why the summary names another channel than the isolation does; "" where it is the same, or that of an effect."""
+    told, why = _told_channel(found)
+    if _by_effect(found) or found.isolated is None or told == found.isolated.channel:
+        return ""
+    return why
 
 
 def _by_effect(found: Discovery) -> bool:
@@ -276,15 +298,12 @@ def _beside(found: Discovery) -> str:
     if found.repeated and found.verdict == "partly_explained" and alike:
         moved = " and ".join(s.name for s in found.study.plant.inputs)
         return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
-    because = (
-        "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
-    )
-    return f"{at_channel(found.study.plant, channel(found) or '')}, because {because}"
-
-
-def _nowhere(found: Discovery) -> bool:
-    """Whether no effect explains nearly all of the residual, and no channel half of it."""
-    return not _by_effect(found) and bool(found.isolated and found.isolated.disturbance)
+    told, why = _told_channel(found)
+    said = f"{at_channel(found.study.plant, told or '')}, because {why}"
+    if not contested(found) or found.isolated is None:
+        return said
+    other = isolated_words(found.isolated, f"the {found.isolated.channel}")
+    return f"{said}; the channel is uncertain, as {other}"
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from ..discover.acceptance import clean
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
-from ..discover.outcome import beyond_noise, floor, remainder
+from ..discover.outcome import beyond_noise, contested, floor, remainder
 from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
 from ..identify.misfit import BLOCK, SLOW_CHANCE
@@ -210,6 +210,8 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
         else "from a latent input of free form in each channel"
     )
     later = f" An effect in the {told} channel explains more of it; so the summary names that one."
+    if why := contested(found):
+        later = f" The channel is uncertain: the summary names {told}, because {why}."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
     differs = told not in (None, found.isolated.channel)
     page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")
