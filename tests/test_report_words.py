@@ -5,19 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import made_up
 from tubular_dea.api import identify
-from tubular_dea.discover import outcome
+from tubular_dea.discover import outcome, remarks
 from tubular_dea.discover.channels import Isolation
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.zeros import Shift
+from tubular_dea.identify.cases import Case, Reading
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
 from tubular_dea.report import close_loop, in_short
 from tubular_dea.report.page import Page
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
+WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
 def hidden(invisible: dict[str, dict[str, float | None]]) -> str:
@@ -153,3 +157,54 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
     close_loop._channels(page, found, outcome.channel(found))
     assert "uncertain" not in page.document() + outcome.advice(found)
     assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")
+
+
+def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
+    study = SimpleNamespace(plant=PLANT, spread=("measured_displacement", "pressure"), zero=lambda name: 1.0)
+    said = remarks._spread(SimpleNamespace(study=study, shifted=Shift("measured_displacement", "trap1", 654e-6)))
+    assert len(said) == 1 and said[0].startswith("The zero of pressure")
+    assert len(remarks._spread(SimpleNamespace(study=study, shifted=None))) == 2
+
+
+def test_the_verdict_says_for_which_effect_another_stands() -> None:
+    def said(equivalent: dict[str, list[str]]) -> str:
+        one = made_up.option(*equivalent)
+        study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
+        return close_loop.headline(
+            SimpleNamespace(verdict="ambiguous", chosen=one, base=one, study=study, equivalent=equivalent)
+        )
+
+    two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
+    assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
+    assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
+
+
+def test_samples_are_counted_once_whatever_is_read_in_them() -> None:
+    def said(*outputs: str) -> str:
+        case = Case(Protocol.of([0, 1]), tuple(Reading(o, np.linspace(0, 1, 50)) for o in outputs))
+        return in_short._samples(SimpleNamespace(study=SimpleNamespace(pieces=[SimpleNamespace(case=case)] * 3)))
+
+    assert said("speed") == "150 samples"
+    assert said("speed", "angle") == "150 samples of 2 outputs"
+
+
+def test_the_noise_is_told_as_an_estimate() -> None:
+    noise = {PLANT.outputs[0].name: SimpleNamespace(quiet=True)}
+    said = in_short.least(SimpleNamespace(study=SimpleNamespace(plant=PLANT, noise=noise)))
+    assert "about as small as" in said and "an estimate" in said
+
+
+def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
+    page, one = Page("a", "b"), made_up.option()
+    first = PLANT.outputs[0].name
+    study = SimpleNamespace(plant=PLANT, noise={first: SimpleNamespace(quiet=True)})
+    found = SimpleNamespace(base=one, chosen=one, study=study, search=SimpleNamespace(rounds=[]), isolated=None)
+    told = found.__dict__ | {"numeric": 0.0, "held_ratio": 1.0, "tests_before": WHITE, "tests_after": WHITE}
+    noise = {"rms": 17.5e-6, "correlation": 0.78, "from_monitors": 4e-6, "allowed": 71.4e-6}
+    errors = {name: {"rmse": 17e-6} for name in ("recalibrated", "after")}
+    content = {"noise": {"sensors": {first: noise}}, "error": errors, "noise_floor": 17.5e-6}
+    close_loop._trace(page, SimpleNamespace(**told), content | {"residual": {"channel": None}})
+    text = page.document()
+    assert "what noise and sampling allow: 71.4 um rms over all samples, of three parts" in text
+    assert "near its edges" in text

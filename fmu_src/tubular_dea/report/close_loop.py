@@ -26,7 +26,7 @@ from .residuals import answered
 WORDS = {
     "no_effect": "nothing is missing: the model explains these recordings to within their noise.",
     "effect_found": "the model lacks {names}.",
-    "ambiguous": "the model lacks {names}, or one of those that these recordings cannot distinguish from it: {others}.",
+    "ambiguous": "the model lacks {names}, or {others}: these recordings cannot distinguish them.",
     "partly_explained": "the model lacks {names}; a significant residual remains: {remainder}.",
     "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
@@ -62,7 +62,9 @@ def headline(found: Discovery) -> str:
     """The verdict in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
     names = " and ".join(named(found, i) for i in found.chosen.ids)
-    others = ", ".join(dict.fromkeys(i for group in found.equivalent.values() for i in group))
+    alike = {name: " or ".join(group) for name, group in found.equivalent.items() if group}
+    one = len(found.chosen.ids) == 1
+    others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
     what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
@@ -152,8 +154,13 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
-        f"{_size(found, noise['from_monitors'])}. Where a residual is told as so many times {LEFT}, every sample is "
-        f"compared with both and with what an input may do between two samples: {_size(found, noise['allowed'])} rms."
+        f"{_size(found, noise['from_monitors'])}."
+    )
+    page.text(
+        f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "
+        "The sensor's noise counts as slow changes show it: as more than its rms where neighbouring samples err alike. "
+        "The noise of the monitors counts where the output follows the inputs. What an input may have done between two "
+        "samples counts near its edges; few samples there may make up most of the number."
     )
     page.text(
         f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."

@@ -43,14 +43,13 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.answers([("What was found?", list(_found(found, outcome)))])
     page.drawings([_errors(found, outcome)])
     files = sorted({p.source for p in found.study.pieces})
-    samples = sum(p.record.size for p in found.study.pieces)
     held = ", ".join(outcome["held_out"])
     apart = (
         f"Held out of every fit, to judge the result by: {held}." if held else "No experiment was held out of the fits."
     )
     questions = [
         ("How certain is it?", [_confidence(found), *_rivals(outcome)]),
-        ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {samples} samples. {apart}"]),
+        ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
         ("What should be measured next?", [outcome["next_experiment"]]),
@@ -61,6 +60,13 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
+
+
+def _samples(found: Discovery) -> str:
+    """The samples of all recordings in words; a sample may hold several outputs."""
+    outputs = {r.output for p in found.study.pieces for r in p.case.readings}
+    samples = sum(p.case.instants.size for p in found.study.pieces)
+    return f"{samples} samples" + (f" of {len(outputs)} outputs" if len(outputs) > 1 else "")
 
 
 def counted(number: int, word: str) -> str:
@@ -140,7 +146,7 @@ def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
     if not found.study.noise[found.study.plant.outputs[0].name].quiet:
         return "No part of the recordings is quiet, so that the sensor's noise is not known well: it may be smaller."
-    return "No model can have a smaller error than the sensor's noise."
+    return "The error of a model can be about as small as the sensor's noise, which is itself an estimate."
 
 
 def _rivals(outcome: dict[str, Any]) -> list[str]:
