@@ -10,7 +10,7 @@ import pytest
 
 import made_up
 from tubular_dea.api import identify
-from tubular_dea.discover import outcome, remarks
+from tubular_dea.discover import outcome, remarks, residuals
 from tubular_dea.discover.channels import Isolation
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.zeros import Shift
@@ -85,9 +85,11 @@ def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertain
     assert said(3086.4, float("inf")) == "C_3      3.0864 +- inf kPa"
 
 
-def left(base: Option, chosen: Option, name: str, rmse: float) -> str:
+def left(base: Option, chosen: Option, name: str, rmse: float, whiteness: float = 0.3) -> str:
     """What the report says of the residual of the model `name` with this error [m], beside 5 um of noise."""
-    found = SimpleNamespace(base=base, chosen=chosen, study=SimpleNamespace(plant=PLANT))
+    tests = {"whiteness": whiteness}
+    study = SimpleNamespace(plant=PLANT)
+    found = SimpleNamespace(base=base, chosen=chosen, study=study, tests_before=tests, tests_after=tests)
     return close_loop._left(found, {"error": {name: {"rmse": rmse}}, "noise_floor": 5e-6}, name)
 
 
@@ -208,3 +210,36 @@ def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
     text = page.document()
     assert "what noise and sampling allow: 71.4 um rms over all samples, of three parts" in text
     assert "near its edges" in text
+
+
+def what_is_left(verdict: str, one: Option, whiteness: float, widening: float = 1.0) -> list[str]:
+    tests = {"whiteness": whiteness, "widening": widening}
+    base = of_size(made_up.option(excess=1e6), 2.7e-3)
+    found = SimpleNamespace(verdict=verdict, named=one, base=base, wandering=None, tests_after=tests)
+    errors = {"after": {"rmse": 104e-6, "unit": "m"}, "recalibrated": {"rmse": 2.8e-3, "unit": "m"}}
+    return in_short._left(found, {"error": errors, "noise_floor": 98.6e-6})
+
+
+def test_a_small_remainder_is_told_with_its_size() -> None:
+    small = of_size(made_up.option("lag", excess=1200.0, z_slow=13.2), 32.5e-6)
+    (said,) = what_is_left("ambiguous", small, 18.6)
+    assert said == "A small remainder is left: 32.5 um rms beyond the noise, where 2.7 mm was before."
+    assert what_is_left("partly_explained", small, 18.6) == []  # the verdict tells it
+
+
+def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
+    quiet = made_up.option(z_slow=2.5)
+    assert what_is_left("no_effect", quiet, 1.2) == []
+    (said,) = what_is_left("no_effect", quiet, 175.0, 2.24)
+    assert "not white" in said and "read those of parameters as about 2.2 times as wide." in said
+    (said,) = what_is_left("effect_found", quiet, 2.5)
+    assert said.endswith("Intervals may be too narrow.")
+    assert "looks like noise" not in " ".join(in_short.CONFIDENCE.values())
+    assert left(quiet, quiet, "after", 5e-6, 175.0) == "it is no larger than the noise, but not white"
+
+
+def test_standard_errors_are_wider_by_what_neighbours_have_in_common() -> None:
+    noise = np.random.default_rng(1).standard_normal(20_000)
+    assert residuals.widening(noise) == pytest.approx(1.0, abs=0.1)
+    smooth = np.convolve(noise, np.ones(4) / 4, mode="valid")  # four in a row tell as much as one
+    assert residuals.widening(smooth) == pytest.approx(2.0, rel=0.1)

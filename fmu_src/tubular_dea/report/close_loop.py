@@ -17,7 +17,7 @@ from ..identify.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
-from .in_short import LEFT, foretold, in_short, least, not_seen
+from .in_short import LEFT, WHITE, foretold, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -31,7 +31,8 @@ WORDS = {
     "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
 TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations of the noise
-    "whiteness": "whiteness (Ljung and Box, in standard deviations)"
+    "whiteness": "whiteness (Ljung and Box, in standard deviations)",
+    "widening": "factor by which this widens standard errors (Newey and West)",
 }
 SHOWN = 8  # scores of a round that are drawn
 
@@ -191,7 +192,8 @@ def _left(found: Discovery, outcome: dict[str, Any], name: str) -> str:
     option = found.base if name == "recalibrated" else found.chosen
     state, left = option.lack_of_fit, beyond_noise(option.lack_of_fit, outcome["error"][name], outcome["noise_floor"])
     if clean(state) and option.ids == found.chosen.ids:
-        return "it is no larger than the noise"
+        white = (found.tests_before if name == "recalibrated" else found.tests_after)["whiteness"] <= WHITE
+        return "it is no larger than the noise" + ("" if white else ", but not white")
     if not left:
         return "by its size alone it may be noise"
     more = f", and its slow part exceeds that of the noise by {state.z_slow:.0f} standard deviations"
@@ -228,7 +230,7 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
 def _tests(found: Discovery) -> list[list[str]]:
     before, after = found.tests_before, found.tests_after
     limit = before["limit"]
-    alone = {"whiteness": "-2 to 2"}
+    alone = {"whiteness": f"-{WHITE:g} to {WHITE:g}", "widening": "about 1"}
     names = [n for n in before if n not in ("blocks", "limit")]
     return [
         [
