@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import made_up
+from tubular_dea import add_effects
 from tubular_dea.api import identify
 from tubular_dea.discover import outcome, remarks, residuals
 from tubular_dea.discover.channels import Isolation
@@ -17,7 +18,7 @@ from tubular_dea.discover.zeros import Shift
 from tubular_dea.identify.cases import Case, Reading
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
-from tubular_dea.report import close_loop, in_short
+from tubular_dea.report import close_loop, effects, in_short
 from tubular_dea.report.page import Page
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
@@ -144,7 +145,9 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
     page, told = Page("a", "b"), outcome.channel(found)
     close_loop._channels(page, found, told)
     assert told == "sensor"
-    assert f"electrical. The channel is uncertain: the summary names sensor, because {why}." in page.document()
+    assert (
+        f"electrical. The channel is uncertain: the summary names the sensor channel, because {why}." in page.document()
+    )
     advice = outcome.advice(found)
     assert f"a second sensor in the sensor channel, because {why}; the channel is uncertain, as the " in advice
     assert advice.endswith(
@@ -243,3 +246,26 @@ def test_standard_errors_are_wider_by_what_neighbours_have_in_common() -> None:
     assert residuals.widening(noise) == pytest.approx(1.0, abs=0.1)
     smooth = np.convolve(noise, np.ones(4) / 4, mode="valid")  # four in a row tell as much as one
     assert residuals.widening(smooth) == pytest.approx(2.0, rel=0.1)
+
+
+def test_the_summary_gives_no_number_that_is_not_determined() -> None:
+    def said(**intervals: tuple[float | None, float | None]) -> str:
+        estimates = {n: {"value": 1.0, "unit": "1", "ci95": ends} for n, ends in intervals.items()}
+        effect = PLANT.catalogue["hoop_viscoelasticity"]
+        return effects.size_words(effect, {"parameters": estimates}, PLANT.model)
+
+    wide = said(eta_hoop=(4820.0, 7600.0), k_hoop=(-18.5e3, 11.7e3), tau_hoop=(8.21e-3, 9.58))
+    assert wide.startswith("damping in hoop direction = 1 (95 % interval 4.82e+03 to 7.6e+03); not determined")
+    assert wide.endswith("recordings: stiffness of the hoop direction's Maxwell branch, relaxation time of that branch")
+    assert "not determined" not in said(k_hoop=(-18.5e3, -1e3), tau_hoop=(0.1, 9.58))
+    assert "not determined" not in said(tau_hoop=(0.1, None))  # another sentence tells what an open end means
+
+
+def test_a_share_that_is_all_of_it_is_no_bound() -> None:
+    def said(name: str) -> list[str]:
+        content = {"converged": True, "undetermined": [], "at_bounds": {name: "largest"}}
+        model = add_effects(PLANT, ["amplifier_slew"])
+        return identify.IdentificationResult.remarks(SimpleNamespace(model=model, content=content, verdict="adequate"))
+
+    assert said("slew_share") == []
+    assert said("lambda_2_start")[0].startswith("lambda_2_start ended at the largest value that the model allows, 3:")

@@ -220,7 +220,7 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
     )
     later = f" An effect in the {told} channel explains more of it; so the summary names that one."
     if why := contested(found):
-        later = f" The channel is uncertain: the summary names {told}, because {why}."
+        later = f" The channel is uncertain: the summary names the {told} channel, because {why}."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
     differs = told not in (None, found.isolated.channel)
     page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")
