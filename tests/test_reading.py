@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from laboratory import drawn, numbers
 from tubular_dea.cli import main
+from tubular_dea.discover import remarks
 from tubular_dea.identify import scales
 from tubular_dea.identify.data import DataError, read_experiment, read_folder
 from tubular_dea.identify.start import RESTED, UNKNOWN, detected
+from tubular_dea.identify.study import study
 from tubular_dea.plants.tube import PLANT
 
 EXAMPLE = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"
@@ -163,6 +166,39 @@ def headed(**changed: np.ndarray) -> dict[str, np.ndarray]:
     data = table() | changed
     units = {"time": "time [s]", "pressure": "pressure [Pa]", "voltage": "voltage [V]", "radius": "radius [m]"}
     return {units.get(name, name): values for name, values in data.items() if name != "current" or name in changed}
+
+
+def in_a_row(folder: Path, second: str) -> Path:
+    """Three files of 1.6 s: `b` begins when it is said and follows `a`, and `c` is on its own."""
+    for name in "abc":
+        written(folder, headed(pressure=table()["pressure"] + 12e3 * (name == "b")), f"{name}.csv")
+    (folder / "bench.toml").write_text(f'[order]\na = "0 s"\nb = "{second}"\n')
+    return folder
+
+
+def test_files_that_follow_one_another_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recordings = read_folder(in_a_row(tmp_path, "2 s"), PLANT)
+    assert [e.follows for e in recordings.experiments] == ["", "a", ""]
+    loaded = [dataclasses.replace(e, start=UNKNOWN if e.name == "b" else RESTED) for e in recordings.experiments]
+    loaded_run = dataclasses.replace(recordings, experiments=loaded)
+    assert set(loaded_run.starts.values()) == {RESTED}  # what follows begins with what it follows
+    pieces = {p.name: p for p in study(loaded_run).pieces}
+    assert pieces["b"].before is not None and not pieces["b"].loose and pieces["b"].case.own == {}
+    found = SimpleNamespace(study=SimpleNamespace(pieces=pieces.values()), recordings=loaded_run)
+    (said,) = remarks._starts(found)
+    assert "b follows a" in said and "begin" not in said
+    assert main(["identify", str(tmp_path), "--dry-run"]) == 0
+    (row,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("b "))
+    assert " after a " in row
+
+
+@pytest.mark.parametrize("dry", [["--dry-run"], ["--out", "out"]])
+def test_files_that_overlap_are_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], dry: list[str]
+) -> None:
+    assert main(["identify", str(in_a_row(tmp_path, "1 s")), *dry]) != 0
+    said = capsys.readouterr().err
+    assert "[order] a begins at 0 s and lasts 1.596 s, but b begins at 1 s" in said
 
 
 def test_a_coarse_clock_was_even(tmp_path: Path) -> None:

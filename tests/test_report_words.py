@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+import made_up
+from tubular_dea import add_effects
 from tubular_dea.api import identify
+from tubular_dea.discover import outcome, remarks, residuals
+from tubular_dea.discover.channels import Isolation
+from tubular_dea.discover.options import Option
+from tubular_dea.discover.zeros import Shift
+from tubular_dea.identify.cases import Case, Reading
 from tubular_dea.plants.tube import PLANT
-from tubular_dea.report import close_loop, in_short
+from tubular_dea.protocol import Protocol
+from tubular_dea.report import close_loop, effects, in_short
 from tubular_dea.report.page import Page
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
+WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
 def hidden(invisible: dict[str, dict[str, float | None]]) -> str:
@@ -73,3 +84,188 @@ def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertain
     assert said(0.129874, 4600.0) == "C_3      0.000129874 +- 4.6 kPa"
     assert said(3086.4, 130.0) == "C_3      3.0864 +- 0.13 kPa"
     assert said(3086.4, float("inf")) == "C_3      3.0864 +- inf kPa"
+
+
+def left(base: Option, chosen: Option, name: str, rmse: float, whiteness: float = 0.3) -> str:
+    """What the report says of the residual of the model `name` with this error [m], beside 5 um of noise."""
+    tests = {"whiteness": whiteness}
+    study = SimpleNamespace(plant=PLANT)
+    found = SimpleNamespace(base=base, chosen=chosen, study=study, tests_before=tests, tests_after=tests)
+    return close_loop._left(found, {"error": {name: {"rmse": rmse}}, "noise_floor": 5e-6}, name)
+
+
+def of_size(one: Option, structure: float) -> Option:
+    return replace(one, lack_of_fit=replace(one.lack_of_fit, structure=structure))
+
+
+@pytest.mark.parametrize("structure", [0.0, 1e-6])
+def test_a_residual_of_noise_is_told_as_that_only(structure: float) -> None:
+    quiet = of_size(made_up.option(excess=-50.0, z_slow=-0.9), structure)
+    for name in ("recalibrated", "after"):
+        assert left(quiet, replace(quiet), name, 5.1e-6) == "it is no larger than the noise"
+
+
+def test_slow_parts_are_told_as_an_excess_only_where_they_are_one() -> None:
+    lag = made_up.option("lag", excess=-300.0, z_slow=-12.7)
+    weak = of_size(made_up.option(excess=900.0, z_slow=1.2), 3e-6)
+    assert left(weak, lag, "recalibrated", 13e-6) == "3 um rms of it is beyond the noise"
+    strong = of_size(made_up.option(excess=9000.0, z_slow=60.2), 3e-6)
+    said = left(strong, lag, "recalibrated", 13e-6)
+    assert said.endswith("beyond the noise, and its slow part exceeds that of the noise by 60 standard deviations")
+    assert left(made_up.option(z_slow=-0.4), lag, "recalibrated", 5e-6) == "by its size alone it may be noise"
+
+
+def test_what_is_beyond_noise_is_less_than_the_whole_error() -> None:
+    state = replace(made_up.lack_of_fit(900.0), structure=20e-6)
+    assert outcome.beyond_noise(state, {"rmse": 13e-6}, 5e-6) == pytest.approx(12e-6)
+    assert outcome.beyond_noise(state, {"rmse": 4e-6}, 5e-6) == pytest.approx(4e-6)
+    assert outcome.beyond_noise(state, {"rmse": None}, 5e-6) == 20e-6
+
+
+def isolated(disturbance: bool, shifted: bool = True) -> SimpleNamespace:
+    """An unexplained residual whose isolation points to the voltage, while a zero of the sensor cannot be right."""
+    residual = made_up.option(excess=5000.0)
+    return SimpleNamespace(
+        verdict="unexplained",
+        chosen=residual,
+        base=residual,
+        study=SimpleNamespace(plant=PLANT),
+        isolated=Isolation("electrical", {"electrical": 9.0, "sensor": 2.0}, {}, disturbance),
+        shifted=Shift("measured_displacement", "trap1", 654e-6) if shifted else None,
+        equivalent={},
+        repeated=False,
+        proposal=None,
+    )
+
+
+@pytest.mark.parametrize("disturbance", [True, False])
+def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: bool) -> None:
+    found = isolated(disturbance)
+    why = "in trap1 the zero of measured_displacement would have to be far too large"
+    page, told = Page("a", "b"), outcome.channel(found)
+    close_loop._channels(page, found, told)
+    assert told == "sensor"
+    assert (
+        f"electrical. The channel is uncertain: the summary names the sensor channel, because {why}." in page.document()
+    )
+    advice = outcome.advice(found)
+    assert f"a second sensor in the sensor channel, because {why}; the channel is uncertain, as the " in advice
+    assert advice.endswith(
+        f"the {'residual is largest where the ' * disturbance}electrical channel "
+        f"{'acts' if disturbance else 'explains most of it'}."
+    )
+
+
+def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: [])
+    found, page = isolated(True, shifted=False), Page("a", "b")
+    close_loop._channels(page, found, outcome.channel(found))
+    assert "uncertain" not in page.document() + outcome.advice(found)
+    assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")
+
+
+def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
+    study = SimpleNamespace(plant=PLANT, spread=("measured_displacement", "pressure"), zero=lambda name: 1.0)
+    said = remarks._spread(SimpleNamespace(study=study, shifted=Shift("measured_displacement", "trap1", 654e-6)))
+    assert len(said) == 1 and said[0].startswith("The zero of pressure")
+    assert len(remarks._spread(SimpleNamespace(study=study, shifted=None))) == 2
+
+
+def test_the_verdict_says_for_which_effect_another_stands() -> None:
+    def said(equivalent: dict[str, list[str]]) -> str:
+        one = made_up.option(*equivalent)
+        study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
+        return close_loop.headline(
+            SimpleNamespace(verdict="ambiguous", chosen=one, base=one, study=study, equivalent=equivalent)
+        )
+
+    two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
+    assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
+    assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
+
+
+def test_samples_are_counted_once_whatever_is_read_in_them() -> None:
+    def said(*outputs: str) -> str:
+        case = Case(Protocol.of([0, 1]), tuple(Reading(o, np.linspace(0, 1, 50)) for o in outputs))
+        return in_short._samples(SimpleNamespace(study=SimpleNamespace(pieces=[SimpleNamespace(case=case)] * 3)))
+
+    assert said("speed") == "150 samples"
+    assert said("speed", "angle") == "150 samples of 2 outputs"
+
+
+def test_the_noise_is_told_as_an_estimate() -> None:
+    noise = {PLANT.outputs[0].name: SimpleNamespace(quiet=True)}
+    said = in_short.least(SimpleNamespace(study=SimpleNamespace(plant=PLANT, noise=noise)))
+    assert "about as small as" in said and "an estimate" in said
+
+
+def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
+    page, one = Page("a", "b"), made_up.option()
+    first = PLANT.outputs[0].name
+    study = SimpleNamespace(plant=PLANT, noise={first: SimpleNamespace(quiet=True)})
+    found = SimpleNamespace(base=one, chosen=one, study=study, search=SimpleNamespace(rounds=[]), isolated=None)
+    told = found.__dict__ | {"numeric": 0.0, "held_ratio": 1.0, "tests_before": WHITE, "tests_after": WHITE}
+    noise = {"rms": 17.5e-6, "correlation": 0.78, "from_monitors": 4e-6, "allowed": 71.4e-6}
+    errors = {name: {"rmse": 17e-6} for name in ("recalibrated", "after")}
+    content = {"noise": {"sensors": {first: noise}}, "error": errors, "noise_floor": 17.5e-6}
+    close_loop._trace(page, SimpleNamespace(**told), content | {"residual": {"channel": None}})
+    text = page.document()
+    assert "what noise and sampling allow: 71.4 um rms over all samples, of three parts" in text
+    assert "near its edges" in text
+
+
+def what_is_left(verdict: str, one: Option, whiteness: float, widening: float = 1.0) -> list[str]:
+    tests = {"whiteness": whiteness, "widening": widening}
+    base = of_size(made_up.option(excess=1e6), 2.7e-3)
+    found = SimpleNamespace(verdict=verdict, named=one, base=base, wandering=None, tests_after=tests)
+    errors = {"after": {"rmse": 104e-6, "unit": "m"}, "recalibrated": {"rmse": 2.8e-3, "unit": "m"}}
+    return in_short._left(found, {"error": errors, "noise_floor": 98.6e-6})
+
+
+def test_a_small_remainder_is_told_with_its_size() -> None:
+    small = of_size(made_up.option("lag", excess=1200.0, z_slow=13.2), 32.5e-6)
+    (said,) = what_is_left("ambiguous", small, 18.6)
+    assert said == "A small remainder is left: 32.5 um rms beyond the noise, where 2.7 mm was before."
+    assert what_is_left("partly_explained", small, 18.6) == []  # the verdict tells it
+
+
+def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
+    quiet = made_up.option(z_slow=2.5)
+    assert what_is_left("no_effect", quiet, 1.2) == []
+    (said,) = what_is_left("no_effect", quiet, 175.0, 2.24)
+    assert "not white" in said and "read those of parameters as about 2.2 times as wide." in said
+    (said,) = what_is_left("effect_found", quiet, 2.5)
+    assert said.endswith("Intervals may be too narrow.")
+    assert "looks like noise" not in " ".join(in_short.CONFIDENCE.values())
+    assert left(quiet, quiet, "after", 5e-6, 175.0) == "it is no larger than the noise, but not white"
+
+
+def test_standard_errors_are_wider_by_what_neighbours_have_in_common() -> None:
+    noise = np.random.default_rng(1).standard_normal(20_000)
+    assert residuals.widening(noise) == pytest.approx(1.0, abs=0.1)
+    smooth = np.convolve(noise, np.ones(4) / 4, mode="valid")  # four in a row tell as much as one
+    assert residuals.widening(smooth) == pytest.approx(2.0, rel=0.1)
+
+
+def test_the_summary_gives_no_number_that_is_not_determined() -> None:
+    def said(**intervals: tuple[float | None, float | None]) -> str:
+        estimates = {n: {"value": 1.0, "unit": "1", "ci95": ends} for n, ends in intervals.items()}
+        effect = PLANT.catalogue["hoop_viscoelasticity"]
+        return effects.size_words(effect, {"parameters": estimates}, PLANT.model)
+
+    wide = said(eta_hoop=(4820.0, 7600.0), k_hoop=(-18.5e3, 11.7e3), tau_hoop=(8.21e-3, 9.58))
+    assert wide.startswith("damping in hoop direction = 1 (95 % interval 4.82e+03 to 7.6e+03); not determined")
+    assert wide.endswith("recordings: stiffness of the hoop direction's Maxwell branch, relaxation time of that branch")
+    assert "not determined" not in said(k_hoop=(-18.5e3, -1e3), tau_hoop=(0.1, 9.58))
+    assert "not determined" not in said(tau_hoop=(0.1, None))  # another sentence tells what an open end means
+
+
+def test_a_share_that_is_all_of_it_is_no_bound() -> None:
+    def said(name: str) -> list[str]:
+        content = {"converged": True, "undetermined": [], "at_bounds": {name: "largest"}}
+        model = add_effects(PLANT, ["amplifier_slew"])
+        return identify.IdentificationResult.remarks(SimpleNamespace(model=model, content=content, verdict="adequate"))
+
+    assert said("slew_share") == []
+    assert said("lambda_2_start")[0].startswith("lambda_2_start ended at the largest value that the model allows, 3:")

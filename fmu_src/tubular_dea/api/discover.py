@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..discover import engine, outcome
 from ..files import working_folder, write_atomically
 from ..identify.fit import uncertainty
+from ..identify.study import Piece
 from ..model.declare import Model
 from ..plants.saved import as_json
 from . import tables
@@ -133,7 +134,7 @@ class DiscoveryResult:
         recordings, before = found.recordings, found.base.fitted.values
         called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
         pieces = reversed(found.named_study.pieces)  # of parts of a recording, the first tells where it begins
-        begins = {p.source: p.case.own for p in pieces}
+        begins = {p.source: _begun_alone(p, found.study.plant.model) for p in pieces}
 
         def built() -> bytes:
             with working_folder("the FMU") as folder:
@@ -215,6 +216,13 @@ def discover(
         found = engine.discover(recordings, tell, chosen, hold_out)
         tell("model and report")
         return DiscoveryResult(outcome.final_model(found), found, outcome.result(found))
+
+
+def _begun_alone(piece: Piece, model: Model) -> dict[str, float]:
+    """Where a recording begins that the lab shows alone: one that follows another at equilibrium with its inputs."""
+    if piece.before is None or model.curve is None:
+        return dict(piece.case.own)
+    return {**piece.case.own, model.curve.start_switch: 1.0}
 
 
 def _effect(content: Mapping[str, Any]) -> FoundEffect:

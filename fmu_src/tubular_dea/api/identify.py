@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..discover.input_noise import weighted
+from ..discover.parameters import is_share
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify import procedure
@@ -116,6 +117,8 @@ class IdentificationResult:
         if self.content["undetermined"]:
             said.append(f"not determined by these recordings: {', '.join(self.content['undetermined'])}")
         for name, end in self.content["at_bounds"].items():
+            if end == "largest" and is_share(self.model.quantity(name)):
+                continue
             said.append(
                 f"{name} ended at the {end} value that the model allows, {_bound(self.model, name, end)}: its interval "
                 "is open there, and something else may be missing that it compensates for"

@@ -17,6 +17,7 @@ from ..kernel import KernelError
 from ..model.declare import Model
 from . import remarks, residuals, second_output
 from .acceptance import noise_alone, size_interval
+from .channels import Isolation
 from .engine import Discovery
 from .input_noise import allowed_rms
 from .next_experiment import DIFFER, at_channel, kind
@@ -112,17 +113,22 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
+    error = errors(found.named_study, found.named.ids, found.named.fitted.values)
     return {
-        "rms": beyond_noise(state, errors(found.named_study, found.named.ids, found.named.fitted.values)),
+        "rms": beyond_noise(state, error, floor(found.study, error["rmse"])),
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
         "channel": channel(found),
     }
 
 
-def beyond_noise(state: LackOfFit, error: Mapping[str, Any]) -> float:
-    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most the error of all of them."""
-    return state.structure if error["rmse"] is None else min(state.structure, float(error["rmse"]))
+def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> float:
+    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most what the `noise` (SI, rms)
+    does not explain of the error of all of them; where the error is below the noise, at most the error."""
+    if error["rmse"] is None:
+        return state.structure
+    squares = float(error["rmse"]) ** 2
+    return min(state.structure, (squares - noise**2 if noise**2 < squares else squares) ** 0.5)
 
 
 def _unpredicted(found: Discovery) -> dict[str, Any]:
@@ -139,22 +145,43 @@ def _unpredicted(found: Discovery) -> dict[str, Any]:
 
 
 def channel(found: Discovery) -> str | None:
-    """The channel in which the residual arises; None without a residual.
+    """The channel in which the residual arises; None without a residual."""
+    return None if found.verdict == "no_effect" else _told_channel(found)[0]
+
+
+def _told_channel(found: Discovery) -> tuple[str | None, str]:
+    """The channel in which a residual arises, and why it is that one.
 
     That of the first effect, also where the effect explains nearly all and only its form is not quite right; else that
-    of the isolation.
+    of the isolation, unless a zero or a parameter that cannot be right tells another.
     """
-    if found.verdict == "no_effect":
-        return None
     if _by_effect(found):
-        return found.study.catalogue[found.chosen.ids[0]].channel
+        return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
     if found.shifted:
-        return next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        own = next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
     known = found.study.plant.own_channels
-    moved = [known[n] for n in remarks.implausible(found, found.base.fitted) if n in known]
+    moved = {n: known[n] for n in remarks.implausible(found, found.base.fitted) if n in known}
     if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks
-        return max(set(moved), key=moved.count)
-    return found.isolated.channel if found.isolated else None
+        own = max(moved.values(), key=list(moved.values()).count)
+        names = " and ".join(n for n, channel in moved.items() if channel == own)
+        return own, f"the fit needs implausible values of {names}, which belong to it"
+    return (found.isolated.channel, isolated_words(found.isolated)) if found.isolated else (None, "")
+
+
+def isolated_words(isolation: Isolation, channel: str = "this") -> str:
+    """Why the isolation tells a channel; `channel` is how the sentence calls it."""
+    if isolation.disturbance:
+        return f"the residual is largest where {channel} channel acts"
+    return f"{channel} channel explains most of it"
+
+
+def contested(found: Discovery) -> str:
+    """Why the summary names another channel than the isolation does; "" where it is the same, or that of an effect."""
+    told, why = _told_channel(found)
+    if _by_effect(found) or found.isolated is None or told == found.isolated.channel:
+        return ""
+    return why
 
 
 def _by_effect(found: Discovery) -> bool:
@@ -271,15 +298,12 @@ def _beside(found: Discovery) -> str:
     if found.repeated and found.verdict == "partly_explained" and alike:
         moved = " and ".join(s.name for s in found.study.plant.inputs)
         return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
-    because = (
-        "the residual is largest where this channel acts" if _nowhere(found) else "that channel explains most of it"
-    )
-    return f"{at_channel(found.study.plant, channel(found) or '')}, because {because}"
-
-
-def _nowhere(found: Discovery) -> bool:
-    """Whether no effect explains nearly all of the residual, and no channel half of it."""
-    return not _by_effect(found) and bool(found.isolated and found.isolated.disturbance)
+    told, why = _told_channel(found)
+    said = f"{at_channel(found.study.plant, told or '')}, because {why}"
+    if not contested(found) or found.isolated is None:
+        return said
+    other = isolated_words(found.isolated, f"the {found.isolated.channel}")
+    return f"{said}; the channel is uncertain, as {other}"
 
 
 def _effect(found: Discovery, name: str) -> dict[str, Any]:

@@ -67,8 +67,12 @@ def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
 def _natural(effect: Effect, quantity: Quantity, side: int) -> bool:
     """Whether a bound is nothing or the whole of what a parameter says, and no opinion on how large it may be."""
     bound = quantity.minimum if side < 0 else quantity.maximum
-    share = quantity.unit == "1" and quantity.minimum == 0 and quantity.maximum == 1
-    return bound in (0, effect.off.get(quantity.name)) or (share and bound == 1)
+    return bound in (0, effect.off.get(quantity.name)) or (is_share(quantity) and bound == 1)
+
+
+def is_share(quantity: Quantity) -> bool:
+    """Whether a parameter is a share, of which 1 is all that there is."""
+    return quantity.unit == "1" and quantity.minimum == 0 and quantity.maximum == 1
 
 
 def unusual(effect: Effect, fitted: Fit) -> float:

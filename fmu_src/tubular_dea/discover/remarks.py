@@ -146,11 +146,15 @@ def _partly(found: Discovery) -> list[str]:
 
 
 def _starts(found: Discovery) -> list[str]:
-    """Files that do not begin at rest."""
-    own = {p.source for p in found.study.pieces if p.loose}
-    loaded = [e.name for e in found.recordings.experiments if e.start == UNKNOWN]
+    """Files that do not begin at rest, and files that follow others."""
+    own, starts = {p.source for p in found.study.pieces if p.loose}, found.recordings.starts
+    after = [e for e in found.recordings.experiments if e.follows]
+    loaded = [e.name for e in found.recordings.experiments if starts[e.name] == UNKNOWN and not e.follows]
     free, settled = ([n for n in loaded if (n in own) == is_free] for is_free in (True, False))
     said = []
+    if after:
+        pairs = ", ".join(f"{e.name} follows {e.follows}" for e in after)
+        said.append(f"As bench.toml says ([order]), {pairs}: each is computed from where the one before it ends.")
     if free:
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
@@ -168,10 +172,11 @@ def _starts(found: Discovery) -> list[str]:
 
 
 def _spread(found: Discovery) -> list[str]:
-    """Zeros that differ from file to file by more than what is usual on the bench."""
+    """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
     said = []
     for name in found.study.spread:
-        if 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
+        told_before = found.shifted is not None and found.shifted.output == name
+        if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
             told = _told(spread, found.study.plant.quantity(name))
             said.append(f"The zero of {name} differs by {told} from file to file.")
     return said

@@ -128,6 +128,7 @@ def tests(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
     signals = _signals(study, ids, fitted)
     blocks = {name: _block_averages(columns, pieces) for name, columns in signals.items()}
     found = {"blocks": float(means.size), "whiteness": whiteness(means), "limit": 2 / float(np.sqrt(means.size))}
+    found["widening"] = widening(means)
     for name, values in blocks.items():
         found[f"correlation with {name}"] = _correlation(means, values)
     for name in [n for n in blocks if n.startswith("rate of")]:
@@ -150,6 +151,17 @@ def whiteness(means: np.ndarray, lags: int = WHITENESS_LAGS) -> float:
     lags = min(lags, n // 2)
     q = n * (n + 2) * sum((float(centred[k:] @ centred[:-k]) / power) ** 2 / (n - k) for k in range(1, lags + 1))
     return float((q - lags) / np.sqrt(2 * lags))
+
+
+def widening(means: np.ndarray, lags: int = WHITENESS_LAGS) -> float:
+    """The factor, at least 1, by which standard errors grow as block means resemble those that follow them.
+
+    Newey and West, Econometrica 55 (1987) 703, with their weights.
+    """
+    centred = means - means.mean()
+    lags = min(lags, centred.size // 2)
+    alike = sum((1 - k / (lags + 1)) * float(centred[k:] @ centred[:-k]) for k in range(1, lags + 1))
+    return float(np.sqrt(max(1.0, 1 + 2 * alike / float(centred @ centred))))
 
 
 def _signals(study: Study, ids: Ids, fitted: Fit) -> dict[str, list[np.ndarray]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,8 @@ class Experiment:
     Outputs are as the model puts them out (a radius less its rest). `lines` are the numbers of the samples' lines in
     the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
     starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
-    where experiments follow without rest. `source` says how the file was understood.
+    where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
+    understood.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Experiment:
     start: str = RESTED
     start_said: bool = False
     begins: float | None = None
+    follows: str = ""
     source: Source | None = None
 
     def seen(self, output: str) -> np.ndarray:
@@ -95,6 +98,16 @@ class Recordings:
     source: str = ""
     left_out: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+
+    @property
+    def starts(self) -> dict[str, str]:
+        """How each experiment starts, by name: one that follows another as that does, unless bench.toml says it."""
+        own = {e.name: e for e in self.experiments}
+
+        def start(e: Experiment) -> str:
+            return start(own[e.follows]) if e.follows in own and not e.start_said else e.start
+
+        return {name: start(e) for name, e in own.items()}
 
     @property
     def fitted_outputs(self) -> list[Output]:
@@ -126,7 +139,8 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
         raise next(iter(still.values()))
     if not experiments:
         raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
-    return Recordings(plant, experiments, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
+    ordered = _ordered(experiments)
+    return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
 
 
 def of_tables(
@@ -139,7 +153,7 @@ def of_tables(
     chosen = said.columns | choices(columns, plant)
     named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, _commanded(said)) for t in tables}
     experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
-    return Recordings(plant, experiments, said.geometry, said.noise, "recordings")
+    return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
 
 
 def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:
@@ -147,6 +161,20 @@ def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment
     start = said.start.get(experiment.name, said.start.get("default", ""))
     placed = replace(experiment, start_said=bool(start), begins=said.order.get(experiment.name))
     return replace(placed, start=start or detected(experiment, plant))
+
+
+def _ordered(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The experiments, each with the name of the one that it follows; `DataError` where two overlap."""
+    row = sorted((e.begins, e.name, float(np.ptp(e.time))) for e in experiments if e.begins is not None)
+    follows = {}
+    for (begins, first, lasts), (then, name, _) in pairwise(row):
+        if begins + lasts >= then:
+            raise DataError(
+                f"bench.toml: [order] {first} begins at {begins:g} s and lasts {lasts:.4g} s, but {name} begins at "
+                f"{then:g} s; expected start times one after the other"
+            )
+        follows[name] = first
+    return [replace(e, follows=follows.get(e.name, "")) for e in experiments]
 
 
 def _commanded(said: BenchFile) -> list[str]:

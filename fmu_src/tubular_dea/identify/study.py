@@ -206,9 +206,9 @@ def study(
     for name in names:
         if name not in known:
             raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
-    pieces, noise = [], sensor_noise(recordings, drives)
+    pieces, noise, starts = [], sensor_noise(recordings, drives), recordings.starts
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
-        whole = _piece(experiment, driven, recordings.plant, experiment.name in names)
+        whole = _piece(experiment, driven, recordings.plant, starts[experiment.name], experiment.name in names)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
     pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
@@ -218,7 +218,7 @@ def study(
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
     """The models of a study, for records with `points` samples together: with free starts if one is unknown."""
-    loose = any(e.start == UNKNOWN for e in recordings.experiments)
+    loose = UNKNOWN in recordings.starts.values()
     plant = recordings.plant.with_model(loosened(recordings.plant.model)) if loose else recordings.plant
     return Compiled(plant, [o.name for o in recordings.fitted_outputs], points, loose)
 
@@ -237,10 +237,10 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     return found
 
 
-def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) -> Piece:
-    """A whole experiment, with every output that was recorded in it."""
+def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held_out: bool) -> Piece:
+    """A whole experiment, with every output that was recorded in it; what it follows had this `start`."""
     own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
-    if experiment.start != RESTED and plant.model.curve is not None:
+    if start != RESTED and plant.model.curve is not None:
         own = {plant.model.curve.start_switch: 1.0}
     read = [(o, *_read(experiment, o)) for o in plant.outputs if experiment.seen(o.name).any()]
     record = np.concatenate([values for o, _, values in read if not o.feels_rates])
@@ -255,7 +255,7 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, held_out: bool) 
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
         clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
-        loose=experiment.start == UNKNOWN,
+        loose=start == UNKNOWN,
     )
 
 

@@ -7,16 +7,17 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from ..discover.acceptance import clean
 from ..discover.engine import Discovery
 from ..discover.law_uncertainty import LAW
-from ..discover.outcome import beyond_noise, floor, remainder
+from ..discover.outcome import beyond_noise, contested, floor, remainder
 from ..discover.remarks import shifted, still, thin
 from ..discover.rounds import Round
-from ..identify.misfit import BLOCK
+from ..identify.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
-from .in_short import LEFT, foretold, in_short, least, not_seen
+from .in_short import LEFT, WHITE, foretold, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -25,12 +26,13 @@ from .residuals import answered
 WORDS = {
     "no_effect": "nothing is missing: the model explains these recordings to within their noise.",
     "effect_found": "the model lacks {names}.",
-    "ambiguous": "the model lacks {names}, or one of those that these recordings cannot distinguish from it: {others}.",
+    "ambiguous": "the model lacks {names}, or {others}: these recordings cannot distinguish them.",
     "partly_explained": "the model lacks {names}; a significant residual remains: {remainder}.",
     "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
 TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations of the noise
-    "whiteness": "whiteness (Ljung and Box, in standard deviations)"
+    "whiteness": "whiteness (Ljung and Box, in standard deviations)",
+    "widening": "factor by which this widens standard errors (Newey and West)",
 }
 SHOWN = 8  # scores of a round that are drawn
 
@@ -61,7 +63,9 @@ def headline(found: Discovery) -> str:
     """The verdict in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
     names = " and ".join(named(found, i) for i in found.chosen.ids)
-    others = ", ".join(dict.fromkeys(i for group in found.equivalent.values() for i in group))
+    alike = {name: " or ".join(group) for name, group in found.equivalent.items() if group}
+    one = len(found.chosen.ids) == 1
+    others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
     what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
@@ -145,20 +149,22 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
-    state, after = found.base.lack_of_fit, found.chosen.lack_of_fit
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
-    structure = beyond_noise(state, outcome["error"]["recalibrated"])
     where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
-        f"{_size(found, noise['from_monitors'])}. Where a residual is told as so many times {LEFT}, every sample is "
-        f"compared with both and with what an input may do between two samples: {_size(found, noise['allowed'])} rms."
+        f"{_size(found, noise['from_monitors'])}."
     )
     page.text(
-        f"2. The model with its own parameters refitted: {_size(found, structure)} rms of its residual are not "
-        f"noise; its slow part exceeds the noise by {state.z_slow:.0f} standard deviations."
+        f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "
+        "The sensor's noise counts as slow changes show it: as more than its rms where neighbouring samples err alike. "
+        "The noise of the monitors counts where the output follows the inputs. What an input may have done between two "
+        "samples counts near its edges; few samples there may make up most of the number."
+    )
+    page.text(
+        f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."
         + (f" Numerical errors account for a gain of at most {found.numeric:.2g}." if found.numeric else "")
     )
     _channels(page, found, outcome["residual"]["channel"])
@@ -174,14 +180,24 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.figure(
             bars(shown, "score", step.threshold), "The largest score statistics; the line is the threshold for chance."
         )
-    left = beyond_noise(after, outcome["error"]["after"])
-    beyond = f"{_size(found, left)} rms of it" if left else "nothing of its rms"
     page.text(
-        f"{len(found.search.rounds) + 4}. The final residual: {beyond} is beyond the noise (its slow part differs from "
-        f"that of the noise by {after.z_slow:.1f} standard deviations); on the held-out experiments the residual is "
-        f"{found.held_ratio:.3f} times {LEFT}."
+        f"{len(found.search.rounds) + 4}. The final residual: {_left(found, outcome, 'after')}. On the held-out "
+        f"experiments the residual is {found.held_ratio:.3f} times {LEFT}."
     )
     page.table([f"residual, averaged over {BLOCK} samples", "before", "after", "sensor noise alone"], _tests(found))
+
+
+def _left(found: Discovery, outcome: dict[str, Any], name: str) -> str:
+    """How a residual compares with the noise; `name` is that of the model among the errors."""
+    option = found.base if name == "recalibrated" else found.chosen
+    state, left = option.lack_of_fit, beyond_noise(option.lack_of_fit, outcome["error"][name], outcome["noise_floor"])
+    if clean(state) and option.ids == found.chosen.ids:
+        white = (found.tests_before if name == "recalibrated" else found.tests_after)["whiteness"] <= WHITE
+        return "it is no larger than the noise" + ("" if white else ", but not white")
+    if not left:
+        return "by its size alone it may be noise"
+    more = f", and its slow part exceeds that of the noise by {state.z_slow:.0f} standard deviations"
+    return f"{_size(found, left)} rms of it is beyond the noise{more if state.z_slow > SLOW_CHANCE else ''}"
 
 
 def _undone(found: Discovery, step: Round) -> str:
@@ -195,7 +211,7 @@ def _undone(found: Discovery, step: Round) -> str:
 def _channels(page: Page, found: Discovery, told: str | None) -> None:
     """The fault isolation: the channel in which the residual arises; `told` is the one that the summary names."""
     if not found.isolated:
-        page.text("3. No channel is sought: the residual is noise.")
+        page.text("3. No channel is sought: the residual is no larger than the noise.")
         return
     how = (
         "from where the residual is large, as no function of the recorded signals explains half of it"
@@ -203,6 +219,8 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
         else "from a latent input of free form in each channel"
     )
     later = f" An effect in the {told} channel explains more of it; so the summary names that one."
+    if why := contested(found):
+        later = f" The channel is uncertain: the summary names the {told} channel, because {why}."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
     differs = told not in (None, found.isolated.channel)
     page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")
@@ -212,7 +230,7 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
 def _tests(found: Discovery) -> list[list[str]]:
     before, after = found.tests_before, found.tests_after
     limit = before["limit"]
-    alone = {"whiteness": "-2 to 2"}
+    alone = {"whiteness": f"-{WHITE:g} to {WHITE:g}", "widening": "about 1"}
     names = [n for n in before if n not in ("blocks", "limit")]
     return [
         [

@@ -28,6 +28,7 @@ SMALL = 0.05  # of the range of what an effect changes: a change that is smaller
 BINS, LEAST, PART = 16, 25, 1e-3  # places along an axis at which the residual is averaged; samples at each, and share
 TURNS = 1.3  # times as much that is explained if rising and falling are kept apart, where they are
 LITTLE = 0.3  # of the usual weight: samples that fits gave less are left out
+SPANS = 100.0  # times by which an interval's far end may be the near one, for a size that is told in the summary
 BETTER = 1.5  # times as much that another axis has to explain than one before it
 TURNING = {0: "", 1: ", rising", -1: ", falling"}
 KINDS = {
@@ -73,11 +74,29 @@ def _share(explained: float, effects: int) -> str:
 
 
 def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
-    """The sizes of an effect in a sentence."""
-    rows = _sizes(effect, entry, model)
-    return ", ".join(
-        f"{words[0].lower()}{words[1:]} = {value} (95 % interval {interval})" for words, value, interval, _ in rows
-    )
+    """The sizes of an effect in a sentence; of those that the recordings do not determine only which these are."""
+    known, unknown = [], []
+    for words, value, interval, name in _sizes(effect, entry, model):
+        meaning = f"{words[0].lower()}{words[1:]}"
+        if _determined(effect, name, entry["parameters"][name]["ci95"]):
+            known.append(f"{meaning} = {value} (95 % interval {interval})")
+        else:
+            unknown.append(meaning)
+    rest = [f"not determined by these recordings: {', '.join(unknown)}"] if unknown else []
+    return "; ".join([", ".join(known)] * bool(known) + rest)
+
+
+def _determined(effect: Effect, name: str, ends: Sequence[float | None]) -> bool:
+    """Whether an interval tells a parameter: it neither includes the value without effect nor spans a large factor.
+
+    A level may be at 0, and of an end that is open a remark tells what is known.
+    """
+    low, high = ends
+    if low is None or high is None or name in effect.levels:
+        return low is not None or high is not None
+    off = effect.off.get(name, 0.0)
+    near, far = sorted((abs(low - off), abs(high - off)))
+    return (low - off) * (high - off) > 0 and far <= SPANS * near
 
 
 def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str]]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..discover.acceptance import noise_alone
 from ..discover.engine import Discovery
+from ..discover.outcome import beyond_noise
 from ..model.effect import Effect
 from ..model.units import in_words
 from .effects import size_words
@@ -13,8 +15,8 @@ from .parts import AFTER, BEFORE, RECORD
 from .svg import bars
 
 CONFIDENCE = {
-    "no_effect": "The residual looks like noise: no effect of the catalogue explains more of it than chance does "
-    "once in a thousand such sets of recordings.",
+    "no_effect": "The residual is no larger than noise: no effect of the catalogue explains more of it than chance "
+    "does once in a thousand such sets of recordings.",
     "effect_found": "Every other explanation that was tried explains the recordings worse than chance allows.",
     "ambiguous": "It is certain that something of this kind is missing. Which of the named effects it is, these "
     "recordings cannot show.",
@@ -31,6 +33,7 @@ DRIFTS = (
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
+WHITE = 2.0  # standard deviations of the whiteness of noise
 SHOWN = 3  # effects that could not be seen
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
@@ -43,14 +46,13 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.answers([("What was found?", list(_found(found, outcome)))])
     page.drawings([_errors(found, outcome)])
     files = sorted({p.source for p in found.study.pieces})
-    samples = sum(p.record.size for p in found.study.pieces)
     held = ", ".join(outcome["held_out"])
     apart = (
         f"Held out of every fit, to judge the result by: {held}." if held else "No experiment was held out of the fits."
     )
     questions = [
-        ("How certain is it?", [_confidence(found), *_rivals(outcome)]),
-        ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {samples} samples. {apart}"]),
+        ("How certain is it?", [_confidence(found), *_left(found, outcome), *_rivals(outcome)]),
+        ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
         ("What should be measured next?", [outcome["next_experiment"]]),
@@ -61,6 +63,33 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
+
+
+def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
+    """What is left where the verdict does not tell it: a small remainder, or noise that is slower than was known."""
+    state, error, noise = found.named.lack_of_fit, outcome["error"], outcome["noise_floor"]
+    if found.verdict in ("unexplained", "partly_explained") or found.wandering:
+        return []
+    if not noise_alone(state):
+        after = beyond_noise(state, error["after"], noise)
+        before = beyond_noise(found.base.lack_of_fit, error["recalibrated"], noise)
+        small, of = (in_words(size, error["after"]["unit"]) for size in (after, before))
+        return [f"A small remainder is left: {small} rms beyond the noise, where {of} was before."]
+    if found.tests_after["whiteness"] <= WHITE:
+        return []
+    wider = f"{found.tests_after['widening']:.1f}"
+    read = "" if wider == "1.0" else f": read those of parameters as about {wider} times as wide"
+    return [
+        "The residual is not white, though: what it is at one time resembles what it is a little later, as in slow "
+        f"(1/f) noise. Intervals may be too narrow{read}."
+    ]
+
+
+def _samples(found: Discovery) -> str:
+    """The samples of all recordings in words; a sample may hold several outputs."""
+    outputs = {r.output for p in found.study.pieces for r in p.case.readings}
+    samples = sum(p.case.instants.size for p in found.study.pieces)
+    return f"{samples} samples" + (f" of {len(outputs)} outputs" if len(outputs) > 1 else "")
 
 
 def counted(number: int, word: str) -> str:
@@ -140,7 +169,7 @@ def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
     if not found.study.noise[found.study.plant.outputs[0].name].quiet:
         return "No part of the recordings is quiet, so that the sensor's noise is not known well: it may be smaller."
-    return "No model can have a smaller error than the sensor's noise."
+    return "The error of a model can be about as small as the sensor's noise, which is itself an estimate."
 
 
 def _rivals(outcome: dict[str, Any]) -> list[str]:

@@ -27,8 +27,8 @@ SLOW = 0.1  # Hz below which the time between samples says more than the rate
 DAY = 86400.0
 DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
 EXPLAINED = (
-    "edges: how often held inputs switch; rise: how long that takes; start: rested, in equilibrium, or unknown or\n"
-    "estimated, which fits find out; the columns after it: what each signal reads first"
+    "edges: how often held inputs switch; rise: how long that takes; start: rested, in equilibrium, after the file\n"
+    "that it follows, or unknown or estimated, which fits find out; the columns after it: what each signal reads first"
 )
 
 
@@ -214,7 +214,7 @@ def _row(experiment: Experiment, driven: Drive, plant: Plant) -> list[str]:
         (f"{per_second:.5g} Hz" if per_second >= SLOW else f"every {duration(1 / per_second, 4)}") + uneven,
         f"{len(driven.edges)}",
         duration(float(np.median(rises)), 2) if rises else "-",
-        "estimated" if estimated else experiment.start,
+        f"after {experiment.follows}" if experiment.follows else "estimated" if estimated else experiment.start,
     ]
 
 
