@@ -246,6 +246,10 @@ MISTAKES = [
     (lambda: td.build_fmu("tube", "t.fmu", platforms="amiga"), "platforms: expected some of host, all"),
     (lambda: td.build_fmu("tube", "t.fmu", fmi=1), "fmi: expected 2 or 3 but was given 1"),
     (lambda: td.build_fmu(td.tube(["pressure_delay"]), "t.fmu", python=True), "python: TubularDEA has pure delays"),
+    (
+        lambda: td.identify("cosim_examples/data/mock_loop", "cosim_examples/plants/mock_loop.py", staged=True),
+        "staged: the plant MockLoop declares no stages",
+    ),
     (lambda: td.lab_page("aorta"), "model aorta: expected a model of TubularDEA but it holds AorticAfterload"),
 ]
 

@@ -284,6 +284,11 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
     [
         (["--patient", "fialing"], "no patient 'fialing'; did you mean failing"),
         (["--voltage", "high"], "--voltage: expected a number"),
+        (["--controller", "18mm", "--voltage", "5kV"], "--controller and --voltage exclude each other: a controller"),
+        (["--voltage", "5kV", "--set", "scheduler.voltage_on=4kV"], "--voltage and --set scheduler.voltage_on exclude"),
+        (["--compare", "voltage=5kV", "--controller", "18mm"], "--compare and --controller exclude each other: "),
+        (["--largest-voltage", "3kV"], "--largest-voltage belongs to --optimise; give both, or leave it out"),
+        (["--lead", "II"], "--lead belongs to --ecg; give both"),
         (["--voltage", "5 mmHg"], "expected a unit like 'V' but was given 'mmHg'"),
         (["--beats", "2"], "--beats: expected at least 5"),
         (["--set", "hart.C=1"], "--set hart.C=1: expected scheduler, tube, heart"),

@@ -76,6 +76,8 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     [
         ([], "--pressure is missing: expected a file of inputs, or each of pressure, voltage"),
         (["--pressure", "95 mmHg"], "--voltage is missing"),
+        (["--pressure", "1", "--voltage", "0", "--input", "voltage=5kV"], "voltage=5kV and --voltage give the same"),
+        (["--pressure", "1", "--input", "voltage=0", "voltage=1"], "voltage=1 and another --input voltage=... give"),
         (["--pressure", "95 barn", "--voltage", "0"], "cannot read the unit 'barn'"),
         (["--inputs", "no.csv"], "no.csv: cannot be read"),
         (["--inputs", "no.csv", "--voltage", "0"], "exclude each other"),

@@ -14,6 +14,7 @@ from pathlib import Path
 import tubular_dea as td
 
 from ..emit.tables import shown
+from ..errors import UserError
 from ..model.dea import tubular_dea
 from ..protocol import INTERVAL, STOP
 from .settings import add_plant, settings
@@ -59,8 +60,11 @@ def run(options: argparse.Namespace) -> None:
     """Simulate and write response.csv and response.png."""
     given = {name: getattr(options, name) for name in ("pressure", "voltage") if getattr(options, name) is not None}
     for text in options.input:
-        name, _, specification = text.partition("=")
-        given[name.strip()] = specification
+        name, _, specification = (part.strip() for part in text.partition("="))
+        if name in given:
+            also = f"--{name}" if getattr(options, name, None) is not None else f"another --input {name}=..."
+            raise UserError(f"--input {text} and {also} give the same input; give it once")
+        given[name] = specification
     response = td.simulate(
         options.model or td.load_plant(options.plant),
         options.inputs or given,
