@@ -70,6 +70,8 @@ def test_a_plant_is_saved_and_comes_back_with_its_effect(tmp_path: Path) -> None
     assert load(file, plant) == model
     with pytest.raises(ModelFileError, match="its plant 'Tank' is declared in tank.py:PLANT; give that file as"):
         load(file)
+    with pytest.raises(ModelFileError, match=re.escape(f"the plant (--plant {tmp_path / 'tank.py'})")):
+        load(file)
     file.write_text(as_json(model))
     with pytest.raises(ModelFileError, match="expected a model of AorticAfterload but found one of 'Tank'"):
         load(file, load_plant("aorta"))

@@ -57,7 +57,7 @@ def test_bad_specifications_name_the_input(text: str) -> None:
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,x,2"], "line 3, column 'pressure': .* found 'x'"),
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,nan,2"], "line 3, column 'pressure': .* found 'nan'"),
         (["time [s],pressure [Pa],voltage [V]", "1,1,2", "0,1,2"], "line 3: time goes back from 1 to 0"),
-        (["time [s],pressure [Pa],voltage [V]", "1,1,2"], "found 2 lines"),
+        (["time [s],pressure [Pa],voltage [V]", "1,1,2"], "below it but found 1"),
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1"], "line 3, column 'pressure': .* found ''"),
     ],
 )

@@ -253,7 +253,8 @@ def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:
         table = rows(path)
         if len(table) < 3:
             raise ProtocolError(
-                f"{path}: expected a header and at least two lines of numbers but found {len(table)} lines"
+                f"{path}: expected a header and at least two lines of numbers below it but found "
+                f"{max(0, len(table) - 1)}"
             )
         columns = _columns(path, table[0][1], {"time": "s", **units})
     except TableError as problem:

@@ -16,7 +16,7 @@ import tubular_dea as td
 from ..api.given import amount
 from ..control.optimum import OBJECTIVES
 from ..cosim.master import SCHEMES
-from ..errors import UserError
+from ..errors import ArgumentError, UserError
 from ..model.patients import PATIENTS
 from .settings import settings
 
@@ -150,4 +150,7 @@ def _option(name: str) -> str:
 
 def _case(text: str) -> dict[str, str]:
     """The settings in "voltage=5kV,scheduler.on_time=-70ms"."""
+    for part in text.split(","):
+        if not part.partition("=")[2].strip():
+            raise ArgumentError("cases", f" {text}: expected NAME=VALUE, as in voltage=5kV, but found {part.strip()!r}")
     return settings(text.split(","), "cases")
