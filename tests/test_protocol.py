@@ -33,7 +33,7 @@ def test_units_of_another_dimension_are_refused() -> None:
 
 def test_specifications_become_breakpoints() -> None:
     protocol = from_specifications(
-        {"pressure": "ramp 0 95mmHg from 0.5 to 1", "voltage": "step 0 6 kV at 1 until 2"}, UNITS, 4.0
+        {"pressure": "ramp 0 95mmHg from 0.5 to 1", "voltage": "step 0 6 kV at 1000ms until 2 s"}, UNITS, 4.0
     )
     at = protocol.at(np.array([0.0, 0.75, 1.0, 1.999, 2.0, 4.0]))
     np.testing.assert_allclose(at["pressure"], 133.322 * 95 * np.array([0, 0.5, 1, 1, 1, 1]))
@@ -41,7 +41,20 @@ def test_specifications_become_breakpoints() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "x", "nan", "inf Pa", "95 barn", "step 0 1", "step 0 1 Pa at 5", "ramp 0 nan Pa from 0 to 1", "1 2 3"]
+    "text",
+    [
+        "",
+        "x",
+        "nan",
+        "inf Pa",
+        "95 barn",
+        "step 0 1",
+        "step 0 1 Pa at 5",
+        "ramp 0 nan Pa from 0 to 1",
+        "1 2 3",
+        "step 0 1 Pa at 1kV",
+        "step 0 1 Pa at x",
+    ],
 )
 def test_bad_specifications_name_the_input(text: str) -> None:
     with pytest.raises(ProtocolError, match="^pressure: "):

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lead", help="column or signal of the ECG (default: the first)")
     parser.add_argument("--r-times", type=Path, help="follow beats at the R times [s] in this file, one per line")
     parser.add_argument("--scheme", default="implicit", choices=SCHEMES, help="coupling (default: implicit)")
-    parser.add_argument("--step", type=float, default=1e-3, help="communication step [s] (default: 0.001)")
+    parser.add_argument("--step", default=1e-3, help="communication step (default: 1 ms)")
     parser.add_argument(
         "--variable", action="store_true", help="let the error estimate choose the step, up to 10 times --step"
     )
@@ -117,7 +117,7 @@ def _result(options: argparse.Namespace) -> td.AssistResult | td.ComparisonResul
         "tube": options.model or "tube",
         "settings": given,
         "scheme": options.scheme,
-        "step": options.step,
+        "step": amount(options.step, "s", "step"),
         "variable": options.variable,
         "progress": True,
     }
