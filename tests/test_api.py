@@ -199,6 +199,8 @@ def test_recordings_in_memory_keep_their_names_and_geometry() -> None:
     assert frame.index.names == ["experiment", "time"] and frame.attrs["units"]["voltage"] == "V"
 
 
+BENCH = ROOT / "cosim_examples" / "data" / "bench"
+NAMES = [path.stem for path in BENCH.glob("*.csv")]
 MISTAKES = [
     (lambda: td.tube(C_9=1), "parameters C_9=1: TubularDEA has no parameter 'C_9'"),
     (lambda: td.tube(["resistance"]), "there is no effect 'resistance'"),
@@ -223,6 +225,10 @@ MISTAKES = [
     (lambda: td.identify("cosim_examples/data/bench", starts=0), "starts: expected at least 1 but was given 0"),
     (lambda: td.identify("cosim_examples/data/bench", free=["C_7"]), "no tunable parameter 'C_7'"),
     (lambda: td.discover("cosim_examples/data/bench", seed=-1), "seed: expected at least 0 but was given -1"),
+    (
+        lambda: td.discover(td.read_recordings(BENCH), hold_out=NAMES),
+        "hold_out: all experiments are held out; name fewer",
+    ),
     (lambda: td.discover("cosim_examples/data/bench", hold_out=["x"]), "hold_out x: there is no experiment 'x'"),
     (lambda: td.assist("fialing"), "no patient 'fialing'; did you mean failing"),
     (lambda: td.assist(voltage="high"), "voltage: expected a number"),
@@ -246,6 +252,10 @@ MISTAKES = [
     (lambda: td.build_fmu("tube", "t.fmu", platforms="amiga"), "platforms: expected some of host, all"),
     (lambda: td.build_fmu("tube", "t.fmu", fmi=1), "fmi: expected 2 or 3 but was given 1"),
     (lambda: td.build_fmu(td.tube(["pressure_delay"]), "t.fmu", python=True), "python: TubularDEA has pure delays"),
+    (
+        lambda: td.identify("cosim_examples/data/mock_loop", "cosim_examples/plants/mock_loop.py", staged=True),
+        "staged: the plant MockLoop declares no stages",
+    ),
     (lambda: td.lab_page("aorta"), "model aorta: expected a model of TubularDEA but it holds AorticAfterload"),
 ]
 

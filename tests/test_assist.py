@@ -284,6 +284,11 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
     [
         (["--patient", "fialing"], "no patient 'fialing'; did you mean failing"),
         (["--voltage", "high"], "--voltage: expected a number"),
+        (["--controller", "18mm", "--voltage", "5kV"], "--controller and --voltage exclude each other: a controller"),
+        (["--voltage", "5kV", "--set", "scheduler.voltage_on=4kV"], "--voltage and --set scheduler.voltage_on exclude"),
+        (["--compare", "voltage=5kV", "--controller", "18mm"], "--compare and --controller exclude each other: "),
+        (["--largest-voltage", "3kV"], "--largest-voltage belongs to --optimise; give both, or leave it out"),
+        (["--lead", "II"], "--lead belongs to --ecg; give both"),
         (["--voltage", "5 mmHg"], "expected a unit like 'V' but was given 'mmHg'"),
         (["--beats", "2"], "--beats: expected at least 5"),
         (["--set", "hart.C=1"], "--set hart.C=1: expected scheduler, tube, heart"),
@@ -297,6 +302,12 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
         (["--ecg", "nothing.csv"], "nothing.csv: expected the columns"),
         (["--r-times", "nothing.txt"], "nothing.txt: expected one R time"),
         (["--r-times", "{folder}/fast.txt"], "fast.txt: 600 beats found in 72.0 s; expected 15 to 250 a minute"),
+        (["--r-times", "{folder}/back.txt"], "back.txt, line 4: expected ascending times but 1.2 s follows 2 s; sort"),
+        (["--r-times", "{folder}/words.txt"], "words.txt, line 2: expected a number but found 'abc'"),
+        (["--ecg", "{folder}/empty.csv"], "empty.csv: expected the columns 'time [s]' and 'ecg [mV]' and at least two"),
+        (["--ecg", "{folder}/back.csv"], "back.csv, line 4: expected ascending times but 0.1 s follows 0.2 s; sort"),
+        (["--ecg", "{folder}/back.csv", "--lead", "II"], "back.csv, line 1: expected the columns 'time [s]' and 'II"),
+        (["--compare", "voltage"], "--compare voltage: expected NAME=VALUE, as in voltage=5kV, but found 'voltage'"),
         (["--patient", "stiff", "--scheme", "jacobi"], "the jacobi scheme diverges"),
     ],
 )
@@ -304,6 +315,10 @@ def test_assist_refuses_in_one_line(
     arguments: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "fast.txt").write_text("\n".join(f"{0.12 * i:.2f}" for i in range(600)))
+    (tmp_path / "back.txt").write_text("0.5\n\n2.0\n1.2\n")
+    (tmp_path / "words.txt").write_text("0.5\nabc\n1.2\n")
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "back.csv").write_text("time [s],ecg [mV]\n0,1\n0.2,\n0.1,3\n")
     given = [a.replace("{folder}", str(tmp_path)) for a in arguments]
     assert main(["assist", *given, "--out", str(tmp_path)]) == 2
     message = capsys.readouterr().err.strip().splitlines()[-1]

@@ -103,7 +103,7 @@ def test_an_effect_without_documentation_shows_what_it_changes() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--out", "atlas"], "--out atlas: expected the name of a page, as in atlas.html"),
+        (["--out", "atlas"], "--out atlas: expected the name of a page that ends in .html, as in atlas.html"),
         (["--out", "a.html", "--plant", "nothing"], "--plant nothing: expected FILE.py[:NAME] or a plant"),
     ],
 )

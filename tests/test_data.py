@@ -126,6 +126,8 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
         table[:, 1] = np.minimum(table[:, 1], 7000.0)
     elif kind == "infinite":
         table[100, 2] = np.inf
+    elif kind in ("no radius", "no pressure"):
+        table[:, 3 if kind == "no radius" else 1] = np.nan
     return table
 
 
@@ -144,6 +146,8 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
         ("frozen pressure", ["lines 232 to 331", "'pressure'", "frozen"]),
         ("saturated pressure", ["line ", "'pressure'", "saturated", "read 7000"]),
         ("infinite", ["line 102", "'voltage'", "finite"]),
+        ("no radius", ["'radius'", "too few samples: 0 numbers"]),
+        ("no pressure", ["'pressure'", "more than half of the lines have none"]),
     ],
 )
 def test_bad_recordings_are_refused_with_their_place(tmp_path: Path, kind: str, words: list[str]) -> None:
@@ -308,3 +312,13 @@ def test_drive_keeps_switching_between_the_samples_where_it_was(tmp_path: Path) 
         assert round(at, 9) in np.round(doubled, 9)
         assert one.at(np.array([at]))["voltage"][0] == pytest.approx(4000, abs=5)
         assert one.at(np.array([at - 0.001]))["voltage"][0] == pytest.approx(0, abs=5)
+
+
+@pytest.mark.parametrize("empty", ["nan", ""])
+def test_a_second_output_without_a_number_is_not_used(tmp_path: Path, empty: str) -> None:
+    path = written(tmp_path, rows())
+    first, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([f"{first},current [A]", *(f"{line},{empty}" for line in lines)]) + "\n")
+    read = read_experiment(path)
+    assert list(read.outputs) == [OUTPUT]
+    assert "current has no number here, and is not used" in read.source.remarks

@@ -117,9 +117,14 @@ def test_paragraphs_and_calls() -> None:
     assert signature("f", called) == "f(a: argparse.Namespace, b: str = 'x') -> list[int]"
 
 
-def test_a_folder_is_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["handbook", "--out", str(tmp_path)]) == 2
-    assert "expected the name of a file" in capsys.readouterr().err
+@pytest.mark.parametrize("command", ["handbook", "lab", "atlas"])
+def test_a_folder_is_no_page(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, text = tmp_path / "folder.html", tmp_path / "x.txt"
+    folder.mkdir()
+    text.write_text("")
+    for out in (folder, text):
+        assert main([command, "--out", str(out)]) == 2
+        assert f"--out {out}: expected the name of a page" in capsys.readouterr().err
 
 
 def test_a_plant_of_ones_own_has_a_page_of_its_own() -> None:

@@ -91,7 +91,9 @@ def test_limits_that_no_setting_meets() -> None:
     [
         (["--set", "scheduler.margin_limit=200mmHg"], "no pulse meets the limits: without any voltage"),
         (["--largest-voltage", "much"], "--largest-voltage: expected a number"),
-        (["--compare", "voltage=5kV"], "--optimise and --compare exclude each other"),
+        (["--largest-voltage", "-2kV"], "--largest-voltage: expected more than 0 V but was given -2000 V"),
+        (["--compare", "voltage=5kV"], "--optimise and --compare exclude each other: one seeks the best pulse"),
+        (["--controller", "18mm"], "--optimise and --controller exclude each other: a pulse is sought by its voltage"),
     ],
 )
 def test_optimise_refuses_in_one_line(

@@ -12,7 +12,7 @@ from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
 from tubular_dea.identify.patient import fit_patient
-from tubular_dea.identify.recorded_beat import BEAT_POINTS, RecordedBeat, average, read_signals
+from tubular_dea.identify.recorded_beat import BEAT_POINTS, PatientRecordError, RecordedBeat, average, read_signals
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE
@@ -116,6 +116,12 @@ def test_record_of_arterial_pressure_and_ecg(tmp_path: Path, capsys: pytest.Capt
 BEATING = (90 + 20 * np.sin(2 * np.pi * 1.25 * np.arange(0, 10, 0.01))) * MMHG
 
 
+def headed(path: Path, columns: str) -> None:
+    """A table over time with two columns of other headings."""
+    table(path, np.arange(1000) * 0.01, BEATING, BEATING)
+    path.write_text(path.read_text().replace("pressure [mmHg],flow [mL/s]", columns, 1))
+
+
 @pytest.mark.parametrize(
     ("make", "arguments", "text"),
     [
@@ -123,6 +129,24 @@ BEATING = (90 + 20 * np.sin(2 * np.pi * 1.25 * np.arange(0, 10, 0.01))) * MMHG
         (lambda p: table(p, np.arange(1000) * 0.01, np.full(1000, 90 * MMHG)), [], "beats by more than 1 mmHg"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING / 100), [], "expected 10 to 300: check its unit"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--cardiac-output", "5 mmHg"], "--cardiac-output: "),
+        (
+            lambda p: table(p, np.arange(1000) * 0.01, BEATING),
+            ["--cardiac-output", "5"],
+            "--cardiac-output: expected 0",
+        ),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--cardiac-output", "500 L/min"], "given 500 L/min; a"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--cardiac-output", "-5 L/min"], "given -5 L/min; a"),
+        (lambda p: table(p, np.arange(1000) * 0.01, BEATING, -BEATING * ML), [], "a flow with a positive mean but it"),
+        (
+            lambda p: headed(p, "pressure [mmHg],pressure [mmHg]"),
+            [],
+            "line 1: column 'pressure' appears twice; expected",
+        ),
+        (
+            lambda p: headed(p, "druck [mmHg],sog [Pa]"),
+            [],
+            "as in 'pressure [mmHg]', but found time [s], druck [mmHg], s",
+        ),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--out", "{folder}/out.json"], "ends in .toml"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING), ["--based-on", "helthy"], "did you mean healthy"),
         (lambda p: table(p, np.arange(1000) * 0.01, BEATING, BEATING), ["--cardiac-output", "5 L/min"], "has a flow"),
@@ -140,6 +164,22 @@ def test_bad_recordings_are_refused(
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert message.startswith("tubular-dea patient: ") and text in message
     assert {f.name for f in tmp_path.iterdir()} == {"x.csv"}, "nothing is written"
+
+
+def test_a_flow_counts_where_it_covers_whole_beats(tmp_path: Path) -> None:
+    time, pressure, flow = recorded(patient("healthy", {"elements": 3.0}), 12)
+    whole, short = tmp_path / "p.csv", tmp_path / "q.csv"
+    whole.write_text(table(whole, time, pressure).read_text().replace("pressure", "Druck", 1))
+    beats = []
+    for part in (time.size, time.size // 2):
+        np.savetxt(short, np.column_stack([time, flow / ML])[:part], "%.7g", ",", header="t [s],Q [mL/s]", comments="")
+        beats.append(average(read_signals(whole, short), "p"))
+    assert np.allclose(beats[0].flow, beats[1].flow, atol=ML)
+    assert beats[0].remarks == ("The pressure is read from 'druck', the only column in a unit of its kind.",)
+    assert beats[1].remarks[1:] == ("The flow covers 5 of these beats.",)
+    np.savetxt(short, np.column_stack([time, flow / ML])[:60], "%.7g", ",", header="t [s],Q [mL/s]", comments="")
+    with pytest.raises(PatientRecordError, match="the flow covers 0 whole beats of the pressure's .* or leave it out"):
+        average(read_signals(whole, short), "p")
 
 
 def test_an_ecg_with_twice_as_many_beats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,9 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from tubular_dea.api.ended import recorded
+from tubular_dea.api.given import model_of
 from tubular_dea.cli import main
 from tubular_dea.discover.engine import discover
-from tubular_dea.errors import UserError
+from tubular_dea.errors import ArgumentError, UserError
 from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws import laws
 from tubular_dea.model.declare import DeclarationError
@@ -69,9 +70,14 @@ def test_a_plant_is_saved_and_comes_back_with_its_effect(tmp_path: Path) -> None
     assert load(file, plant) == model
     with pytest.raises(ModelFileError, match="its plant 'Tank' is declared in tank.py:PLANT; give that file as"):
         load(file)
+    with pytest.raises(ModelFileError, match=re.escape(f"the plant (--plant {tmp_path / 'tank.py'})")):
+        load(file)
     file.write_text(as_json(model))
     with pytest.raises(ModelFileError, match="expected a model of AorticAfterload but found one of 'Tank'"):
         load(file, load_plant("aorta"))
+    file.write_text(as_json(load_plant("tube").model))
+    with pytest.raises(ArgumentError, match="expected a model of the given plant, Tank, but it holds TubularDEA; "):
+        model_of(file, plant)
 
 
 def test_a_start_value_is_free(tmp_path: Path) -> None:

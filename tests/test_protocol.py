@@ -33,7 +33,7 @@ def test_units_of_another_dimension_are_refused() -> None:
 
 def test_specifications_become_breakpoints() -> None:
     protocol = from_specifications(
-        {"pressure": "ramp 0 95mmHg from 0.5 to 1", "voltage": "step 0 6 kV at 1 until 2"}, UNITS, 4.0
+        {"pressure": "ramp 0 95mmHg from 0.5 to 1", "voltage": "step 0 6 kV at 1000ms until 2 s"}, UNITS, 4.0
     )
     at = protocol.at(np.array([0.0, 0.75, 1.0, 1.999, 2.0, 4.0]))
     np.testing.assert_allclose(at["pressure"], 133.322 * 95 * np.array([0, 0.5, 1, 1, 1, 1]))
@@ -41,7 +41,20 @@ def test_specifications_become_breakpoints() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "x", "nan", "inf Pa", "95 barn", "step 0 1", "step 0 1 Pa at 5", "ramp 0 nan Pa from 0 to 1", "1 2 3"]
+    "text",
+    [
+        "",
+        "x",
+        "nan",
+        "inf Pa",
+        "95 barn",
+        "step 0 1",
+        "step 0 1 Pa at 5",
+        "ramp 0 nan Pa from 0 to 1",
+        "1 2 3",
+        "step 0 1 Pa at 1kV",
+        "step 0 1 Pa at x",
+    ],
 )
 def test_bad_specifications_name_the_input(text: str) -> None:
     with pytest.raises(ProtocolError, match="^pressure: "):
@@ -57,7 +70,7 @@ def test_bad_specifications_name_the_input(text: str) -> None:
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,x,2"], "line 3, column 'pressure': .* found 'x'"),
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1,nan,2"], "line 3, column 'pressure': .* found 'nan'"),
         (["time [s],pressure [Pa],voltage [V]", "1,1,2", "0,1,2"], "line 3: time goes back from 1 to 0"),
-        (["time [s],pressure [Pa],voltage [V]", "1,1,2"], "found 2 lines"),
+        (["time [s],pressure [Pa],voltage [V]", "1,1,2"], "below it but found 1"),
         (["time [s],pressure [Pa],voltage [V]", "0,1,2", "1"], "line 3, column 'pressure': .* found ''"),
     ],
 )

@@ -51,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(left)}")
     try:
         if getattr(options, "out", None) is not None:
-            writable_folder(options.out.parent if options.out.suffix in FILES else options.out)
+            usual = subparsers.choices[options.command].get_default("out")
+            is_file = named_file(options.out, usual) if usual is not None else False
+            writable_folder(options.out.parent if is_file or options.out.suffix in FILES else options.out)
         options.run(options)
     except UserError as problem:
         print(f"tubular-dea {options.command}: {printable(as_option(problem, options))}", file=sys.stderr)
@@ -75,6 +77,18 @@ def as_option(problem: UserError, options: argparse.Namespace) -> str:
         return str(problem)
     name = OPTIONS.get(problem.argument, problem.argument)
     return f"--{name.replace('_', '-')}{problem.text}" if hasattr(options, name) else str(problem)
+
+
+def named_file(out: Path, usual: Path) -> bool:
+    """Whether a command writes one file, as `usual` is; `UserError` where --out is not the name of such a one."""
+    if usual.suffix not in FILES:
+        return False
+    what = "page" if usual.suffix == ".html" else "file"
+    if out.suffix != usual.suffix:
+        raise UserError(f"--out {out}: expected the name of a {what} that ends in {usual.suffix}, as in {usual}")
+    if out.is_dir():
+        raise UserError(f"--out {out}: expected the name of a {what}, as in {usual}, but it is a folder")
+    return True
 
 
 def writable_folder(out: Path) -> None:

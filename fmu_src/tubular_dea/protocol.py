@@ -22,6 +22,8 @@ from .tabular import TableError, headings, rows
 
 STOP, INTERVAL = 5.0, 0.01  # s: end of a run, and time between its samples, that is not told otherwise
 
+WORDS = ("at", "until", "from", "to")  # before the times of a specification
+
 LATER = "later"  # name of an input that is late, while it is made
 
 
@@ -196,8 +198,8 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
         example = {"V": "5 kV"}.get(unit, "95 mmHg")
         raise ProtocolError(
             f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
-            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s; a file holds all inputs and is given as '
-            "inputs"
+            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s or another unit; a file holds all inputs '
+            "and is given as inputs"
         ) from None
 
 
@@ -208,12 +210,18 @@ def _finite(word: str) -> float:
     return value
 
 
+def _instant(words: list[str], after: str) -> float:
+    """The time [s] after a word, as in "at 1" or "at 500 ms"."""
+    place = words.index(after) + 1
+    return quantity(" ".join([words[place], *(u for u in words[place + 1 : place + 2] if u not in WORDS)]), "s")
+
+
 def _step(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:
     low, high = _finite(words[1]), _finite(words[2])
     at = words.index("at")
     scale = factor(words[3], unit) if at == 4 else 1.0
-    on = float(words[at + 1])
-    off = float(words[words.index("until") + 1]) if "until" in words else stop
+    on = _instant(words, "at")
+    off = _instant(words, "until") if "until" in words else stop
     _check_times(on, off, stop)
     times, values = [0.0, on, on, off], [low, low, high, high]
     if off < stop:
@@ -236,7 +244,7 @@ def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[f
     low, high = _finite(words[1]), _finite(words[2])
     begin = words.index("from")
     scale = factor(words[3], unit) if begin == 4 else 1.0
-    start, end = float(words[begin + 1]), float(words[words.index("to") + 1])
+    start, end = _instant(words, "from"), _instant(words, "to")
     _check_times(start, end, stop)
     times = [0.0, *([start] if start > 0 else []), end, *([stop] if end < stop else [])]
     values = [low, *([low] if start > 0 else []), high, *([high] if end < stop else [])]
@@ -253,7 +261,8 @@ def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:
         table = rows(path)
         if len(table) < 3:
             raise ProtocolError(
-                f"{path}: expected a header and at least two lines of numbers but found {len(table)} lines"
+                f"{path}: expected a header and at least two lines of numbers below it but found "
+                f"{max(0, len(table) - 1)}"
             )
         columns = _columns(path, table[0][1], {"time": "s", **units})
     except TableError as problem:

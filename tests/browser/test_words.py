@@ -64,6 +64,7 @@ REFUSED = {
     "empty": "",
     "blank": "\n\n\n",
     "prose": "dear diary,\ntoday the tube burst\n",
+    "one row": lines(lambda rows: rows[:2]),
     "headings alone": "time [s],pressure [Pa]\n",
     "no pressure": GOOD.replace("pressure [Pa]", "druck"),
     "two that may be": GOOD.replace("pressure [Pa]", "druck [Pa]").replace("radius [m]", "soll [Pa]"),
@@ -100,6 +101,8 @@ REFUSED = {
     "saturated": column(3, lambda i, v: min(v, 0.0166)),
     "mostly gaps": column(1, lambda i, v: v if i % 3 == 0 else np.nan),
     "output gone": column(3, lambda i, v: v if i < 40 else np.nan),
+    "output never there": column(3, lambda i, v: np.nan),
+    "input never there": column(1, lambda i, v: np.nan),
 }
 UNDERSTOOD = {
     "good": GOOD,
@@ -119,6 +122,8 @@ UNDERSTOOD = {
     "coarse clock": column(0, lambda i, v: np.floor(100 * v) / 100),
     "trailing text": GOOD + "end of file\n",
     "extra column": lines(lambda rows: [f"{row},{'remark' if i == 0 else 'fine'}" for i, row in enumerate(rows)]),
+    "no second output": lines(lambda rows: [f"{row},{'nan' if i else 'current [A]'}" for i, row in enumerate(rows)]),
+    "still second output": lines(lambda rows: [f"{row},{'0' if i else 'current [A]'}" for i, row in enumerate(rows)]),
     "cut last line": GOOD.rstrip("\n")[:-12],
     "latin-1": "# t = 23 °C, µ\n" + GOOD,
     "starts loaded": lines(lambda rows: [rows[0], *rows[200:]]),

@@ -48,7 +48,15 @@ def model_of(model: AnyModel, plant: AnyPlant | None = None, argument: str = "mo
     if isinstance(model, Plant):
         return model.model
     if str(model).endswith(".json"):
-        return saved(Path(model), None if plant is None else plant_of(plant))
+        chosen = None if plant is None else plant_of(plant)
+        found = saved(Path(model), chosen)
+        if chosen is not None and chosen.name not in (found.name, named_plant("tube").name):
+            raise ArgumentError(
+                argument,
+                f" {model}: expected a model of the given plant, {chosen.name}, but it holds {found.name}; leave the "
+                "plant out, or give a model of it",
+            )
+        return found
     if str(model) not in SHIPPED and not re.search(r"\.py(:\w+)?$", str(model)):
         raise ArgumentError(argument, f" {model}: expected a model.json, FILE.py[:NAME] or {' or '.join(SHIPPED)}")
     return plant_of(model).model

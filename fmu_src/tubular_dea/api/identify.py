@@ -229,6 +229,8 @@ def identify(
     whole(seed, 0, "seed")
     recordings = recordings_of(data, plant)
     known = recordings.plant
+    if staged and not known.stages:
+        raise ArgumentError("staged", f": the plant {known.name} declares no stages to begin with; leave this out")
     values = known.model.parameter_values() | _start(known, start)
     with recorded(known), steps(progress, None) as tell:
         tell("monitors and noise")

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 
 ASSUMED = "5 L/min"
 
+# Set by convention: from a small newborn's to an athlete's (42 L/min: B. Ekblom and L. Hermansen, J. Appl. Physiol. 25
+# (1968) 619). Check: `pytest tests/test_patient.py -k refused`
+LEAST_OUTPUT = 0.2  # [L/min] of a heart at rest,
+MOST_OUTPUT = 45.0  # [L/min] and at its most
+
 
 @dataclass(frozen=True, repr=False)
 class PatientResult:
@@ -91,6 +96,7 @@ class PatientResult:
             f"{(beat.pressure.max() - beat.pressure.min()) * mmhg:.1f}; cardiac output "
             f"{found.cardiac_output * litres:.2f} L/min.",
         ]
+        lines += beat.remarks
         if self.assumed is not None:
             lines.append(
                 f"No flow was recorded: {self.assumed * litres:g} L/min (+- {100 * OUTPUT_UNCERTAINTY:.0f} %) is "
@@ -214,7 +220,14 @@ def fit_patient(
 def _assumed(given: Amount | None, beat: RecordedBeat) -> float | None:
     """The assumed cardiac output [m3/s]; None where a flow was recorded."""
     if beat.flow is None:
-        return amount(ASSUMED if given is None else given, "m3/s", "cardiac_output")
+        value = amount(ASSUMED if given is None else given, "m3/s", "cardiac_output")
+        if not LEAST_OUTPUT <= value * factor("m3/s", "L/min") <= MOST_OUTPUT:
+            raise ArgumentError(
+                "cardiac_output",
+                f": expected {LEAST_OUTPUT:g} to {MOST_OUTPUT:g} L/min (a small newborn's to an athlete's) but "
+                f"was given {value * factor('m3/s', 'L/min'):.4g} L/min; a number without a unit is in m3/s",
+            )
+        return value
     if given is not None:
         raise ArgumentError("cardiac_output", ": the recording has a flow, which determines it; leave this out")
     return None

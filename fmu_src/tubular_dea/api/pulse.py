@@ -181,10 +181,13 @@ def _of(settings: Mapping[str, float], part: str) -> dict[str, float]:
 
 
 def _limits(scheduler: Mapping[str, float], largest_voltage: Amount) -> Limits:
+    largest = amount(largest_voltage, "V", "largest_voltage")
+    if largest <= 0:
+        raise ArgumentError("largest_voltage", f": expected more than 0 V but was given {largest:g} V")
     return Limits(
         scheduler["field_limit"],
         scheduler["margin_limit"],
-        amount(largest_voltage, "V", "largest_voltage"),
+        largest,
         scheduler["slew_rate"],
         scheduler["current_limit"],
         scheduler["load_capacitance"],

@@ -7,6 +7,7 @@ figures over the assisted beats (JSON).
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import tubular_dea as td
 from ..api.given import amount
 from ..control.optimum import OBJECTIVES
 from ..cosim.master import SCHEMES
-from ..errors import UserError
+from ..errors import ArgumentError, UserError
 from ..model.patients import PATIENTS
 from .settings import settings
 
@@ -28,6 +29,22 @@ EXAMPLE = """example:
   tubular-dea assist --patient failing --controller 18.5mm --out held
   tubular-dea assist --patient healthy --optimise --set scheduler.field_limit=75V/um --out best"""
 
+VOLTAGE = "5.5 kV"  # of a pulse, where none is asked for
+OPTIMISED = ("objective", "largest_voltage")  # options of --optimise alone
+NEEDS = {**dict.fromkeys(OPTIMISED, "optimise"), "lead": "ecg"}  # options, each with the one it belongs to
+STEADY = "the best pulse is sought in a steady beat"
+PULSES = "a controller chooses the voltage of its pulses itself"
+EXCLUDED = (  # options that contradict each other, and why
+    ("optimise", "ecg", STEADY),
+    ("optimise", "r_times", STEADY),
+    ("optimise", "compare", "one seeks the best pulse, the other runs given ones"),
+    ("optimise", "controller", "a pulse is sought by its voltage, not by a radius to hold"),
+    ("compare", "controller", "the cases compared are pulses of a voltage"),
+    ("controller", "voltage", PULSES),
+    ("controller", "set scheduler.voltage_on", PULSES),
+    ("voltage", "set scheduler.voltage_on", "both are the voltage of a pulse"),
+)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea assist`."""
@@ -37,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"one of {', '.join(PATIENTS)}, or a TOML file with a parameter set (default: failing)",
     )
     parser.add_argument("--model", type=Path, help="a tube of close-loop (model.json), instead of the paper's")
-    parser.add_argument("--voltage", default="5.5 kV", help="voltage of a pulse (default: 5.5 kV)")
+    parser.add_argument("--voltage", help=f"voltage of a pulse (default: {VOLTAGE})")
     parser.add_argument("--beats", type=int, default=15, help="beats to run (default: 15)")
     parser.add_argument(
         "--set",
@@ -51,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lead", help="column or signal of the ECG (default: the first)")
     parser.add_argument("--r-times", type=Path, help="follow beats at the R times [s] in this file, one per line")
     parser.add_argument("--scheme", default="implicit", choices=SCHEMES, help="coupling (default: implicit)")
-    parser.add_argument("--step", type=float, default=1e-3, help="communication step [s] (default: 0.001)")
+    parser.add_argument("--step", default=1e-3, help="communication step (default: 1 ms)")
     parser.add_argument(
         "--variable", action="store_true", help="let the error estimate choose the step, up to 10 times --step"
     )
@@ -68,11 +85,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--objective",
-        default="stroke_work_per_stroke_volume",
         choices=OBJECTIVES,
-        help="what --optimise lowers (work) or raises (volume, pressure)",
+        help="what --optimise lowers (work) or raises (volume, pressure; default: stroke_work_per_stroke_volume)",
     )
-    parser.add_argument("--largest-voltage", default="10 kV", help="of the amplifier, for --optimise (default: 10 kV)")
+    parser.add_argument("--largest-voltage", help="of the amplifier, for --optimise (default: 10 kV)")
     parser.add_argument(
         "--controller", metavar="RADIUS", help="hold this radius during pulses (TubeController), as in 19mm"
     )
@@ -93,33 +109,48 @@ def run(options: argparse.Namespace) -> None:
 def _result(options: argparse.Namespace) -> td.AssistResult | td.ComparisonResult | td.PulseResult:
     """The heart with and without assist, several settings of it, or its best pulse."""
     given = settings(options.set)
+    _check_together(options, given)
     common: dict[str, Any] = {
         "patient": options.patient,
-        "voltage": options.voltage,
+        "voltage": VOLTAGE if options.voltage is None else options.voltage,
         "beats": options.beats,
         "tube": options.model or "tube",
         "settings": given,
         "scheme": options.scheme,
-        "step": options.step,
+        "step": amount(options.step, "s", "step"),
         "variable": options.variable,
         "progress": True,
     }
     if options.optimise:
-        for name in ("ecg", "r_times", "compare", "controller"):
-            if getattr(options, name) is not None:
-                option = name.replace("_", "-")
-                raise UserError(f"--optimise and --{option} exclude each other: it needs a steady beat")
-        return td.best_pulse(objective=options.objective, largest_voltage=options.largest_voltage, **common)
+        own = {name: getattr(options, name) for name in OPTIMISED if getattr(options, name) is not None}
+        return td.best_pulse(**own, **common)
     common |= {"ecg": options.ecg, "lead": options.lead, "r_times": options.r_times}
     if not options.compare:
         return td.assist(controller=options.controller, **common)
-    if options.controller is not None:
-        raise UserError("--compare and --controller exclude each other; give one of them")
-    asked = amount(given.get("scheduler.voltage_on", options.voltage), "V", "voltage")
+    asked = amount(given.get("scheduler.voltage_on", common["voltage"]), "V", "voltage")
     cases: dict[str, dict[str, str]] = {f"{asked / 1e3:g} kV": {}}
     return td.compare(cases | {text: _case(text) for text in options.compare}, **common)
 
 
+def _check_together(options: argparse.Namespace, given: Mapping[str, str]) -> None:
+    """`UserError` for options that contradict each other, and for those of another one that is not there."""
+    there = {name for name, value in vars(options).items() if value not in (None, False)}
+    there |= {"set scheduler.voltage_on"} & {f"set {name}" for name in given}
+    for one, other, reason in EXCLUDED:
+        if {one, other} <= there:
+            raise UserError(f"{_option(one)} and {_option(other)} exclude each other: {reason}; give one of them")
+    for name, needed in NEEDS.items():
+        if name in there and needed not in there:
+            raise UserError(f"{_option(name)} belongs to {_option(needed)}; give both, or leave it out")
+
+
+def _option(name: str) -> str:
+    return "--" + (name if "." in name else name.replace("_", "-"))
+
+
 def _case(text: str) -> dict[str, str]:
     """The settings in "voltage=5kV,scheduler.on_time=-70ms"."""
+    for part in text.split(","):
+        if not part.partition("=")[2].strip():
+            raise ArgumentError("cases", f" {text}: expected NAME=VALUE, as in voltage=5kV, but found {part.strip()!r}")
     return settings(text.split(","), "cases")

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import tubular_dea as td
 
-from ..errors import UserError
 from .settings import add_plant
 
 EXAMPLE = """example:
@@ -28,8 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Compute the atlas and write its page."""
-    if options.out.suffix != ".html":
-        raise UserError(f"--out {options.out}: expected the name of a page, as in atlas.html")
     page = td.atlas_page(options.plant, progress=True)
     path = page.write(options.out)
     print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB): {', '.join(page.lines())}; open it in a browser")

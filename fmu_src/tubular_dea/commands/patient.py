@@ -12,7 +12,6 @@ from pathlib import Path
 
 import tubular_dea as td
 
-from ..errors import UserError
 from ..model.patients import PATIENTS
 
 EXAMPLE = """example:
@@ -32,8 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Average, fit, write, print."""
-    if options.out.suffix != ".toml":
-        raise UserError(f"--out {options.out}: expected a file that ends in .toml")
     found = td.fit_patient(
         options.recording, options.flow, cardiac_output=options.cardiac_output, based_on=options.based_on, progress=True
     )

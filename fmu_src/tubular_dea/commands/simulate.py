@@ -14,6 +14,7 @@ from pathlib import Path
 import tubular_dea as td
 
 from ..emit.tables import shown
+from ..errors import UserError
 from ..model.dea import tubular_dea
 from ..protocol import INTERVAL, STOP
 from .settings import add_plant, settings
@@ -40,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pressure", help='for example "95 mmHg" or "ramp 0 95 mmHg from 0 to 1"')
     parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
-    parser.add_argument("--stop", type=float, help=f"end of the run [s] for specifications (default: {STOP:g})")
-    parser.add_argument("--interval", type=float, default=INTERVAL, help="time between rows of the table [s]")
+    parser.add_argument("--stop", help=f"end of the run for specifications, as in 2min (default: {STOP:g} s)")
+    parser.add_argument("--interval", default=INTERVAL, help="time between rows of the table (default: 10 ms)")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")
     values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
     parser.add_argument(
@@ -59,8 +60,11 @@ def run(options: argparse.Namespace) -> None:
     """Simulate and write response.csv and response.png."""
     given = {name: getattr(options, name) for name in ("pressure", "voltage") if getattr(options, name) is not None}
     for text in options.input:
-        name, _, specification = text.partition("=")
-        given[name.strip()] = specification
+        name, _, specification = (part.strip() for part in text.partition("="))
+        if name in given:
+            also = f"--{name}" if getattr(options, name, None) is not None else f"another --input {name}=..."
+            raise UserError(f"--input {text} and {also} give the same input; give it once")
+        given[name] = specification
     response = td.simulate(
         options.model or td.load_plant(options.plant),
         options.inputs or given,

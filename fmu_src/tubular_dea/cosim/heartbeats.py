@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import UserError
 from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
-from ..tabular import rows
+from ..tabular import TableError, rows
 
 SLOWEST, FASTEST = 15.0, 250.0  # beats per minute that can be a heart's: 40 to 220, and half a tachycardia beyond
 
@@ -94,27 +94,52 @@ def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     """
     if path.suffix in (".hea", ".dat", ""):
         return _read_wfdb(path.with_suffix(""), lead)
+    wanted = f"the columns 'time [s]' and '{lead or 'ecg'} [mV]'"
     try:
-        table = [cells for _, cells in rows(path)]
-        names = [cell.partition("[")[0].strip() for cell in table[0]]
-        place = names.index(lead) if lead else 1
-        time, signal = (np.array([float(row[i] or "nan") for row in table[1:]]) for i in (names.index("time"), place))
-    except (ValueError, IndexError) as problem:
-        raise HeartbeatError(f"{path}: expected the columns 'time [s]' and '{lead or 'ecg'} [mV]': {problem}") from None
-    if time.size < 2 or not np.all(np.diff(time) > 0):
-        raise HeartbeatError(f"{path}: expected ascending times but found {time.size} rows that are not")
+        table = rows(path)
+    except TableError as problem:
+        raise HeartbeatError(f"{path}: expected {wanted}: {problem}") from None
+    if len(table) < 3:
+        below = max(0, len(table) - 1)
+        raise HeartbeatError(f"{path}: expected {wanted} and at least two rows of numbers below but found {below}")
+    names = [cell.partition("[")[0].strip() for cell in table[0][1]]
+    if "time" not in names or len(names) < 2 or (lead and lead not in names):
+        raise HeartbeatError(f"{path}, line {table[0][0]}: expected {wanted} but found {', '.join(table[0][1])}")
+    places = names.index("time"), names.index(lead) if lead else 1
+    read = [[_number(path, n, row[i] if i < len(row) else "") for n, row in table[1:]] for i in places]
+    time, signal = _ascending(path, [n for n, _ in table[1:]], read[0]), np.array(read[1])
     return Ecg(signal, float((time.size - 1) / (time[-1] - time[0])))
+
+
+def _number(path: Path, line: int, cell: str) -> float:
+    """A cell as a number, NaN where it is empty."""
+    try:
+        return float(cell or "nan")
+    except ValueError:
+        raise HeartbeatError(f"{path}, line {line}: expected a number but found {cell!r}") from None
+
+
+def _ascending(path: Path, lines: Sequence[int], times: Sequence[float]) -> np.ndarray:
+    """The times [s] of these lines as an array; `HeartbeatError` names the first that does not ascend."""
+    back = np.flatnonzero(~(np.diff(times) > 0))
+    if back.size:
+        line, before, after = lines[back[0] + 1], times[back[0]], times[back[0] + 1]
+        raise HeartbeatError(
+            f"{path}, line {line}: expected ascending times but {after:g} s follows {before:g} s; sort the lines"
+        )
+    return np.array(times)
 
 
 def read_r_times(path: Path) -> np.ndarray:
     """R times [s], one a line (what follows a comma is not read); `HeartbeatError` where they do not ascend."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-        times = np.array([float(line.split(",")[0]) for line in lines if line.strip()])
     except (OSError, ValueError) as problem:
         raise HeartbeatError(f"{path}: expected one R time [s] a line: {problem}") from None
-    if times.size < 2 or not np.all(np.diff(times) > 0):
-        raise HeartbeatError(f"{path}: expected at least two ascending times but found {times.size}")
+    there = [i for i, line in enumerate(lines, 1) if line.strip()]
+    times = _ascending(path, there, [_number(path, i, lines[i - 1].split(",")[0].strip()) for i in there])
+    if times.size < 2:
+        raise HeartbeatError(f"{path}: expected one R time [s] a line, at least two, but found {times.size}")
     _plausible(times.size, float(np.ptp(times)) * times.size / (times.size - 1), str(path), "check their unit, s")
     return times
 

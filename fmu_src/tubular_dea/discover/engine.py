@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import UserError
+from ..errors import ArgumentError, UserError
 from ..identify.adjust import MOST_SETTLES, SETTLES, adjusted
 from ..identify.data import Recordings
 from ..identify.fit import AGREE, Fit
@@ -124,6 +124,8 @@ def discover(
             "declaration (identify only fits its parameters)"
         )
     fitted_with = [e for e in recordings.experiments if e.name not in (held_out or ())]
+    if not fitted_with:
+        raise ArgumentError("hold_out", ": all experiments are held out; name fewer, so that some are left to fit")
     read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
     _check_enough(recordings, read, "samples")
     tell("monitors and noise")

@@ -159,7 +159,7 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
 def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | None:
     """The only column left that is in a unit of an input's kind, whatever its heading."""
     taken = {c.number for c in columns.values()}
-    alike = [c for c in table.columns if c.number not in taken and _measured(c) and _is_in(c.unit, unit)]
+    alike = [c for c in table.columns if c.number not in taken and _measured(c) and is_in(c.unit, unit)]
     return alike[0] if len(alike) == 1 else None
 
 
@@ -170,7 +170,7 @@ def _worded(
     taken = {c.number for c in columns.values()}
     free = [c for c in table.columns if c.number not in taken and _measured(c)]
     inside = [(h, c) for c in free for h in output.headings if {*plain(h).split("_")} <= {*c.name.split("_")}]
-    fitting = sorted((one for one in inside if _is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
+    fitting = sorted((one for one in inside if is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
     return fitting[0] if len({c.number for _, c in fitting}) == 1 else None
 
 
@@ -179,7 +179,7 @@ def _measured(column: Column) -> bool:
     return bool(column.unit) and (not column.problem or 2 * column.missing < column.values.size)
 
 
-def _is_in(unit: str, expected: str) -> bool:
+def is_in(unit: str, expected: str) -> bool:
     """Whether a unit can be converted to the expected one."""
     try:
         converted(np.ones(1), unit, expected)

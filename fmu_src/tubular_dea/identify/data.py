@@ -281,14 +281,14 @@ def _outputs(
     found: dict[str, np.ndarray] = {}
     said: list[str] = []
     headings = {o.name: next((name for name in o.headings if name in values), None) for o in plant.outputs}
-    there = [h for h in headings.values() if h is not None]
+    there = [h for h in headings.values() if h is not None and _there(values[h]).size]
     still = [h for h in there if any(checks.constant(_there(values[h]), h, lines, ""))]
     for output in plant.outputs:
         heading = headings[output.name]
         if heading is None:
             continue
-        if not output.required and heading in still:
-            said.append(f"{heading} stands still here, and is not used")
+        if not output.required and (heading in still or heading not in there):
+            said.append(f"{heading} {'stands still' if heading in still else 'has no number'} here, and is not used")
             continue
         if undriven and heading in still:
             raise StillError(f"{table.path}: neither an input nor {heading!r} moves in it; expected an experiment")

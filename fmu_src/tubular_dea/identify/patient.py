@@ -112,7 +112,8 @@ class _Problem:
         self.beat, self.names, self._progress = beat, list(SPREADS), progress
         self.output = float(beat.flow.mean()) if beat.flow is not None else cardiac_output
         if not self.output or not np.isfinite(self.output) or self.output <= 0:
-            raise PatientFitError(f"expected a positive cardiac output but was given {self.output}")
+            mean = (self.output or 0.0) * factor("m3/s", "L/min")
+            raise PatientFitError(f"expected a flow with a positive mean but it is {mean:.3g} L/min; check its sign")
         self.base = {**base, "heart_rate": 1 / beat.period, "elements": 3.0}
         self.base |= self._scaled()
         self.kernel = Kernel(aortic_windkessel())

@@ -15,6 +15,7 @@ from ..cosim.heartbeats import FASTEST, SLOWEST, Ecg, detect
 from ..errors import UserError
 from ..model.units import UnitError, factor
 from ..recordings import Table, read
+from .columns import is_in
 
 # Set by judgement. Check: `pytest tests/test_patient.py`
 BEAT_POINTS = 200  # [1] points of the average beat
@@ -28,6 +29,8 @@ HIGH = 0.5  # [1] of most upstrokes' rise that each has at least
 HIGHEST_SHARE = 0.8  # [1] quantile of the rises that stands for most: every second may be a valve's closure
 BEATS_AGREE = 1.25  # [1] times as many beats as the pressure that an ECG may show, or as few
 LEAST_VALID = 0.5  # [1] share of the samples that have to be numbers
+FEWEST_BEATS = 3  # [1] beats of like length that have to be there, and as many with a flow
+FLOW_COVERS = 0.9  # [1] share of a single beat that its flow has to cover
 
 # Set by convention: what arteries have. Check: `pytest tests/test_patient.py::test_bad_recordings_are_refused`
 LOWEST_MEDIAN = 10.0  # [mmHg] of a pressure
@@ -48,18 +51,22 @@ class PatientRecordError(UserError, ValueError):
 
 @dataclass(frozen=True)
 class Signals:
-    """A recording over `time` [s]: pressure [Pa], and flow [m3/s] and ECG where there are any (NaN: missing)."""
+    """A recording over `time` [s]: pressure [Pa], and flow [m3/s] and ECG where there are any (NaN: missing).
+
+    `remarks` tell how it was understood where that is not plain.
+    """
 
     time: np.ndarray
     pressure: np.ndarray
     flow: np.ndarray | None = None
     ecg: np.ndarray | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class RecordedBeat:
     """The average of `beats` beats of `period` [s] at BEAT_POINTS equal times: pressure [Pa] and its spread from beat
-    to beat, flow [m3/s] or None; `by` is what the beats were cut at."""
+    to beat, flow [m3/s] or None; `by` is what the beats were cut at, `remarks` tell how it was understood."""
 
     period: float
     beats: int
@@ -67,6 +74,7 @@ class RecordedBeat:
     spread: np.ndarray
     flow: np.ndarray | None
     by: str
+    remarks: tuple[str, ...] = ()
 
     @property
     def phase(self) -> np.ndarray:
@@ -77,19 +85,17 @@ class RecordedBeat:
 def read_signals(path: Path, flow: Path | None = None) -> Signals:
     """A recording from a table or a WFDB record; `flow` is a second table over the same time."""
     if path.suffix in (".hea", ".dat") or (path.suffix == "" and path.with_suffix(".hea").is_file()):
+        if flow is not None:
+            raise PatientRecordError(f"{flow}: a flow beside a WFDB record is not read; give the pressure as a table")
         return _wfdb(path.with_suffix(""))
     table = read(path)
-    time, pressure = _time(table), _column(table, "pressure")
-    if pressure is None:
-        raise PatientRecordError(f"{path}: expected a column of the arterial pressure, as in 'pressure [mmHg]'")
+    time, (pressure, said) = _time(table), _sure(table, "pressure", "arterial pressure")
     with_flow = _column(table, "flow") if any(c.name for c in table.columns) else None
     if flow is not None:
         other = read(flow)
-        values = _column(other, "flow")
-        if values is None:
-            raise PatientRecordError(f"{flow}: expected a column of the aortic flow, as in 'flow [mL/s]'")
-        with_flow = np.interp(time, _time(other), values)
-    return Signals(time, pressure, with_flow, _column(table, "ecg"))
+        values, more = _sure(other, "flow", "aortic flow")
+        with_flow, said = np.interp(time, _time(other), values, np.nan, np.nan), said + more
+    return Signals(time, pressure, with_flow, _column(table, "ecg"), said)
 
 
 def average(signals: Signals, what: str) -> RecordedBeat:
@@ -97,7 +103,7 @@ def average(signals: Signals, what: str) -> RecordedBeat:
     pressure = _filled(signals.pressure, what)
     rate = (signals.time.size - 1) / float(np.ptp(signals.time))
     if _one_beat(signals.time, pressure):
-        return _whole(signals, pressure)
+        return _whole(signals, pressure, what)
     marks = _marks(signals, pressure, rate, what)
     lengths = np.diff(marks)
     period = float(np.median(lengths))
@@ -105,11 +111,25 @@ def average(signals: Signals, what: str) -> RecordedBeat:
         raise PatientRecordError(f"{what}: beats of {period:.2f} s; expected {SLOWEST:g} to {FASTEST:g} a minute")
     alike = np.abs(lengths / period - 1) < BEATS_ALIKE
     places = marks[:-1][alike][:, None] + lengths[alike][:, None] * np.arange(BEAT_POINTS) / BEAT_POINTS
-    if len(places) < 3:
-        raise PatientRecordError(f"{what}: {len(places)} beats of like length; expected at least 3")
-    cut = np.interp(places, signals.time, pressure)
-    flow = None if signals.flow is None else np.interp(places, signals.time, signals.flow).mean(axis=0)
-    return RecordedBeat(period, len(places), cut.mean(axis=0), cut.std(axis=0), flow, "upstrokes of the pressure")
+    if len(places) < FEWEST_BEATS:
+        raise PatientRecordError(f"{what}: {len(places)} beats of like length; expected at least {FEWEST_BEATS}")
+    cut, by = np.interp(places, signals.time, pressure), "upstrokes of the pressure"
+    flow, said = _flow(signals, places, what)
+    return RecordedBeat(period, len(places), cut.mean(axis=0), cut.std(axis=0), flow, by, signals.remarks + said)
+
+
+def _flow(signals: Signals, places: np.ndarray, what: str) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """The average flow of the beats at `places` (m, BEAT_POINTS) that it covers as a whole, and what is said of it."""
+    if signals.flow is None:
+        return None, ()
+    found = np.interp(places, signals.time, signals.flow)
+    whole = found[np.isfinite(found).all(axis=1)]
+    if len(whole) < FEWEST_BEATS:
+        raise PatientRecordError(
+            f"{what}: the flow covers {len(whole)} whole beats of the pressure's {len(found)}; expected at least "
+            f"{FEWEST_BEATS}: give a flow over the same time, or leave it out"
+        )
+    return whole.mean(axis=0), (f"The flow covers {len(whole)} of these beats.",) * (len(whole) < len(found))
 
 
 def _time(table: Table) -> np.ndarray:
@@ -120,9 +140,26 @@ def _time(table: Table) -> np.ndarray:
     return time
 
 
+def _sure(table: Table, name: str, words: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """A signal that must be there, by its heading or as the only one in a unit of its kind, and what is said of it."""
+    values = _column(table, name)
+    if values is not None:
+        return values, ()
+    alike = [c for c in table.columns if c.unit and is_in(c.unit, UNITS[name][0])]
+    if len(alike) != 1:
+        raise PatientRecordError(
+            f"{table.heading_place}: expected a column of the {words}, as in '{name} [{UNITS[name][1]}]', but found "
+            f"{table.headings}; rename the one that it is"
+        )
+    said = f"The {name} is read from {alike[0].shown}, the only column in a unit of its kind."
+    return np.asarray(alike[0].values, float) * factor(alike[0].unit, UNITS[name][0]), (said,)
+
+
 def _column(table: Table, name: str) -> np.ndarray | None:
     """A signal by its heading; of a headless table with two columns, the second."""
     found = next((c for c in table.columns if c.name.lower() in NAMES[name]), None)
+    if found is not None and sum(c.name == found.name for c in table.columns) > 1:
+        raise PatientRecordError(f"{table.heading_place}: column {found.shown} appears twice; expected it once")
     if found is None and len(table.columns) == 2 and not table.columns[1].name and name != "ecg":
         found = table.columns[1]
     if found is None:
@@ -181,7 +218,7 @@ def _one_beat(time: np.ndarray, pressure: np.ndarray) -> bool:
     )
 
 
-def _whole(signals: Signals, pressure: np.ndarray) -> RecordedBeat:
+def _whole(signals: Signals, pressure: np.ndarray, what: str) -> RecordedBeat:
     """The recording as one beat; what is missing from its end to its begin counts as one sample."""
     step = float(np.median(np.diff(signals.time)))
     period = float(np.ptp(signals.time)) + step
@@ -190,8 +227,13 @@ def _whole(signals: Signals, pressure: np.ndarray) -> RecordedBeat:
     def periodic(values: np.ndarray) -> np.ndarray:
         return np.interp(places, np.append(signals.time, signals.time[0] + period), np.append(values, values[0]))
 
-    flow = None if signals.flow is None else periodic(signals.flow)
-    return RecordedBeat(period, 1, periodic(pressure), np.zeros(BEAT_POINTS), flow, "the recording, which is one beat")
+    flow, by = signals.flow, "the recording, which is one beat"
+    if flow is not None:
+        there = np.flatnonzero(np.isfinite(flow))
+        if there.size < FLOW_COVERS * flow.size:
+            raise PatientRecordError(f"{what}: the flow covers {there.size} of {flow.size} samples; leave it out")
+        flow = periodic(np.interp(np.arange(flow.size), there, flow[there]))
+    return RecordedBeat(period, 1, periodic(pressure), np.zeros(BEAT_POINTS), flow, by, signals.remarks)
 
 
 def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np.ndarray:

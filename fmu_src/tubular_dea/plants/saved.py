@@ -21,7 +21,7 @@ from ..errors import UserError
 from ..model.declare import DeclarationError, Model, nearest
 from ..model.effect import with_effects
 from ..model.units import UnitError, factor
-from .load import SHIPPED, shipped, shipped_of
+from .load import PLANT, SHIPPED, shipped, shipped_of
 from .plant import Plant
 
 FORMAT = 1
@@ -82,10 +82,25 @@ def _base(path: Path, name: Any, file: str, plant: Plant | None) -> Plant:
     if found is not None:
         return found
     if file:
-        raise ModelFileError(f"{path}: its plant {name!r} is declared in {file}; give that file as the plant")
+        where = _beside(path, file)
+        raise ModelFileError(
+            f"{path}: its plant {name!r} is declared in {file}; give that file as the plant (--plant {where})"
+        )
     if plant is not None:
         raise ModelFileError(f"{path}: expected a model of {plant.name} but found one of {name!r}")
     raise ModelFileError(f"{path}: there is no model {name!r}{nearest(str(name), [shipped(n).name for n in SHIPPED])}")
+
+
+def _beside(path: Path, file: str) -> str:
+    """The plant's file as an option names it: where it lies, beside the model's file, its folder, or here; else as
+    the model's file has it."""
+    file = file.removesuffix(f":{PLANT}")
+    source, _, name = file.partition(".py:")
+    for folder in (Path(), path.parent, path.parent.parent):
+        found = folder / (f"{source}.py" if name else file)
+        if found.is_file():
+            return f"{found}:{name}" if name else str(found)
+    return file
 
 
 def _values(path: Path, model: Model, given: Any) -> dict[str, float]:

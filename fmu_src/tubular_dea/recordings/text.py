@@ -174,7 +174,9 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
     elif any(n.decimal == "." for n in found):
         found = [n if n.decimal == "." else numbers(c, ".") for c, n in zip(cells, found, strict=True)]
     filled = np.any([np.isfinite(n.values) for n in found], axis=0)
-    if np.count_nonzero(filled) < LEAST or all(filled[n.bad].sum() > PROSE * filled.sum() for n in found):
+    if 0 < np.count_nonzero(filled) < LEAST:
+        raise NoTableError(f"{path}, line {above.first}: expected at least {LEAST} rows of numbers but found one")
+    if not filled.any() or all(filled[n.bad].sum() > PROSE * filled.sum() for n in found):
         raise NoTableError(f"{path}, line {above.first}: expected rows of numbers but found text")
     remarks = _left_out(body, ~filled, above)
     ends = int(np.flatnonzero(filled)[-1])

@@ -21,10 +21,14 @@ function readExperiment(path, raw, geometry = {}) {
   checkTime(table, lines, time);
   for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
   for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
-  const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter(Boolean), still = there.filter((h) => isConstant(finite(pick(columns[h].values))));
+  const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter((h) => h && finite(columns[h].values).length), still = there.filter((h) => isConstant(finite(pick(columns[h].values)))), idle = [];
   for (const o of bench.outputs) {
     const heading = Object.keys(o.columns).find((name) => name in columns);
     if (!heading) continue;
+    if (!o.required && (still.includes(heading) || !there.includes(heading))) {
+      idle.push(`${heading} ${still.includes(heading) ? "stands still" : "has no number"} here, and is not used`);
+      continue;
+    }
     const recorded = pick(columns[heading].values), parameter = o.columns[heading];
     const rest = parameter ? geometry[parameter] ?? facts.tube.parameters.find((p) => p.name === parameter).value : 0;
     refuse(path, outputFindings(recorded, o, lines, heading, rest, still.includes(heading) && still.length < there.length));
@@ -35,7 +39,7 @@ function readExperiment(path, raw, geometry = {}) {
     for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== headingName(n)))
       told.push(`${name} is read from ${columns[name].column.shown}, the only column with that in its heading`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
-  return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks] };
+  return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks, ...idle] };
 }
 
 function refuse(path, findings) {

@@ -106,7 +106,8 @@ function columnsOf(path, body, head, layout) {
   if (found.some((n) => n.decimal === ",")) found = found.map((n, k) => n.decimal === "," ? n : numbersIn(cells[k], ","));
   else if (found.some((n) => n.decimal === ".")) found = found.map((n, k) => n.decimal === "." ? n : numbersIn(cells[k], "."));
   const kept = body.cells.map((_, i) => found.some((n) => Number.isFinite(n.values[i]))), total = kept.filter(Boolean).length;
-  if (total < words.least || found.every((n) => n.bad.filter((i) => kept[i]).length > words.prose * total)) throw new NoTableError(`${path}, line ${head.first}: expected rows of numbers but found text`);
+  if (total > 0 && total < words.least) throw new NoTableError(`${path}, line ${head.first}: expected at least ${words.least} rows of numbers but found one`);
+  if (!total || found.every((n) => n.bad.filter((i) => kept[i]).length > words.prose * total)) throw new NoTableError(`${path}, line ${head.first}: expected rows of numbers but found text`);
   const remarks = leftOut(body, kept, head), filled = [...kept], last = kept.lastIndexOf(true);
   const mayBeShort = (i) => shortRow(body, filled, i, layout);
   if (body.excess[last] < 0 && !mayBeShort(last)) {
