@@ -16,6 +16,7 @@ from tubular_dea.plants.saved import load
 from tubular_dea.plants.tube import PLANT
 
 VIEWS = ("tube", "heart", "data")
+WHOLE = {"n_layers", "beats", "elements", "premature_action"}
 AXE_TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]
 
 
@@ -67,7 +68,103 @@ def test_values_out_of_bounds_are_refused_in_words(page: Page) -> None:
         const problem = number.closest(".field").querySelector(".problem");
         return [number.getAttribute("aria-invalid"), problem.textContent, lab.state.tube.set.eps_r ?? null];
     """)
-    assert told[0] == "true" and told[1].startswith("expected 1 to") and told[2] is None
+    assert told[0] == "true" and told[1] == "expected at least 1" and told[2] is None
+
+
+def typed(page: Page, number: str, text: str, end: str = "\ue004") -> list[str]:
+    """What stands in a field of this id once `text` is typed over it, after Tab (or `end`), and what is said there."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    page.run("document.getElementById(given[0]).focus();", number)
+    keys = ActionChains(page.driver).key_down(Keys.CONTROL).send_keys("a").key_up(Keys.CONTROL)
+    keys.send_keys(text or Keys.DELETE).perform()
+    look = (
+        "const n = document.getElementById(given[0]), said = document.getElementById(`${given[0]}-problem`);"
+        "return [n.value, said.hidden ? '' : said.textContent];"
+    )
+    there = page.run(look, number)
+    ActionChains(page.driver).send_keys(end).perform()
+    return [there[0], *page.run(look, number)]
+
+
+def the_field(page: Page, name: str, place: int = 0) -> str:
+    return page.run(f"return document.querySelectorAll('#main input[data-name={name}]')[{place}].id;")
+
+
+@pytest.mark.parametrize("shown", ["tube hand", "tube step", "tube ramp", "tube beat", "heart", "data"])
+def test_a_decimal_number_is_typed_digit_by_digit_in_every_field(page: Page, shown: str) -> None:
+    view, _, kind = shown.partition(" ")
+    page.run("if (lab.T.playing) document.getElementById('play').click();")
+    page.show(view)
+    fields = page.run(
+        """
+        for (const name of given[1] ? ["pressure", "voltage"] : []) {
+          const list = document.getElementById(`kind-${name}`);
+          list.value = given[1];
+          list.dispatchEvent(new Event("change", { bubbles: true }));
+        }
+        const view = document.getElementById(`view-${given[0]}`);
+        for (const d of view.querySelectorAll("details")) d.open = !given[1] || given[1] === "step";
+        await new Promise((r) => setTimeout(r, 100));
+        const there = [...view.querySelectorAll("input[type=number]")].filter((n) => n.checkVisibility());
+        return there.map((n) => [n.id, n.dataset.name, Number(n.value)]);
+    """,
+        view,
+        kind,
+    )
+    assert len(fields) >= 2
+    for number, name, value in fields:
+        parts = [f"{value * part:.4g}" for part in (0.985, 1.015)] if value else ["0.25"]
+        tried = ["8", "3", "1"] if name in WHOLE else [text if "." in text else f"{text}.25" for text in parts]
+        told: list[list[str]] = []  # one of them may be beyond a bound, and is then refused as a whole
+        while not told or (told[-1][2] and len(told) < len(tried)):
+            told.append(typed(page, number, tried[len(told)]))
+        text = tried[len(told) - 1]
+        assert told[-1] == [text, f"{float(text):.7g}", ""], (name, told)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "text", "kept", "words"),
+    [
+        ("stop", 0, "-3", "5", "-3 s: expected 0.1 to 600 s; 5 s is kept"),
+        ("stop", 0, "", "5", "expected a number; 5 s is kept"),
+        ("stop", 0, "1e9", "5", "1e9 s: expected 0.1 to 600 s; 5 s is kept"),
+        ("pressure", 0, "9000", "0", "9000 mmHg: expected -750.064 to 750.064 mmHg; 0 mmHg is kept"),
+        ("voltage", 1, "-5", "-5", "expected 0 kV or more; the tube answers to its square, as to 5 kV"),
+        ("C_1", 0, "-1", "333.056", "-1 kPa: expected at least 0.001 kPa; 333.056 kPa is kept"),
+    ],
+)
+@pytest.mark.parametrize("end", ["\ue004", "\ue007"], ids=["Tab", "Enter"])
+def test_nonsense_is_answered_beside_its_field_and_the_last_value_kept(
+    page: Page, name: str, place: int, text: str, kept: str, words: str, end: str
+) -> None:
+    field = the_field(page, name, place)
+    assert typed(page, field, text, end)[1:] == [kept, words]
+    page.run("lab.compute();")
+    assert page.run("return [lab.T.problem, lab.T.result.stop];") == ["", 5]
+    assert typed(page, field, kept.lstrip("-"))[1:] == [kept.lstrip("-"), ""]  # a good one is answered by nothing
+
+
+def test_a_run_that_cannot_be_made_is_not_shown_as_new(page: Page) -> None:
+    typed(page, the_field(page, "stop"), "1.5")
+    page.wait("lab.T.refused")
+    told = "return [document.querySelector('#view-tube [role=alert]').textContent, lab.T.stage.className];"
+    said, looks = page.run(told)
+    assert said.startswith("voltage: the step is from 2 to 4 s; expected it to") and "1.5 s" in said
+    assert "What is shown is the last run that could be made" in said and "stale" in looks
+    typed(page, the_field(page, "stop"), "6")
+    page.wait("!lab.T.refused && !lab.T.stale")
+    assert page.run(told) == ["", "stage"]
+
+
+def test_what_is_left_of_a_record_has_a_unit_that_suits_its_size(page: Page) -> None:
+    told = page.run(
+        "const q = { name: 'position', unit: 'm', shown: 'm', factor: 1 };"
+        "return [1e-5, 0.01, 2].map((size) => lab.fineUnit(q, size).shown);"
+    )
+    assert told == ["um", "mm", "m"]
+    assert "Ctrl+Alt+1, 2, 3: views" in page.run("return document.querySelector('footer').textContent;")
 
 
 def test_a_tube_that_runs_away_says_so_and_steps_back(page: Page) -> None:
@@ -155,7 +252,8 @@ def test_a_link_holds_the_whole_state(page: Page) -> None:
 )
 def test_a_broken_link_opens_the_default_with_a_notice(page: Page, fragment: str) -> None:
     page.open(fragment)
-    assert "cannot be read" in page.run("return document.getElementById('notice').textContent;")
+    said = page.run("return document.getElementById('notice').textContent;")
+    assert "cannot be read" in said and "null" not in said
     assert page.run("return JSON.stringify(lab.state) === JSON.stringify(lab.defaults());")
 
 

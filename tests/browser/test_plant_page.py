@@ -35,6 +35,9 @@ def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
     try:
         browser.path = path
         browser.open()
+        assert "Ctrl+Alt+1, 2: views" in browser.run("return document.querySelector('footer').textContent;")
+        titled = "lab.facts.tube.effects.push('slow_leak'); const t = lab.pageTitle(); lab.facts.tube.effects.pop();"
+        assert browser.run(f"{titled} return t;") == f"{plant.model.name} lab · with slow leak"
         values = browser.run(
             "lab.compute(); const r = lab.T.result; return [Array.from(r.run.time),"
             " Array.from(r.run.values.level_2), r.drive.time, r.drive.inputs.pump];"

@@ -2,30 +2,54 @@
 
 let fieldNumber = 0;
 
-/* `q` declares the quantity; `get` and `set` are in its customary unit; `range` is what the slider spans. */
-function field(q, { label, get, set, reset = null, range = null, hint = "" }) {
+/* `q` declares the quantity; `get` and `set` are in its customary unit; `range` is what the slider spans; `remark`
+   says what a value that is taken means, "" for nothing. What somebody types is never written over while he types. */
+function field(q, { label, get, set, reset = null, range = null, hint = "", remark = () => "" }) {
   const id = `f${++fieldNumber}`, whole = q.type !== "Real", text = label ?? plainName(q.name);
-  const unit = make(`span#${id}-unit.unit`), problem = make(`p#${id}-problem.problem`, { hidden: true });
+  const unit = make(`span#${id}-unit.unit`), problem = make(`p#${id}-problem.problem`, { hidden: true, "aria-live": "polite" });
   const number = make(`input#${id}`, { type: "number", step: "any", "data-name": q.name, "aria-describedby": `${id}-unit ${id}-problem` });
   const slider = range && make("input", { type: "range", "aria-label": `${text}, slider`, "data-slider": q.name, min: "0", max: "1000", step: "1" });
   const span = range && sliderSpan(range, whole);
+  const written = () => String(Number((get() * q.factor / unitOf(q).factor).toPrecision(7)));
+  const say = (words, soft = false) => { problem.textContent = words; problem.hidden = !words; problem.classList.toggle("soft", soft); };
+  const invalid = (on) => number.setAttribute("aria-invalid", String(on));
+  let typing = false, before = null, typed = "", kept = ""; // the value before somebody typed; as what he typed, or what was kept instead, is written
   const show_ = () => {
-    const value = get();
+    const value = get(), now = written();
     unit.replaceChildren(...breakable(q.type === "Boolean" ? "" : unitText(q).trim()));
-    if (document.activeElement !== number || number.getAttribute("aria-invalid") !== "true") number.value = String(Number((value * q.factor / unitOf(q).factor).toPrecision(7)));
+    if (!typing && (document.activeElement !== number || now !== typed)) {
+      number.value = now;
+      invalid(false);
+      if (now !== kept) say(remark(value), true);
+    }
     if (slider && document.activeElement !== slider) slider.value = String(Math.round(1000 * span.place(value)));
     slider?.setAttribute("aria-valuetext", `${show(value * q.factor / unitOf(q).factor)}${unitText(q)}`);
     if (back) back.disabled = Math.abs(value - reset()) <= 1e-12 * Math.abs(value);
   };
   const take = (value) => {
-    const wrong = outOfBounds(q, value);
-    problem.textContent = wrong;
-    problem.hidden = !wrong;
-    number.setAttribute("aria-invalid", wrong ? "true" : "false");
-    if (!wrong) { set(value); show_(); }
+    const wrong = outOfBounds(q, value), known = before ?? get();
+    kept = "";
+    if (!wrong || get() !== known) set(wrong ? known : value);
+    if (!wrong) show_();
+    typed = written();
+    invalid(Boolean(wrong));
+    say(wrong || remark(value), !wrong);
   };
-  number.addEventListener("input", () => take(number.value.trim() === "" ? NaN : customary(q, Number(number.value))));
-  number.addEventListener("blur", () => { if (number.getAttribute("aria-invalid") === "true") { number.setAttribute("aria-invalid", "false"); problem.hidden = true; show_(); } });
+  number.addEventListener("input", () => {
+    before ??= get();
+    typing = true;
+    take(number.value.trim() === "" ? NaN : customary(q, Number(number.value)));
+    typing = false;
+  });
+  const leave = () => {
+    const wrong = number.getAttribute("aria-invalid") === "true", found = number.value ? `${number.value}${unitText(q)}: ` : "", told = problem.textContent;
+    before = null;
+    typed = "";
+    if (wrong) kept = written();
+    show_();
+    if (wrong) say(`${found}${told}; ${kept}${unitText(q)} is kept`);
+  };
+  for (const kind of ["change", "blur"]) number.addEventListener(kind, leave);
   slider?.addEventListener("input", () => take(span.value(Number(slider.value) / 1000)));
   const back = reset && make("button.reset", { type: "button", "aria-label": `Reset ${text}`, title: "Reset", onclick: () => take(reset()) }, "↺");
   const element = make("div.field", {}, make("label", { for: id, title: hint || q.description || "" }, ...breakable(text)), number, unit, back ?? make("span"), slider, problem);

@@ -149,11 +149,18 @@ function score(e, run, output) {
   return { left, n: seen.length, square, rmse: Math.sqrt(square / seen.length), fit: 100 * (1 - Math.sqrt(square / seen.reduce((a, i) => a + (y[i] - mean) ** 2, 0))) };
 }
 
+/* A length in the unit that suits its size [m]; anything else as it is shown. */
+function fineUnit(q, size) {
+  if (q.unit !== "m") return q;
+  const [shown, factor] = size < 1e-3 ? ["um", 1e-6] : size < 0.1 ? ["mm", 1e-3] : ["m", 1];
+  return { ...q, shown, factor };
+}
+
 function drawData() {
   drawList();
   const k = Math.max(0, D.experiments.findIndex((e) => e.name === state.data.shown)), e = D.experiments[k], run = D.runs?.[k];
   if (!e || !run || run.time.length !== e.time.length) return;
-  const output = Object.keys(e.outputs)[0], q = signalFacts(output, facts.all), fine = { ...q, shown: q.unit === "m" ? "um" : q.shown, factor: q.unit === "m" ? 1e-6 : q.factor, title: "left over" };
+  const output = Object.keys(e.outputs)[0], q = signalFacts(output, facts.all), fine = { ...D.unit, title: "left over" };
   const now = score(e, run, output), base = D.before?.[k]?.time.length === e.time.length ? score(e, D.before[k], output) : null, x = { q: TIME, values: e.time };
   const changed = base && !D.same;
   const cutAt = (values, r) => values.map((v, i) => i < r.rows ? v : NaN);
@@ -170,10 +177,11 @@ function drawData() {
 
 function drawList() {
   if (!D.experiments.length) { D.list.replaceChildren(make("p.note", {}, "No recording yet.")); D.score.replaceChildren(); return; }
-  let square = 0, n = 0, unit = null;
+  let square = 0, n = 0;
+  const scores = D.experiments.map((e, k) => D.runs?.[k]?.time.length === e.time.length ? score(e, D.runs[k], Object.keys(e.outputs)[0]) : null);
+  const unit = D.unit = fineUnit(signalFacts(Object.keys(D.experiments[0].outputs)[0], facts.all), largest(scores.map((s) => s?.rmse ?? 0)));
   const rows = D.experiments.map((e, k) => {
-    const run = D.runs?.[k], output = Object.keys(e.outputs)[0], q = signalFacts(output, facts.all), s = run && run.time.length === e.time.length ? score(e, run, output) : null;
-    unit = q.unit === "m" ? { ...q, shown: "um", factor: 1e-6 } : q;
+    const run = D.runs?.[k], output = Object.keys(e.outputs)[0], s = scores[k];
     if (s) { square += s.square; n += s.n; }
     const pick = make("button", { type: "button", "aria-pressed": String(e.name === state.data.shown), onclick: () => change("data", (st) => { st.data.shown = e.name; }) }, e.name);
     const told = [`${e.time.length} samples`, Object.keys(ownStart(e)).length ? "starts where the fit found it" : e.start === "rested" ? "starts rested" : "starts loaded: taken at equilibrium", ...(facts.thinned[e.file] ? [`every ${facts.thinned[e.file]}th sample`] : []), ...(e.unused.length ? [`not used: ${e.unused.join(", ")}`] : []), ...e.remarks, ...(run?.reason ? [`the model ended at ${show(run.reached)} s: ${run.reason}`] : [])].join("; ");

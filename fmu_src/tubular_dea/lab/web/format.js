@@ -10,7 +10,7 @@ function show(value, digits = 4) {
 
 /* The unit in use, and what one of it is in SI. */
 function unitOf(q) {
-  return state.si ? { name: q.unit, factor: 1 } : { name: q.shown, factor: q.factor };
+  return state?.si ? { name: q.unit, factor: 1 } : { name: q.shown, factor: q.factor };
 }
 
 function unitText(q) {

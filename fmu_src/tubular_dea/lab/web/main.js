@@ -10,7 +10,8 @@ async function begin() {
   }
   const opened = fromLink(location.hash);
   state = opened.state;
-  document.getElementById("title").textContent = facts.isTube ? `Tubular DEA lab${facts.tube.effects.length ? ` · with ${facts.tube.effects.map(plainName).join(", ")}` : ""}` : `${facts.tube.name} lab`;
+  document.getElementById("title").textContent = pageTitle();
+  document.getElementById("view-keys").textContent = Object.keys(VIEWS).map((_, i) => i + 1).join(", ");
   theme();
   engine = await Engine.load(bytes);
   header();
@@ -24,6 +25,12 @@ async function begin() {
   shown(state.view);
   if (opened.problem) notice(opened.problem);
   requestAnimationFrame(frame);
+}
+
+/* The plant's name and the effects in its model. */
+function pageTitle() {
+  const effects = facts.tube.effects.map(plainName).join(", ");
+  return `${facts.isTube ? "Tubular DEA" : facts.tube.name} lab${effects ? ` · with ${effects}` : ""}`;
 }
 
 /* The whole page in another state. */
@@ -135,5 +142,5 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-window.lab = { facts, D, compute, pacing, heartValues, follow, H, readExperiment, takeFiles, dataValues, plots, frames, get state() { return state; }, get engine() { return engine; }, T, change, command, python, link, modelFile, adopt, defaults, merged, Latest };
+window.lab = { facts, D, fineUnit, pageTitle, compute, pacing, heartValues, follow, H, readExperiment, takeFiles, dataValues, plots, frames, get state() { return state; }, get engine() { return engine; }, T, change, command, python, link, modelFile, adopt, defaults, merged, Latest };
 begin();

@@ -77,10 +77,15 @@ const RATE = { name: "heart_rate", unit: "Hz", shown: "1/min", factor: 1 / 60, d
 function outOfBounds(q, value) {
   if (!Number.isFinite(value)) return "expected a number";
   const si = value * q.factor, slack = 1e-12 * Math.max(Math.abs(q.minimum ?? 0), Math.abs(q.maximum ?? 0));
-  if ((q.minimum !== null && si < q.minimum - slack) || (q.maximum !== null && si > q.maximum + slack))
-    return `expected ${bound(q, q.minimum, "any")} to ${bound(q, q.maximum, "any")}${unitText(q)}`;
+  if ((q.minimum !== null && si < q.minimum - slack) || (q.maximum !== null && si > q.maximum + slack)) return `expected ${within(q)}`;
   if (q.type !== "Real" && value !== Math.round(value)) return "expected a whole number";
   return "";
+}
+
+/* The bounds of a quantity that has any. */
+function within(q) {
+  const low = bound(q, q.minimum, ""), high = bound(q, q.maximum, "");
+  return `${!high ? `at least ${low}` : !low ? `at most ${high}` : `${low} to ${high}`}${unitText(q)}`;
 }
 
 /* What differs from `base`, and nothing else. */

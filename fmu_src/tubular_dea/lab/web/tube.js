@@ -26,11 +26,11 @@ function pieces(name, spec, stop) {
   const { kind, low, high, at, until, from, to } = spec;
   if (kind === "step") {
     const off = Math.min(until, stop);
-    if (!(at >= 0 && at < off)) throw new Error(`${name}: expected a step at 0 s or later that ends after it begins, before ${stop} s`);
+    if (!(at >= 0 && at < off)) throw new Error(`${name}: the step is from ${show(at)} to ${show(until)} s; expected it to begin at 0 s or later, to end after that, and to begin before the run ends at ${show(stop)} s`);
     return off < stop ? { time: [0, at, at, off, off, stop], values: [low, low, high, high, low, low] } : { time: [0, at, at, off], values: [low, low, high, high] };
   }
   if (kind === "ramp") {
-    if (!(from >= 0 && from < to && to <= stop)) throw new Error(`${name}: expected a ramp from 0 s or later to at most ${stop} s, rising in time`);
+    if (!(from >= 0 && from < to && to <= stop)) throw new Error(`${name}: the ramp is from ${show(from)} to ${show(to)} s; expected it to begin at 0 s or later and to end after that, by the end of the run at ${show(stop)} s`);
     return { time: [0, ...(from > 0 ? [from] : []), to, ...(to < stop ? [stop] : [])], values: [low, ...(from > 0 ? [low] : []), high, ...(to < stop ? [high] : [])] };
   }
   if (kind === "beat") return beats(name, spec, stop);
@@ -102,9 +102,13 @@ function compute() {
     T.result = { run, drive, values, stop };
     T.problem = run.reason ? `The trajectory ended at ${show(run.reached)} s: ${run.reason}.` : "";
     T.crossed = crossing(run);
+    T.refused = false;
   } catch (problem) {
-    T.problem = problem.message;
+    T.problem = `${problem.message}. What is shown is the last run that could be made.`;
+    T.crossed = NaN;
+    T.refused = true;
   }
+  T.stage.classList.toggle("stale", T.refused);
   T.stale = false;
 }
 
@@ -179,7 +183,9 @@ function inputsPanel() {
       fill();
     }, `kind-${q.name}`);
     const reach = q.name === "pressure" ? [0, 200] : q.name === "voltage" ? [0, 10] : [-2 * q.nominal / q.factor, 3 * q.nominal / q.factor];
-    const level = (name, label) => field({ ...q, minimum: null, maximum: null }, { label, get: () => spec()[name], set: put(name), range: reach });
+    const most = bench.inputs.find((s) => s.name === q.name)?.most ?? null; // of what a bench can be thought to give
+    const reversed = (v) => facts.isTube && q.name === "voltage" && v < 0 ? `expected 0${unitText(q)} or more; the tube answers to its square, as to ${amount(q, -v * q.factor)}` : "";
+    const level = (name, label) => field({ ...q, minimum: most && -most, maximum: most }, { label, get: () => spec()[name], set: put(name), range: reach, remark: reversed });
     const second = (name, label) => field({ ...TIME, name, minimum: 0, maximum: 600, type: "Real" }, { label, get: () => spec()[name], set: put(name) });
     const part = (name, label) => field({ name, unit: "1", shown: "1", factor: 1, minimum: 0, maximum: 1, type: "Real" }, { label, get: () => spec()[name], set: put(name), range: [0, 1] });
     const rate = () => field({ ...RATE, name: "rate", minimum: 10 / 60, maximum: 5 }, { label: "beats", get: () => spec().rate, set: put("rate"), range: [40, 180] });
@@ -338,7 +344,7 @@ function tellProblem() {
   T.told = text;
   T.alert.replaceChildren();
   if (!text) return;
-  const offer = beyond || T.result?.run.status ? make("button#undo-burst", { type: "button", onclick: stepBack }, live() ? "Step back" : "Step back to a safe voltage") : "";
+  const offer = !T.refused && (beyond || T.result?.run.status) ? make("button#undo-burst", { type: "button", onclick: stepBack }, live() ? "Step back" : "Step back to a safe voltage") : "";
   T.alert.append(make("p.alert", {}, text, " ", offer));
 }
 
