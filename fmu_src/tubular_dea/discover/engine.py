@@ -212,7 +212,7 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
     of every file: each of them takes one from the misfit by chance. Where nothing was found it has to explain more,
     and where what was found explains most from an equilibrium too, there is no other explanation."""
-    other = settled(prepared, [p.name for p in found.study.held_out], recordings.experiments)
+    other = settled(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
     tell("the same from starts at equilibrium")

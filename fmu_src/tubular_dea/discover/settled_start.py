@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..identify.data import Experiment
+from ..identify.data import Recordings
 from ..identify.start import UNKNOWN
 from ..identify.study import Study
 
 
-def settled(prepared: Study, held_out: Sequence[str], experiments: Sequence[Experiment]) -> Study | None:
+def settled(prepared: Study, held_out: Sequence[str], recordings: Recordings) -> Study | None:
     """The study as `prepared` for fits, from an equilibrium wherever a start was found to be under load and bench.toml
     does not say what it is; None where there is no such start. `held_out` are the names of the pieces held out."""
-    open_to = {e.name for e in experiments if e.start == UNKNOWN and not e.start_said}
+    begun = {e.name: recordings.begun_by(e) for e in recordings.experiments}
+    open_to = {name for name, e in begun.items() if e.start == UNKNOWN and not e.start_said}
     if not open_to:
         return None
     return replace(

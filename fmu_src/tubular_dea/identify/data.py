@@ -102,12 +102,14 @@ class Recordings:
     @property
     def starts(self) -> dict[str, str]:
         """How each experiment starts, by name: one that follows another as that does, unless bench.toml says it."""
+        return {e.name: self.begun_by(e).start for e in self.experiments}
+
+    def begun_by(self, experiment: Experiment) -> Experiment:
+        """The experiment whose start decides how another one begins: itself, or the first of those that it follows."""
         own = {e.name: e for e in self.experiments}
-
-        def start(e: Experiment) -> str:
-            return start(own[e.follows]) if e.follows in own and not e.start_said else e.start
-
-        return {name: start(e) for name, e in own.items()}
+        while experiment.follows in own and not experiment.start_said:
+            experiment = own[experiment.follows]
+        return experiment
 
     @property
     def fitted_outputs(self) -> list[Output]:
