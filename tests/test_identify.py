@@ -147,7 +147,9 @@ def test_linearised_intervals_hold() -> None:
 def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
     out = carried_out("identify", str(EXAMPLE))
     said = out.with_suffix(".said").read_text(encoding="utf-8")
-    assert "the model lacks something" in said
+    lines = ("(+- standard error", "\nfit ", "\nthe model lacks something", "\nto find what it is", "\nwrote ")
+    places = [said.index(line) for line in lines]
+    assert places == sorted(places), "advice comes after what was found"
     assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"the sensor\'s noise: \S+ um\)", said)
     content = json.loads((out / "parameters.json").read_text())
     assert content["verdict"] == "misfit"

@@ -107,7 +107,7 @@ class IdentificationResult:
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
             fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {in_words(e['rmse'], e['unit'])}")
-        return [*said, "(+- standard error; 95 % intervals in parameters.json)", *self.remarks(), *fits]
+        return [*said, "(+- standard error; 95 % intervals in parameters.json)", *fits, *self.remarks()]
 
     def remarks(self) -> list[str]:
         """Warnings about the values."""

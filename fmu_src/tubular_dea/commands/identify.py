@@ -64,12 +64,11 @@ def run(options: argparse.Namespace) -> None:
         progress=True,
     )
     found.report(options.out)
-    *said, last = found.lines()
-    for line in said:
+    for line in found.lines():
         print(line)
     if found.verdict == "misfit":
         print("free all parameters (leave out --free)" if options.free else _to_find(options))
-    print(f"{last}; wrote {options.out}")
+    print(f"wrote {options.out}")
 
 
 def _to_find(options: argparse.Namespace) -> str:
