@@ -236,7 +236,7 @@ def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
     (said,) = what_is_left("no_effect", quiet, 175.0, 2.24)
     assert "not white" in said and "read those of parameters as about 2.2 times as wide." in said
     (said,) = what_is_left("effect_found", quiet, 2.5)
-    assert said.endswith("Intervals may be too narrow.")
+    assert said.endswith("so that intervals may not be exact.") and "1/f" not in said
     assert "looks like noise" not in " ".join(in_short.CONFIDENCE.values())
     assert left(quiet, quiet, "after", 5e-6, 175.0) == "it is no larger than the noise, but not white"
 

@@ -77,11 +77,12 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         return [f"A small remainder is left: {small} rms beyond the noise, where {of} was before."]
     if found.tests_after["whiteness"] <= WHITE:
         return []
-    wider = f"{found.tests_after['widening']:.1f}"
-    read = "" if wider == "1.0" else f": read those of parameters as about {wider} times as wide"
+    wider, said = f"{found.tests_after['widening']:.1f}", "The residual is not white, though: what it is at one time"
+    if wider == "1.0":
+        return [f"{said} tells something of what it is a little later, so that intervals may not be exact."]
     return [
-        "The residual is not white, though: what it is at one time resembles what it is a little later, as in slow "
-        f"(1/f) noise. Intervals may be too narrow{read}."
+        f"{said} resembles what it is a little later, as in slow (1/f) noise. Intervals may be too narrow: read those "
+        f"of parameters as about {wider} times as wide."
     ]
 
 
