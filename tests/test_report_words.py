@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 from tubular_dea.api import identify
 from tubular_dea.plants.tube import PLANT
-from tubular_dea.report import close_loop, in_short
+from tubular_dea.report import assist, close_loop, in_short
 from tubular_dea.report.page import Page
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
@@ -73,3 +75,13 @@ def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertain
     assert said(0.129874, 4600.0) == "C_3      0.000129874 +- 4.6 kPa"
     assert said(3086.4, 130.0) == "C_3      3.0864 +- 0.13 kPa"
     assert said(3086.4, float("inf")) == "C_3      3.0864 +- inf kPa"
+
+
+def test_a_legend_lies_between_the_toolbar_and_the_plot() -> None:
+    page, loop = Page("a", "b"), (np.array([50.0, 90.0]), np.array([10.0, 80.0]))
+    loops = assist.plotly_loops({"without assist": loop, "with assist": loop})
+    page.figure(loops, "Two loops.")
+    assert (loops.layout.legend.orientation, loops.layout.legend.yanchor, loops.layout.margin.t) == ("h", "bottom", 64)
+    alone = go.Figure(go.Scatter(x=[1], y=[1]))
+    page.figure(alone, "One.")
+    assert alone.layout.margin.t == 30
