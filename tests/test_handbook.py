@@ -51,6 +51,8 @@ def test_no_entry_is_empty_and_every_link_leads_somewhere(page: html.HtmlElement
     links = [link.get("href") for link in page.iter("a")]
     assert {link.removeprefix("#") for link in links} == set(there)
     assert not page.xpath("//@src | //link | //script")
+    assert page.xpath("//meta[@name='viewport']/@content") == ["width=device-width, initial-scale=1"]
+    assert all(table.getparent().get("class") == "wide" for table in page.iter("table"))  # scrolls in its own box
 
 
 def test_equations_parameters_and_options_are_there(page: html.HtmlElement) -> None:
@@ -69,7 +71,7 @@ def test_equations_parameters_and_options_are_there(page: html.HtmlElement) -> N
 
 def test_off_values_and_usual_sizes(page: html.HtmlElement) -> None:
     (section,) = [s for s in page.iter("section") if s.findtext("h2") == "What TubularDEA may lack"]
-    rows = {row[0].text_content(): row.text_content() for row in section.find("table").iter("tr")}
+    rows = {row[0].text_content(): row.text_content() for row in section.find(".//table").iter("tr")}
     assert "electrode_share 1" in rows["electrode_resistance"]
     assert "tau_e 10 ms" in rows["electrode_resistance"]
     assert "dV_1/dt = (V - V_1) / tau" in rows["electrode_resistance"]

@@ -308,6 +308,7 @@ def test_dry_run_says_what_is_understood_and_fits_nothing(
         "250 Hz",
         "rested",
         "n_layers 8",
+        "measured_displacement [mm] (column radius)",
         "1.596 s",
     ]
     for word in words:

@@ -6,19 +6,22 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 import made_up
 from tubular_dea import add_effects
-from tubular_dea.api import identify
+from tubular_dea.api import identify, simulate
+from tubular_dea.cosim import course
 from tubular_dea.discover import outcome, remarks, residuals
 from tubular_dea.discover.channels import Isolation
 from tubular_dea.discover.options import Option
 from tubular_dea.discover.zeros import Shift
 from tubular_dea.identify.cases import Case, Reading
+from tubular_dea.model.units import in_words, three
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
-from tubular_dea.report import close_loop, effects, in_short
+from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
@@ -269,3 +272,30 @@ def test_a_share_that_is_all_of_it_is_no_bound() -> None:
 
     assert said("slew_share") == []
     assert said("lambda_2_start")[0].startswith("lambda_2_start ended at the largest value that the model allows, 3:")
+
+
+def test_a_legend_lies_between_the_toolbar_and_the_plot() -> None:
+    page, loop = Page("a", "b"), (np.array([50.0, 90.0]), np.array([10.0, 80.0]))
+    loops = assist.plotly_loops({"without assist": loop, "with assist": loop})
+    page.figure(loops, "Two loops.")
+    assert (loops.layout.legend.orientation, loops.layout.legend.yanchor, loops.layout.margin.t) == ("h", "bottom", 64)
+    alone = go.Figure(go.Scatter(x=[1], y=[1]))
+    page.figure(alone, "One.")
+    assert alone.layout.margin.t == 30
+
+
+def test_numbers_and_names_are_written_as_people_read_them() -> None:
+    assert [three(v) for v in (967.0, 1024.0, 0.0012, 2.5e7)] == ["967", "1020", "0.0012", "2.5e+07"]
+    assert in_words(999.9e-6, "m") == "1000 um"
+    assert effects._label("p_C", "Pa") == "p_C [Pa]"
+    figure = next(f for f in course.FIGURES if f.name == "end_diastolic_volume")
+    a, b = (course.Spread(mean=v, deviation=0.0, worst=v, beats=3) for v in (242.10e-6, 242.09e-6))
+    told = SimpleNamespace(without={figure.name: a}, assisted={figure.name: b}, change=lambda name: -1e-5)
+    assert course._row(figure, told)[-1] == "+0.0 (+0.0 %)"
+
+
+def test_a_tube_that_shrinks_says_so() -> None:
+    outputs = {"electric_field": np.zeros(2), "snap_through_margin": np.ones(2)}
+    shrunk = outputs | {"radial_displacement": np.array([0.0, -1.2e-3])}
+    (said,) = simulate.SimulationResult._fold(shrunk)
+    assert said.startswith("smallest displacement -1.200 mm (inward), largest displacement 0.000 mm")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from lab_page import BENCH, Page
 
+from tubular_dea.cli import main
 from tubular_dea.identify.data import read_folder
 from tubular_dea.lab.opened import closed_loop
 from tubular_dea.lab.page import write
@@ -418,6 +419,23 @@ def test_a_closed_loop_page_switches_before_and_after(browser: Page, tmp_path: P
         assert browser.messages() == [] and browser.requests() == []
     finally:
         browser.path = own
+
+
+def test_the_handbook_fits_a_phone_and_clips_no_column_on_a_desktop(browser: Page, tmp_path: Path) -> None:
+    path = tmp_path / "handbook.html"
+    assert main(["handbook", "--out", str(path)]) == 0
+    browser.driver.get(path.as_uri())
+    wide = "const e = document.documentElement; return e.scrollWidth;"
+    clipped = "[...document.querySelectorAll('.wide')].filter((b) => b.scrollWidth > b.clientWidth + 1).length"
+    try:
+        browser.size(400)
+        assert browser.run(wide) <= 400
+        browser.size(1200)
+        assert browser.run(wide) <= 1200
+        assert browser.run(f"return {clipped};") == 0
+    finally:
+        browser.size(1280)
+        browser.close()
 
 
 def test_without_webassembly_the_page_says_so(browser: Page) -> None:

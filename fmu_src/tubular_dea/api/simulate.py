@@ -66,8 +66,10 @@ class SimulationResult(Trajectory):
 
     def _fold(self) -> list[str]:
         """The largest displacement of the tube, and its margin to snap-through."""
+        low, high = 1e3 * self["radial_displacement"].min(), 1e3 * self["radial_displacement"].max()
+        inward = f"smallest displacement {low:.3f} mm (inward), " if low < -5e-4 else ""
         said = [
-            f"largest displacement {1e3 * self['radial_displacement'].max():.3f} mm, "
+            f"{inward}largest displacement {high:.3f} mm, "
             f"largest field {1e-6 * np.abs(self['electric_field']).max():.1f} V/um, "
             f"smallest margin to snap-through {self['snap_through_margin'].min() / factor('mmHg', 'Pa'):.1f} mmHg"
         ]

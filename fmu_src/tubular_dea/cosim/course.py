@@ -265,8 +265,8 @@ def _row(figure: Figure, course: Course) -> tuple[str, str, str, str, str]:
     change = ""
     if a is not None:
         relative = course.change(figure.name)
-        change = f"{(b.mean - a.mean) * scale + 0.0:+.{digits}f}"
-        change += f" ({100 * relative:+.1f} %)" if relative is not None else ""
+        change = f"{round((b.mean - a.mean) * scale, digits) + 0.0:+.{digits}f}"
+        change += f" ({round(100 * relative, 1) + 0.0:+.1f} %)" if relative is not None else ""
     spread = f"{b.mean * scale:.{digits}f} ± {b.deviation * scale:.{digits}f}"
     return label, without, spread, f"{b.worst * scale:.{digits}f}", change
 

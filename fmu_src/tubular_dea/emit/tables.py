@@ -15,27 +15,38 @@ from ..model import units
 from ..model.declare import TIME, Definition, Delay, Model, Parameter, Quantity, State
 from .variables import Variable, variables
 
+SCROLLS = """
+.wide, .eq { overflow: auto hidden;
+background: linear-gradient(to right, #fff 40%, #fff0) 0 / 2rem 100% no-repeat local,
+linear-gradient(to left, #fff 40%, #fff0) 100% / 2rem 100% no-repeat local,
+linear-gradient(to right, #0004, #0000) 0 / .6rem 100% no-repeat,
+linear-gradient(to left, #0004, #0000) 100% / .6rem 100% no-repeat; }
+"""
+"""Style of what scrolls sideways in a box of its own: a shadow at the side on which there is more."""
+
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
 h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 2px solid #c8402f; padding-bottom: .2rem; }
 table { border-collapse: collapse; width: 100%; } td, th { text-align: left; padding: .25rem .7rem .25rem 0;
 border-bottom: 1px solid #dde3e8; vertical-align: top; } td.n { white-space: nowrap; } code { font-size: .95em; }
 pre { background: #f3f5f7; padding: 1rem; overflow-x: auto; font-size: 13px; line-height: 1.25; }
-math { font-size: 1.05em; } .eq { overflow: auto hidden; max-width: 36rem; }
-.note { color: #5b6b7a; font-size: .9em; } .src { color: #6b7a88; white-space: nowrap; }
+math { font-size: 1.05em; } .eq { width: 0; min-width: min(100%, 36rem); max-width: 36rem; }
+.note { color: #5b6b7a; font-size: .9em; } .src { color: #6b7a88; }
+@media (max-width: 40rem) { td.n { white-space: normal; overflow-wrap: anywhere; min-width: 5rem; } }
 """
 
 
 def page(model: Model) -> str:
     """documentation/index.html of an FMU: drawing, equations, citation, parameters, usage; opens offline."""
-    return document(model.name, STYLE, f"<h1>{html.escape(model.name)}</h1>{body(model)}")
+    return document(model.name, STYLE + SCROLLS, f"<h1>{html.escape(model.name)}</h1>{body(model)}")
 
 
 def document(title: str, style: str, content: str) -> str:
     """A page of HTML that asks nothing of a network."""
     return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{style}</style></head><body>{content}</body></html>\n"
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{html.escape(title)}</title><style>{style}</style></head><body>{content}</body></html>\n"
     )
 
 
@@ -75,7 +86,7 @@ def parameter_table(parameters: Iterable[Parameter]) -> str:
 
 def _table(rows: str, head: str = "") -> str:
     """A table of these rows; nothing where there are none."""
-    return f"<table>{head}{rows}</table>" if rows else ""
+    return f"<div class=wide><table>{head}{rows}</table></div>" if rows else ""
 
 
 def shown(q: Quantity) -> str:
@@ -125,7 +136,11 @@ def _delays(delays: Iterable[Delay]) -> str:
 def _described(equations: Iterable[tuple[Quantity, str]]) -> str:
     """A row an equation: it, and what its quantity is."""
     return _table(
-        "".join(f"<tr><td>{shown}</td><td>{html.escape(q.description)} [{q.unit}]</td></tr>" for q, shown in equations)
+        "".join(
+            f"<tr><td><div class=eq>{shown}</div>"
+            f"<div class=note>{html.escape(q.description)} [{q.unit}]</div></td></tr>"
+            for q, shown in equations
+        )
     )
 
 
@@ -136,13 +151,13 @@ def _samples(model: Model) -> str:
         f"[{d.quantity.unit}]</td></tr>"
         for d in model.discretes
     )
-    return f"<p>Sampled at the start of every communication step, in this order:</p><table>{rows}</table>"
+    return f"<p>Sampled at the start of every communication step, in this order:</p>{_table(rows)}"
 
 
 def _interface(model: Model) -> str:
     rows = "".join(_interface_row(v) for v in variables(model) if v.causality in ("input", "output"))
     head = "<tr><th>Name</th><th></th><th>Unit</th><th>Meaning</th><th>Depends directly on</th></tr>"
-    return f"<table>{head}{rows}</table>"
+    return _table(rows, head)
 
 
 def _interface_row(variable: Variable) -> str:

@@ -388,4 +388,10 @@ def readable(value: float, unit: str) -> tuple[float, str]:
 def in_words(value: float, unit: str) -> str:
     """An SI value in three digits and a unit that suits it."""
     scale, shown = readable(value, unit)
-    return f"{value / scale:.3g} {shown}".removesuffix(" 1")
+    return f"{three(value / scale)} {shown}".removesuffix(" 1")
+
+
+def three(value: float) -> str:
+    """A number in three digits, without a power of ten where it has four or five before the point."""
+    short = f"{value:.3g}"
+    return f"{float(short):.0f}" if 1e3 <= abs(float(short)) < 1e5 else short

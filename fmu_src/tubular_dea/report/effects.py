@@ -18,7 +18,7 @@ from ..discover.engine import Discovery
 from ..discover.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
-from ..model.units import factor, readable
+from ..model.units import factor, readable, three
 from .page import Page
 from .parts import AFTER, BEFORE, percent, shown_unit, usual_scale
 from .residuals import Answered, answered
@@ -104,8 +104,8 @@ def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str
     meaning, rows = {q.name: q.description for q in effect.parameters}, []
     for name, p in entry["parameters"].items():
         scale, unit = usual_scale(p["value"], p["unit"], model)
-        low, high = ("open" if end is None else f"{end / scale:.3g}" for end in p["ci95"])
-        shown = f"{p['value'] / scale:.3g} {unit}".removesuffix(" 1")
+        low, high = ("open" if end is None else three(end / scale) for end in p["ci95"])
+        shown = f"{three(p['value'] / scale)} {unit}".removesuffix(" 1")
         rows.append([meaning[name], shown, f"{low} to {high}", name])
     return rows
 
@@ -276,7 +276,7 @@ def _unit(q: Quantity, values: np.ndarray) -> tuple[float, str]:
 
 
 def _label(name: str, unit: str) -> str:
-    return name.replace("_", " ") if unit == "1" else f"{name.replace('_', ' ')} [{unit}]"
+    return name if unit == "1" else f"{name} [{unit}]"
 
 
 def _meaning(q: Quantity) -> str:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..docstrings import inline, paragraph, rendered, signature, summary
-from ..emit.tables import STYLE, body, changes, document, parameter_table
+from ..emit.tables import SCROLLS, STYLE, body, changes, document, parameter_table
 from ..laws import kinds, laws
 from ..model.declare import Model
 from ..model.effect import Effect
@@ -21,6 +21,7 @@ from ..plants.plant import Plant
 
 _STYLE = (
     STYLE
+    + SCROLLS
     + """
 body { max-width: none; margin: 0; padding: 0; display: grid; grid-template-columns: 17rem minmax(0, 1fr); }
 nav { position: sticky; top: 0; height: 100vh; overflow-y: auto; background: #f3f5f7; font-size: .85em;
@@ -28,11 +29,13 @@ padding: 1rem; box-sizing: border-box; } nav ul { list-style: none; margin: .2re
 nav b a { color: inherit; } a { color: #2a6f97; text-decoration: none; } a:hover { text-decoration: underline; }
 main { max-width: 66rem; padding: 0 2rem 6rem; box-sizing: border-box; }
 section { margin-top: 2.5rem; } dt { font-weight: 600; }
-article { border-bottom: 1px solid #dde3e8; padding-bottom: 1.2rem; overflow-x: auto; } h3 { margin: 1.6rem 0 .3rem; }
+article { border-bottom: 1px solid #dde3e8; padding-bottom: 1.2rem; } h3 { margin: 1.6rem 0 .3rem; }
 h5 { margin: .8rem 0 .2rem; font-size: .95em; } dd { margin-left: 1.5rem; } dd p { margin: .1rem 0 .5rem; }
+h1, h3, dt, .call { overflow-wrap: anywhere; }
 .call { font-family: ui-monospace, monospace; font-size: .9em; background: #f3f5f7; padding: .3rem .5rem; }
 summary { cursor: pointer; color: #2a6f97; } .index td { font-size: .9em; }
-@media (max-width: 55rem) { body { display: block; } nav { position: static; height: auto; } }
+@media (max-width: 55rem) { body { display: block; } nav { position: static; height: 40vh; }
+main { padding: 0 1rem; } }
 """
 )
 
@@ -90,7 +93,7 @@ def _index(section: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -
         + "</tr>"
         for name, *cells in rows
     )
-    return f'<table class="index"><tr>{head}</tr>{lines}</table>'
+    return f'<div class="wide"><table class="index"><tr>{head}</tr>{lines}</table></div>'
 
 
 def _in_short(what: str, documentation: str) -> str:

@@ -9,14 +9,17 @@ from pathlib import Path
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
+from ..emit.tables import SCROLLS
 from ..files import write_atomically
 from .colours import COLOURS
 
-_STYLE = """
+_STYLE = (
+    SCROLLS
+    + """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
 h1, h2, h3 { line-height: 1.2; overflow-wrap: anywhere; }
 h2 { margin-top: 2.4rem; border-bottom: 2px solid #c8402f; padding-bottom: .2rem; } h3 { margin: 1.8rem 0 .4rem; }
-.wide { overflow-x: auto; } table { border-collapse: collapse; margin: 1rem 0; }
+table { border-collapse: collapse; margin: 1rem 0; }
 td, th { text-align: left; padding: .3rem 1rem .3rem 0; border-bottom: 1px solid #dde3e8; vertical-align: top;
 font-variant-numeric: tabular-nums; }
 .note { color: #5b6b7a; } .lead { font-size: 1.15em; } figure { margin: 1rem 0; } figcaption { max-width: 46rem; }
@@ -27,10 +30,12 @@ svg { width: 100%; height: auto; display: block; font-family: inherit; }
 .beside figure, .panels figure { margin: 0; } .panels figcaption { font-size: .8em; line-height: 1.2; }
 .strips { display: grid; grid-template-columns: minmax(9rem, 15rem) 1fr; gap: .15rem 1rem; align-items: center; }
 .strips a { overflow-wrap: anywhere; line-height: 1.15; } .legend span { margin-right: 1rem; white-space: nowrap; }
-@media (max-width: 40rem) { .strips { grid-template-columns: 1fr; } .strips a { margin-top: .5rem; } }
+@media (max-width: 40rem) { .strips { grid-template-columns: 1fr; } .strips a { margin-top: .5rem; }
+table { font-size: .82em; line-height: 1.3; } td, th { padding-right: .5rem; } }
 pre { background: #f3f5f7; padding: .6rem .8rem; overflow-x: auto; font-size: 13px; line-height: 1.25; }
 pre.words { font: inherit; white-space: pre-wrap; max-width: 46rem; }
 """
+)
 
 
 class Page:
@@ -95,8 +100,12 @@ class Page:
         self._parts.append(f'<p class="legend">{said}</p>')
 
     def figure(self, figure: go.Figure, caption: str) -> None:
-        """A plotly figure with a caption in words."""
-        figure.update_layout(template="plotly_white", colorway=COLOURS, margin={"l": 60, "r": 20, "t": 30, "b": 50})
+        """A plotly figure with a caption in words; its legend is above it, below the toolbar, unless it has a place."""
+        above = len(figure.data) > 1 and figure.layout.legend.x is None
+        margin = {"l": 60, "r": 20, "t": 64 if above else 30, "b": 50}
+        figure.update_layout(template="plotly_white", colorway=COLOURS, margin=margin)
+        if above:
+            figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"})
         drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure{len(self._parts)}")
         note = f'<figcaption class="note">{html.escape(caption)}</figcaption>'
         self._parts.append(f"<figure>{drawn}{note}</figure>")

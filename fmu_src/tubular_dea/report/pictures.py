@@ -72,7 +72,7 @@ class Map:
             )
         figure.update_xaxes(title=self.labels[0], range=_ends(self.x))
         figure.update_yaxes(title=self.labels[1], range=_ends(self.y))
-        return figure.update_layout(plot_bgcolor=NOTHING, legend={"orientation": "h", "y": 1, "yanchor": "bottom"})
+        return figure.update_layout(plot_bgcolor=NOTHING)
 
     def _drawn(self) -> np.ndarray:
         """z, and up to a boundary also in the cells that it cuts: they take the mean of their neighbours."""

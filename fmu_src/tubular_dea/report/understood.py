@@ -68,6 +68,13 @@ class Understanding:
                 where = "" if count == len(self.recordings.experiments) else f" ({some(files, 4)})"
                 yield f"{label:10s} {text}{where}"
 
+    def _read_as(self, name: str) -> str:
+        """What the files call an output, where that is not its name."""
+        headings = [h for o in self.recordings.plant.outputs if o.name == name for h in o.headings]
+        sources = [e.source for e in self.recordings.experiments if e.source]
+        found = [h for h in headings if h != name and any(h in s.columns for s in sources)]
+        return f" (column {', '.join(found)})" if found else ""
+
     def _geometry(self) -> Iterator[str]:
         plant, given = self.recordings.plant, self.recordings.geometry
         if plant.geometry:
@@ -127,7 +134,7 @@ class Understanding:
                 "edges",
                 "rise",
                 "start",
-                *(f"{name} [{self.unit(name)}]" for name in quantities),
+                *(f"{name} [{self.unit(name)}]{self._read_as(name)}" for name in quantities),
             ]
         ]
         for experiment, driven in zip(self.recordings.experiments, self.drives, strict=True):
