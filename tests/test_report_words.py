@@ -258,7 +258,7 @@ def test_the_summary_gives_no_number_that_is_not_determined() -> None:
         return effects.size_words(effect, {"parameters": estimates}, PLANT.model)
 
     wide = said(eta_hoop=(4820.0, 7600.0), k_hoop=(-18.5e3, 11.7e3), tau_hoop=(8.21e-3, 9.58))
-    assert wide.startswith("damping in hoop direction = 1 (95 % interval 4.82e+03 to 7.6e+03); not determined")
+    assert wide.startswith("damping in hoop direction = 1 (95 % interval 4820 to 7600); not determined")
     assert wide.endswith("recordings: stiffness of the hoop direction's Maxwell branch, relaxation time of that branch")
     assert "not determined" not in said(k_hoop=(-18.5e3, -1e3), tau_hoop=(0.1, 9.58))
     assert "not determined" not in said(tau_hoop=(0.1, None))  # another sentence tells what an open end means
