@@ -122,7 +122,7 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("The error, before and after", level=3)
     effects = " and ".join(found.named.ids)
     labels = {
-        "published": "as declared",
+        "published": "as declared, with zeros and gains of every record fitted",
         "recalibrated": "before: with its own parameters refitted",
         "after": f"after: with {effects}" if effects else "after: no effect added",
     }
