@@ -161,7 +161,7 @@ def widening(means: np.ndarray, lags: int = WHITENESS_LAGS) -> float:
     centred = means - means.mean()
     lags = min(lags, centred.size // 2)
     alike = sum((1 - k / (lags + 1)) * float(centred[k:] @ centred[:-k]) for k in range(1, lags + 1))
-    return float(np.sqrt(max(1.0, 1 + 2 * alike / float(centred @ centred))))
+    return float(np.sqrt(max(1.0, 1 + 2 * alike / max(float(centred @ centred), 1e-300))))
 
 
 def _signals(study: Study, ids: Ids, fitted: Fit) -> dict[str, list[np.ndarray]]:
