@@ -424,6 +424,7 @@ def test_a_closed_loop_page_switches_before_and_after(browser: Page, tmp_path: P
 def test_the_handbook_fits_a_phone_and_clips_no_column_on_a_desktop(browser: Page, tmp_path: Path) -> None:
     path = tmp_path / "handbook.html"
     assert main(["handbook", "--out", str(path)]) == 0
+    browser.requests()  # those of earlier tests
     browser.driver.get(path.as_uri())
     wide = "const e = document.documentElement; return e.scrollWidth;"
     clipped = "[...document.querySelectorAll('.wide')].filter((b) => b.scrollWidth > b.clientWidth + 1).length"
@@ -433,6 +434,7 @@ def test_the_handbook_fits_a_phone_and_clips_no_column_on_a_desktop(browser: Pag
         browser.size(1200)
         assert browser.run(wide) <= 1200
         assert browser.run(f"return {clipped};") == 0
+        assert browser.requests() == [path.as_uri()]
     finally:
         browser.size(1280)
         browser.close()
