@@ -84,13 +84,14 @@ def answer(name: str, law: Effect | None) -> tuple[str, td.DiscoveryResult]:
 
 def main(arguments: Sequence[str]) -> None:
     """Print a line for every law."""
-    for name in PLACES:
-        if arguments and arguments[0] != name:
-            continue
-        laws = [law for i in range(len(PLACES[name][1])) for law in at(name, i)]
-        for law in [None, *laws]:
-            if arguments[1:] and (law is None or law.id not in arguments[1:]):
-                continue
+    plants, ids = arguments[:1] or PLACES, arguments[1:]
+    if unknown := {*plants} - {*PLACES}:
+        raise SystemExit(f"there is no plant {', '.join(unknown)}: expected one of {', '.join(PLACES)}")
+    for name in plants:
+        laws: dict[str, Effect | None] = {e.id: e for i in range(len(PLACES[name][1])) for e in at(name, i)}
+        if unknown := {*ids} - {*laws}:
+            raise SystemExit(f"{name} has no law {', '.join(unknown)}: expected some of {', '.join(laws)}")
+        for law in [laws[i] for i in ids] or [None, *laws.values()]:
             said, found = answer(name, law)
             named = ", ".join(f"{e.id} ({', '.join(e.equivalent)})" if e.equivalent else e.id for e in found.effects)
             print(f"{said:10} {law.id if law else 'nothing':28} {found.verdict:16} {named}", flush=True)
