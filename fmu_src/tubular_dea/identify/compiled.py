@@ -19,7 +19,7 @@ import sympy
 from ..errors import UserError
 from ..kernel import Kernel
 from ..model.declare import Model, unchecked
-from ..model.effect import Effect
+from ..model.effect import Effect, added
 from ..plants.plant import Plant
 from .start import loosened, unknowns
 from .threads import side_by_side
@@ -61,11 +61,7 @@ class Compiled:
 
     def model(self, ids: Iterable[str], *more: Effect) -> Model:
         """The model with the effects `ids` of the catalogue and `more`, all off."""
-        model = self.base
-        with unchecked():
-            for effect in [*(self.catalogue[name] for name in self._ordered(ids)), *more]:
-                model = effect(model)
-        model.check()
+        model = added(self.base, [*(self.catalogue[name] for name in self._ordered(ids)), *more])
         return loosened(model) if self.loose else model
 
     def unknown(self, ids: Ids) -> dict[str, float]:

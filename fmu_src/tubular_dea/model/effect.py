@@ -11,7 +11,7 @@ may act at the places of any plant in `laws`. Usage::
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from .declare import DeclarationError, Model, Parameter, Quantity, nearest, unchecked
@@ -104,11 +104,17 @@ class Effect:
 
 def with_effects(model: Model, ids: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
     """The model with the effects `ids` of a catalogue added in that order; `DeclarationError` for an unknown id."""
+    for name in ids:
+        if name not in catalogue:
+            raise DeclarationError(f"{model.name}: there is no effect {name!r}{nearest(name, catalogue)}")
+    return added(model, [catalogue[name] for name in ids])
+
+
+def added(model: Model, effects: Iterable[Effect]) -> Model:
+    """The model with effects added one after the other, and checked once."""
     with unchecked():
-        for name in ids:
-            if name not in catalogue:
-                raise DeclarationError(f"{model.name}: there is no effect {name!r}{nearest(name, catalogue)}")
-            model = catalogue[name](model)
+        for effect in effects:
+            model = effect(model)
     model.check()
     return model
 
