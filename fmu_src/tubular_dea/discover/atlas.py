@@ -17,7 +17,7 @@ from scipy.spatial.distance import squareform
 
 from ..identify.cases import Case, Reading
 from ..identify.compiled import Compiled
-from ..identify.response import FINE, Response
+from ..identify.response import FINER, Response
 from ..identify.study import PRIOR
 from ..identify.threads import one_blas_thread, side_by_side
 from ..kernel import Kernel, KernelError
@@ -93,7 +93,7 @@ def atlas(plant: Plant, tell: Progress = lambda what: None) -> Atlas:
     values, kernels = plant.model.parameter_values(), compiled.scorers(())
     distinct = {id(kernel): kernel for kernel in kernels.values()}
     bases = dict(zip(distinct, side_by_side(lambda k: _Off.of(plant, k, cases), distinct.values()), strict=True))
-    base = Response(compiled.kernel(), cases).outputs(values, FINE)
+    base = Response(compiled.kernel(), cases).outputs(values, FINER)
     scale = _largest(cases, base)
     unit = np.concatenate([np.full(r.times.size, scale[r.output] or 1.0) for case in cases for r in case.readings])
     tell("the plant's own parameters")
@@ -125,11 +125,11 @@ class _Off:
         off = {n: v for name in kernel.model.effects for n, v in switched_off(plant.catalogue[name]).items()}
         values = plant.model.parameter_values() | off
         response = Response(kernel, cases)
-        return cls(response, values, response.outputs_alone(values, FINE))
+        return cls(response, values, response.outputs_alone(values, FINER))
 
     def changed(self, effect: Effect) -> np.ndarray:
         """The change of the outputs (N,) by an effect at its usual size."""
-        answers = self.response.outputs_alone(self.values | dict(effect.typical), FINE)
+        answers = self.response.outputs_alone(self.values | dict(effect.typical), FINER)
         return np.concatenate([a - b for a, b in zip(answers, self.outputs, strict=True)])
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..identify.compiled import Ids
 from ..identify.fit import Fit
 from ..identify.problem import Problem
-from ..identify.response import FINE, Response
+from ..identify.response import FINER, Response
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from ..kernel import Kernel, KernelError
@@ -112,9 +112,9 @@ class _Baseline:
 def _baseline(
     kernel: Kernel, problem: Problem, values: Mapping[str, float], effects: Mapping[str, Effect]
 ) -> _Baseline:
-    response = Response(kernel, problem.response.cases, problem.response.fixed)
+    response = problem.response.by(kernel)
     off = {n: v for name in kernel.model.effects for n, v in switched_off(effects[name]).items()} | dict(values)
-    return _Baseline(response, off, response.outputs_alone(off, FINE))
+    return _Baseline(response, off, response.outputs_alone(off, FINER))
 
 
 def scores(listed: Iterable[Candidate], residual: np.ndarray, jacobian: np.ndarray) -> list[Score]:
@@ -149,7 +149,7 @@ def _candidate(
     for name in names:
         step = strength.get(name) or SCORE_STEP * (effect.typical[name] - effect.off[name] or size(effect, name))
         try:
-            moved = baseline.response.outputs_alone(off | {name: effect.off[name] + step}, FINE)
+            moved = baseline.response.outputs_alone(off | {name: effect.off[name] + step}, FINER)
         except KernelError:
             return None
         columns.append(problem.whiten([(a - b) / step for a, b in zip(moved, baseline.outputs, strict=True)]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..identify.response import TOLERANCE
 from ..identify.study import Study
 
 # Set by judgement. Check: `python -m blind.score --nulls 60 --seed 1000`
@@ -17,7 +16,7 @@ def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
     An effect with a smaller gain is not named.
     """
     problem = study.problem((), [], values)
-    coarse = problem.response.outputs(values, TOLERANCE)
-    fine = problem.response.outputs(values, TOLERANCE / 2)
+    coarse = problem.response.outputs(values)
+    fine = problem.response.outputs(values, finer=2)
     changed = problem.whiten([a - b for a, b in zip(coarse, fine, strict=True)])
     return NUMERIC_MARGIN * float(changed @ changed)

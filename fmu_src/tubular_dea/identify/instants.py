@@ -98,7 +98,7 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
             shift = np.where(chosen, low + part * (high - low), piece.shifts)
             cases.append(replace(piece.case, protocol=piece.driven_by(shift)))
     try:
-        answers = Response(response.kernel, cases, response.fixed).outputs_alone(values)
+        answers = response.of(cases).outputs_alone(values)
     except KernelError:
         return [EdgeResponse(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
     white = [whitened(piece.case, a, study.noise, piece.weight) for a in answers]

@@ -57,7 +57,7 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
     """
 
     def alone(case: Case) -> np.ndarray | None:
-        return Response(response.kernel, [case], response.fixed).possible(values)[0]
+        return response.of([case]).possible(values)[0]
 
     def gain(case: Case) -> np.ndarray:
         here = alone(case)

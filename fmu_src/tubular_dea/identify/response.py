@@ -16,7 +16,12 @@ T = TypeVar("T")
 # Set by judgement: the numerics gate (discover/numerics.py) compares with a halved one.
 # Check: `python -m blind.score --nulls 60 --seed 1000`
 TOLERANCE = 1e-6  # [1] of the kernel
-FINE = 1e-7  # [1] of the kernel where differences are taken
+FINER = 10.0  # [1] by how much less where differences are taken
+
+# Set by measurement: on 31 000 samples with 15 um of noise 1e-5 errs by 10 nm at most (squares of all together:
+# 0.001), and a discovery takes two thirds of the time. Check: `pytest tests/test_study.py -k tolerance`
+COARSER = (3e-5, 1e-5)  # [1] of the kernel, where what it changes is
+NEGLIGIBLE = 0.05  # [squared standard deviations] of all samples together: far less than searches agree to
 
 # Set by measurement: fewer cost as much. Check: `pytest tests/test_sensitivities.py`
 COLUMNS_TOGETHER = 4  # [1] columns of sensitivities that the kernel works on at once (COLUMNS_WIDE in tangent.c)
@@ -29,22 +34,38 @@ STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its in
 class Response:
     """A compiled model on a set of cases."""
 
-    def __init__(self, kernel: Kernel, cases: Sequence[Case], values: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        kernel: Kernel,
+        cases: Sequence[Case],
+        values: Mapping[str, float] | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> None:
         self.kernel = kernel
+        self.tolerance = tolerance
         self.cases = list(cases)
         self.fixed = dict(values or {})
         self.runs = runs(self.cases)
         self._meshes: dict[int, tuple[dict[str, float], np.ndarray]] = {}
 
-    def outputs(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
-        """What is read in every case, each (N,); `KernelError` where it cannot be computed."""
-        parameters = self.fixed | dict(values)
-        return self._joined(self._all(lambda run: self._outputs(run, parameters, tolerance, tolerance == TOLERANCE)))
+    def of(self, cases: Sequence[Case]) -> Response:
+        """The same model on other cases."""
+        return Response(self.kernel, cases, self.fixed, self.tolerance)
 
-    def outputs_alone(self, values: Mapping[str, float], tolerance: float = TOLERANCE) -> list[np.ndarray]:
+    def by(self, kernel: Kernel) -> Response:
+        """The same cases by another model."""
+        return Response(kernel, self.cases, self.fixed, self.tolerance)
+
+    def outputs(self, values: Mapping[str, float], finer: float = 1.0) -> list[np.ndarray]:
+        """What is read in every case, each (N,); `KernelError` where it cannot be computed. `finer` divides the
+        tolerance."""
+        parameters = self.fixed | dict(values)
+        return self._joined(self._all(lambda run: self._outputs(run, parameters, finer, finer == 1)))
+
+    def outputs_alone(self, values: Mapping[str, float], finer: float = 1.0) -> list[np.ndarray]:
         """As `outputs`, in the calling thread: for callers that are many threads themselves."""
         parameters = self.fixed | dict(values)
-        return self._joined([self._outputs(run, parameters, tolerance) for run in self.runs])
+        return self._joined([self._outputs(run, parameters, finer) for run in self.runs])
 
     def possible(self, values: Mapping[str, float]) -> list[np.ndarray | None]:
         """As `outputs_alone`, with None for cases that cannot be computed (a start beyond a fold)."""
@@ -55,7 +76,7 @@ class Response:
 
     def _possible(self, case: Case, parameters: dict[str, float]) -> np.ndarray | None:
         try:
-            return self._outputs(runs([case])[0], parameters, TOLERANCE)[0]
+            return self._outputs(runs([case])[0], parameters)[0]
         except KernelError:
             return None
 
@@ -67,7 +88,7 @@ class Response:
         )
 
     def _outputs(
-        self, run: CaseRun, parameters: dict[str, float], tolerance: float, keep_mesh: bool = False
+        self, run: CaseRun, parameters: dict[str, float], finer: float = 1.0, keep_mesh: bool = False
     ) -> dict[int, np.ndarray]:
         """The readings of every case of a run. Models that diverge or ring during a fit are given up early.
 
@@ -79,7 +100,7 @@ class Response:
             case.protocol,
             run.times,
             self._of(case, parameters),
-            tolerance,
+            self.tolerance / finer,
             max_steps=allowed,
             wanted=case.outputs,
             keep_mesh=keep_mesh,
@@ -93,7 +114,7 @@ class Response:
         known = self._meshes.get(id(run))
         if known is not None and known[0] == parameters:
             return known[1]
-        return self.kernel.mesh(run.case.protocol, self._of(run.case, parameters), TOLERANCE)
+        return self.kernel.mesh(run.case.protocol, self._of(run.case, parameters), self.tolerance)
 
     def _of(self, case: Case, parameters: Mapping[str, float]) -> dict[str, float]:
         """The parameters of a case: those that are searched for go before its own."""

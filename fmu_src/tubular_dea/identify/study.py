@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import ArgumentError, UserError
+from ..kernel import KernelError
 from ..model.declare import nearest
 from ..model.effect import Effect
 from ..plants.plant import Output, Plant
@@ -24,7 +25,7 @@ from .monitors import slow_level
 from .noise import Noise
 from .noise_bound import limited
 from .problem import Free, Problem
-from .response import Response
+from .response import COARSER, FINER, NEGLIGIBLE, TOLERANCE, Response
 from .start import MOVED, RESTED, UNKNOWN, loosened, zeroed
 
 # Set by convention: a quarter.
@@ -108,7 +109,7 @@ class Study:
     `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
     how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
     by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless effects
-    are `sought`, all that may be a record's own is.
+    are `sought`, all that may be a record's own is. `tolerance` is the integrator's.
     """
 
     plant: Plant
@@ -122,6 +123,7 @@ class Study:
     late: dict[str, float] = field(default_factory=dict)
     longer: dict[str, float] = field(default_factory=dict)
     sought: bool = True
+    tolerance: float = TOLERANCE
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
@@ -168,7 +170,7 @@ class Study:
 
     def asked(self, ids: Ids, cases: Sequence[Case], *more: Effect) -> Response:
         """The same for any cases."""
-        return Response(self.compiled.kernel(ids, *more), cases, self.geometry)
+        return Response(self.compiled.kernel(ids, *more), cases, self.geometry, self.tolerance)
 
     def problem(
         self, ids: Ids, free: Sequence[Free], fixed: Mapping[str, float], pieces: Sequence[Piece] | None = None
@@ -213,7 +215,23 @@ def study(
     pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
     compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
-    return Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior, sought=effects)
+    return _integrated(
+        Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior, sought=effects)
+    )
+
+
+def _integrated(work: Study) -> Study:
+    """The study with the coarsest tolerance whose error, at the declared values, is nothing beside the noise."""
+    for coarse in (replace(work, tolerance=t) for t in COARSER):
+        problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
+        try:
+            rough, fine = (problem.response.outputs(problem.fixed, finer) for finer in (1.0, FINER))
+        except KernelError:  # no answer there
+            return work
+        error = problem.whiten([a - b for a, b in zip(rough, fine, strict=True)])
+        if error @ error < NEGLIGIBLE:
+            return coarse
+    return work
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
