@@ -13,7 +13,7 @@ from tubular_dea.identify import noise
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.hum import is_hum
 from tubular_dea.identify.noise import Noise, estimate, rounded
-from tubular_dea.identify.quiet import stretches
+from tubular_dea.identify.quiet import Clock, stretches
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -74,7 +74,7 @@ def falling(n: int, random: np.random.Generator) -> np.ndarray:
 
 def slow_share(found: Noise, noise: np.ndarray) -> float:
     """The variance of whitened noise in blocks of a tenth of a second; 1 where its colour is right."""
-    white = found.whiten(0.004 * np.arange(noise.size), noise)
+    white = found.whiten(Clock.of(0.004 * np.arange(noise.size)), noise)
     return float(np.var(white[: noise.size // 25 * 25].reshape(-1, 25).sum(axis=1) / 5))
 
 
@@ -108,7 +108,7 @@ def test_what_is_driven_is_not_raised_with_1_over_f_noise() -> None:
     random, time = np.random.default_rng(2), 0.004 * np.arange(200_000)
     noise = Noise(RMS, 0.3, white=0.5, step=0.004, slower=(0.97, 0.9), driven=2 * RMS)
     own = replace(noise, driven=0.0).sample(time, random) + noise.driven * random.standard_normal(time.size)
-    assert np.var(noise.whiten(time, own)) == pytest.approx(1.0, rel=0.02)
+    assert np.var(noise.whiten(Clock.of(time), own)) == pytest.approx(1.0, rel=0.02)
     assert slow_share(noise, own) == pytest.approx(1.0, abs=0.06)
 
 
@@ -147,7 +147,7 @@ def test_rates_may_differ_from_file_to_file() -> None:
     assert found.rms == pytest.approx(RMS, rel=0.05)
     assert found.tau == pytest.approx(0.02, rel=0.1)
     for time, *_ in mixed:
-        white = found.whiten(time, found.sample(time, random))
+        white = found.whiten(Clock.of(time), found.sample(time, random))
         assert np.std(white) == pytest.approx(1, rel=0.06)
         assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(white.size)
 
@@ -183,11 +183,11 @@ def test_whitened_noise_is_white(phi: float, white: float) -> None:
     time[12000:] += 5.0  # a gap
     values = noise.sample(time, random)
     assert values.std() == pytest.approx(2.0, rel=0.1)
-    found = noise.whiten(time, values)
+    found = noise.whiten(Clock.of(time), values)
     lags = [float(np.mean(found[k:] * found[:-k])) for k in (1, 2, 5, 30)]
     assert found.std() == pytest.approx(1, rel=0.02)
     assert np.abs(lags).max() < 4 / np.sqrt(time.size)
-    columns = noise.whiten(time, np.stack([values, 2 * values], axis=1))
+    columns = noise.whiten(Clock.of(time), np.stack([values, 2 * values], axis=1))
     np.testing.assert_allclose(columns, np.stack([found, 2 * found], axis=1))
 
 

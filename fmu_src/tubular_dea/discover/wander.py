@@ -40,14 +40,20 @@ def explained_by_wandering(study: Study, before: Option, after: Option, threshol
     size, wandering = _likeliest(study, before)
     gained = 2 * (after.evidence - before.evidence) - (before.held_out - after.held_out)
     beside = _misfit(study, before, size) - _misfit(study, after, size)
-    return beside < max(threshold, GAINED_BESIDE * wandering) and wandering > gained - EARNS
+    return beside < _least_beside(threshold, wandering) and wandering > gained - EARNS
 
 
 def leaves(study: Study, before: Option, options: Sequence[Option], threshold: float) -> bool:
-    """Whether beside the wandering of zeros some option gains more than chance, the `threshold`, over `before`."""
-    size, _ = _likeliest(study, before)
-    left = _misfit(study, before, size)
-    return any(left - _misfit(study, one, size) > threshold for one in options)
+    """Whether some option gains over `before` what an effect has to gain beside the wandering of zeros."""
+    size, wandering = _likeliest(study, before)
+    left, least = _misfit(study, before, size), _least_beside(threshold, wandering)
+    return any(left - _misfit(study, one, size) > least for one in options)
+
+
+def _least_beside(threshold: float, wandering: float) -> float:
+    """What an effect has to gain beside wandering: more than chance, the `threshold`, and a share of what that
+    explains."""
+    return max(threshold, GAINED_BESIDE * wandering)
 
 
 def without(study: Study, option: Option) -> LackOfFit:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..protocol import Protocol
+from .quiet import Clock
 
 # Set by judgement: far below any sampling interval, far above what rounding changes when clocks are set.
 # Check: `pytest tests/test_cases.py`
@@ -25,6 +26,11 @@ class Reading:
 
     output: str
     times: np.ndarray
+
+    @cached_property
+    def clock(self) -> Clock:
+        """The usual step between the times, and the parts of them without a gap."""
+        return Clock.of(self.times)
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,9 @@ class Colour:
 def _sieved(values: np.ndarray, pole: float, zero: float, known: float) -> np.ndarray:
     """Values (n,) or (n, k) behind (1 - pole z) / (1 - zero z); of what comes out first, a share `known` of the first
     value is known. The first value stays."""
-    found = values.copy()
+    if zero == 0:
+        found = values.copy()
+        found[1:] -= pole * values[:-1]
+        return found
     begin = (zero * known - pole) * values[:1]
-    found[1:] = lfilter([1.0, -pole], [1.0, -zero], values[1:], axis=0, zi=begin)[0]
-    return found
+    return np.concatenate([values[:1], lfilter([1.0, -pole], [1.0, -zero], values[1:], axis=0, zi=begin)[0]])

@@ -123,12 +123,13 @@ def search(
     problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
 ) -> OptimizeResult | None:
     """scipy's bounded least squares; None where the model cannot be solved at the start."""
-    if not np.all(np.isfinite(problem.residuals(start))):
+    first = problem.residuals(start)
+    if not np.all(np.isfinite(first)):
         return None
     try:
         with np.errstate(over="ignore"):  # an infinite cost is that of a step to be refused
             return least_squares(
-                problem.residuals,
+                lambda x: first if np.array_equal(x, start) else problem.residuals(x),
                 start,
                 jac=lambda x: problem.linearised(x)[1],
                 bounds=problem.bounds(),

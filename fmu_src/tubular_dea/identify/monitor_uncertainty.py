@@ -20,6 +20,7 @@ from .cases import Case
 from .drive import Drive
 from .fit import Fit
 from .problem import Problem
+from .quiet import Clock
 from .response import Response
 from .start import FIRST_SAMPLES
 from .threads import side_by_side
@@ -107,7 +108,9 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
             last = min(int(np.searchsorted(place, begin + CHUNK)) + WHITENING_REACH, times.size)  # whitening looks back
             near, share = place[first:last, None], part[first:last, None]
             columns = (near == wanted) * (1 - share) + (near + 1 == wanted) * share
-            white = problem.noise[reading.output].whiten(times[first:last], columns * driving[first:last, None])
+            white = problem.noise[reading.output].whiten(
+                Clock.of(times[first:last]), columns * driving[first:last, None]
+            )
             moved[:, wanted] += along[:, first:last] @ white
     known = solveh_banded(np.stack([beside, diagonal + 1e-9 * diagonal.max()]), moved.T)
     return driven.noise[name] ** 2 * moved @ known

@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 from . import hum as hums
 from .colour import Colour
 from .monitors import resolution
-from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Records, Stretches, calm, louder, steady, stretches
+from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -140,14 +140,12 @@ class Noise:
         white = (self.white * before + driven) / (before + driven)
         return Colour(float(phi), white, pole**steps, (1 - more * (1 - pole)) ** steps)
 
-    def whiten(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Values (n,) or columns (n, k) in units of the innovation; a gap in `time` starts anew."""
-        if time.size < 2:
-            return values / self.total
-        colour = self.colour(float(np.median(np.diff(time))))
-        begins = [0, *(np.flatnonzero(~steady(time)) + 1).tolist(), time.size]
-        parts = [colour.whiten(values[a:b]) for a, b in zip(begins[:-1], begins[1:], strict=True)]
-        return np.concatenate(parts) / self.total
+    def whiten(self, clock: Clock, values: np.ndarray) -> np.ndarray:
+        """Values (n,) or columns (n, k) read at a clock's times, in units of the innovation; a gap starts anew."""
+        colour = self.colour(clock.step)
+        white = np.concatenate([colour.whiten(values[part]) for part in clock.parts])
+        white /= self.total
+        return white
 
     def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Noise of this kind at `time`, for a bootstrap; without hum."""

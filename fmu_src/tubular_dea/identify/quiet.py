@@ -185,6 +185,23 @@ def _calmest(groups: Sequence[tuple[np.ndarray, int]], enough: int) -> float:
     return float(np.average(values[few], weights=freedom[few]))
 
 
+@dataclass(frozen=True)
+class Clock:
+    """Times (n,) at which something was read: the usual `step` [s], and `parts` without a gap."""
+
+    step: float
+    parts: tuple[slice, ...]
+
+    @staticmethod
+    def of(time: np.ndarray) -> Clock:
+        """The clock of times [s]."""
+        if time.size < 2:
+            return Clock(0.0, (slice(0, time.size),))
+        ends = [0, *(np.flatnonzero(~steady(time)) + 1).tolist(), time.size]
+        parts = tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return Clock(float(np.median(np.diff(time))), parts)
+
+
 def steady(time: np.ndarray) -> np.ndarray:
     """Whether each step (n - 1,) of a record's time (n,) is a usual one, and no gap."""
     step = np.diff(time)

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..kernel import Kernel, KernelError, Trajectory
+from ..kernel import Driven, Kernel, KernelError, Trajectory
 from .cases import Case, CaseRun, runs
 from .threads import free_processors, side_by_side
 
@@ -46,6 +46,7 @@ class Response:
         self.cases = list(cases)
         self.fixed = dict(values or {})
         self.runs = runs(self.cases)
+        self._driven: dict[int, Driven] = {}
         self._meshes: dict[int, tuple[dict[str, float], np.ndarray]] = {}
 
     def of(self, cases: Sequence[Case]) -> Response:
@@ -97,7 +98,7 @@ class Response:
         case = run.case
         allowed = LEAST_STEPS + STEPS_A_SAMPLE * (run.times.size + case.protocol.time.size)
         found = self.kernel.simulate(
-            case.protocol,
+            self._drive(run),
             run.times,
             self._of(case, parameters),
             self.tolerance / finer,
@@ -109,12 +110,18 @@ class Response:
             self._meshes[id(run)] = (parameters, found.mesh)
         return run.read(found.values)
 
+    def _drive(self, run: CaseRun) -> Driven:
+        """What drives a run, checked for this model."""
+        if id(run) not in self._driven:
+            self._driven[id(run)] = self.kernel.driven(run.case.protocol)
+        return self._driven[id(run)]
+
     def _mesh(self, run: CaseRun, parameters: dict[str, float]) -> np.ndarray:
         """Where the integrator's steps end."""
         known = self._meshes.get(id(run))
         if known is not None and known[0] == parameters:
             return known[1]
-        return self.kernel.mesh(run.case.protocol, self._of(run.case, parameters), self.tolerance)
+        return self.kernel.mesh(self._drive(run), self._of(run.case, parameters), self.tolerance)
 
     def _of(self, case: Case, parameters: Mapping[str, float]) -> dict[str, float]:
         """The parameters of a case: those that are searched for go before its own."""
@@ -155,7 +162,7 @@ class Response:
         self, run: CaseRun, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
     ) -> Trajectory:
         return self.kernel.simulate(
-            run.case.protocol, run.times, values, sensitivities=names, mesh=mesh, wanted=run.case.outputs
+            self._drive(run), run.times, values, sensitivities=names, mesh=mesh, wanted=run.case.outputs
         )
 
     def _all(self, work: Callable[[CaseRun], T]) -> list[T]:

@@ -6,6 +6,6 @@ their sensitivities and many rows at once take one call each.
 
 from .checks import KernelError
 from .tangents import SensitivityError
-from .trajectories import DEFAULT_TOLERANCE, MOST_STEPS, Kernel, Trajectory
+from .trajectories import DEFAULT_TOLERANCE, MOST_STEPS, Driven, Kernel, Trajectory
 
-__all__ = ["DEFAULT_TOLERANCE", "MOST_STEPS", "Kernel", "KernelError", "SensitivityError", "Trajectory"]
+__all__ = ["DEFAULT_TOLERANCE", "MOST_STEPS", "Driven", "Kernel", "KernelError", "SensitivityError", "Trajectory"]

@@ -55,4 +55,4 @@ def load(path: Path) -> ctypes.CDLL:
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
     """The address of a contiguous array, as a C function takes it; the caller keeps the array alive."""
-    return array.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_void_p(array.ctypes.data)

@@ -70,15 +70,17 @@ class TangentLibrary:
         mesh: np.ndarray,
         names: Sequence[str],
         times: np.ndarray,
+        of_states: bool = True,
     ) -> Sensitivities:
-        """The trajectory over `mesh` at `times`, with its derivatives to the parameters `names`."""
+        """The trajectory over `mesh` at `times`, with its derivatives to the parameters `names`: of the outputs, and
+        `of_states` if asked for (else `x_tangent` has no rows)."""
         self.check(names)
         times = np.ascontiguousarray(times, dtype=float)
         n, m = times.size, len(names)
         columns = np.array([self.places[name] for name in names], dtype=np.intc)
         sizes = np.array([self._sizes[name] for name in names], dtype=float)  # a declaration may give integers
         x, y, reached = np.empty((n, self._n_states)), np.empty((n, self._n_outputs + 1)), ctypes.c_double()
-        x_tangent = np.empty((n, m, self._n_states))
+        x_tangent = np.empty((n if of_states else 0, m, self._n_states))
         observed, rate = np.empty((n, m, len(self.observed))), np.empty((n, len(self.observed)))
         status = self.library.kernel_tangents(
             pointer(parameters),
@@ -94,7 +96,7 @@ class TangentLibrary:
             pointer(times),
             pointer(x),
             pointer(y),
-            pointer(x_tangent),
+            pointer(x_tangent) if of_states else None,
             pointer(observed),
             pointer(rate),
             ctypes.byref(reached),

@@ -52,6 +52,16 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class Driven:
+    """A protocol that was checked for a model: breakpoints `points` (n,) [s], and `u` (n, inputs) as its library takes
+    them."""
+
+    protocol: Protocol
+    points: np.ndarray
+    u: np.ndarray
+
+
+@dataclass(frozen=True)
 class _Solved:
     """What the library found: states `x` and outputs `y` at samples, counts of steps, and `mesh` where it was kept."""
 
@@ -149,9 +159,30 @@ class Kernel:
         """
         return parameter_array(self.model, values or {})
 
+    def driven(self, protocol: Protocol) -> Driven:
+        """A protocol for many runs, checked once.
+
+        Parameters
+        ----------
+        protocol : Protocol
+            Breakpoints of all inputs.
+
+        Returns
+        -------
+        Driven
+            What `simulate` and `mesh` take in the protocol's place.
+
+        Raises
+        ------
+        UserError
+            For a protocol that `simulate` would refuse.
+        """
+        check_protocol(self.model, protocol)
+        return self._laid_out(protocol, self.inputs)
+
     def simulate(
         self,
-        protocol: Protocol,
+        protocol: Protocol | Driven,
         times: np.ndarray,
         parameters: Mapping[str, float] | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
@@ -166,8 +197,8 @@ class Kernel:
 
         Parameters
         ----------
-        protocol : Protocol
-            Breakpoints of all inputs.
+        protocol : Protocol or Driven
+            Breakpoints of all inputs; for many runs of the same, what `driven` makes of it.
         times : ndarray of shape (n,)
             Ascending times inside the protocol [s].
         parameters : mapping of str to float, optional
@@ -208,8 +239,9 @@ class Kernel:
         >>> run.sensitivities["measured_displacement"].shape
         (5, 1)
         """
-        values = self.parameters(parameters)
-        points, u = self._drive(protocol, values)
+        values, driven = self.parameters(parameters), self._checked(protocol)
+        protocol = driven.protocol
+        points, u = self._drive(driven, values)
         times = ascending("sample times", times, points[0], points[-1])
         positive("tolerance", tolerance)
         positive("max_steps", max_steps)
@@ -263,7 +295,10 @@ class Kernel:
             mesh = np.empty(counts[0])
 
     def mesh(
-        self, protocol: Protocol, parameters: Mapping[str, float] | None = None, tolerance: float = DEFAULT_TOLERANCE
+        self,
+        protocol: Protocol | Driven,
+        parameters: Mapping[str, float] | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
     ) -> np.ndarray:
         """Where the integrator's steps end, to be kept while parameters change.
 
@@ -278,7 +313,7 @@ class Kernel:
             Times [s].
         """
         values = self.parameters(parameters)
-        return self._mesh(*self._drive(protocol, values), values, positive("tolerance", tolerance))
+        return self._mesh(*self._drive(self._checked(protocol), values), values, positive("tolerance", tolerance))
 
     def _mesh(self, points: np.ndarray, u: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
         found = self._solved(points, u, values, tolerance, MOST_STEPS, np.empty(0), False, True)
@@ -302,7 +337,8 @@ class Kernel:
         mesh = ascending("mesh", mesh, points[0], points[-1])
         sampled, here, earlier = self._samples(protocol, times, values)
         columns = [name for name in names if name not in self._delayed.values()]
-        found = self._tangents.run(values, points, u, mesh, columns, sampled)
+        states = [s for s in self.states if wanted is None or s in wanted]
+        found = self._tangents.run(values, points, u, mesh, columns, sampled, bool(states))
         if found.status:
             raise KernelError(failure(self.model, found.status, found.reached))
         if not np.all(np.isfinite(found.observed_tangent)):
@@ -317,7 +353,7 @@ class Kernel:
             full[:, places] = tangent
             return full
 
-        derivatives = {state: spread(found.x_tangent[here, :, i]) for i, state in enumerate(self.states)}
+        derivatives = {state: spread(found.x_tangent[here, :, self.states.index(state)]) for state in states}
         for i, output in enumerate(self._observed):
             delay = self._delayed.get(output)
             at = earlier[delay] if delay else here
@@ -332,14 +368,21 @@ class Kernel:
     def _value(self, values: np.ndarray, name: str) -> float:
         return float(values[list(self.defaults).index(name)])
 
-    def _drive(self, protocol: Protocol, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _checked(self, protocol: Protocol | Driven) -> Driven:
+        return protocol if isinstance(protocol, Driven) else self.driven(protocol)
+
+    def _drive(self, driven: Driven, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Breakpoints and inputs, delayed ones among them."""
-        check_protocol(self.model, protocol)
         delays = input_delays(self.model)
         if delays:
             by = dict(zip(self.defaults, values, strict=True))
-            protocol = protocol.delayed({d.quantity.name: (d.of, by[d.by]) for d in delays})
-        return np.ascontiguousarray(protocol.time, dtype=float), np.ascontiguousarray(protocol.table(self._driven))
+            later = driven.protocol.delayed({d.quantity.name: (d.of, by[d.by]) for d in delays})
+            driven = self._laid_out(later, self._driven)
+        return driven.points, driven.u
+
+    def _laid_out(self, protocol: Protocol, inputs: Sequence[str]) -> Driven:
+        points, u = (np.ascontiguousarray(a, dtype=float) for a in (protocol.time, protocol.table(inputs)))
+        return Driven(protocol, points, u)
 
     def _samples(
         self, protocol: Protocol, times: np.ndarray, values: np.ndarray
