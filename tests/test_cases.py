@@ -10,7 +10,7 @@ import pytest
 import tubular_dea as td
 from tubular_dea.identify.cases import Case, Reading, runs
 from tubular_dea.identify.response import Response
-from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.kernel import Driven, Kernel, KernelError
 from tubular_dea.protocol import Protocol
 
 TIMES = np.linspace(0, 3, 301)
@@ -65,10 +65,10 @@ def test_a_case_that_cannot_be_computed_takes_none_before_it_along(monkeypatch: 
     kernel = Kernel(td.tube())
     real = kernel.simulate
 
-    def bursts(protocol: Protocol, *args: object, **options: object) -> object:
-        if protocol.time.size > first.protocol.time.size:
+    def bursts(driven: Driven, *args: object, **options: object) -> object:
+        if driven.points.size > first.protocol.time.size:
             raise KernelError("the load is beyond the fold")
-        return real(protocol, *args, **options)  # type: ignore[arg-type]
+        return real(driven, *args, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(kernel, "simulate", bursts)
     found = Response(kernel, [first, second]).possible({})

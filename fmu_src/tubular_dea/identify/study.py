@@ -25,7 +25,7 @@ from .monitors import slow_level
 from .noise import Noise
 from .noise_bound import limited
 from .problem import Free, Problem
-from .response import COARSER, FINER, NEGLIGIBLE, TOLERANCE, Response
+from .response import FINER, NEGLIGIBLE, ROUGH, TOLERANCE, Response
 from .start import MOVED, RESTED, UNKNOWN, loosened, zeroed
 
 # Set by convention: a quarter.
@@ -221,17 +221,15 @@ def study(
 
 
 def _integrated(work: Study) -> Study:
-    """The study with the coarsest tolerance whose error, at the declared values, is nothing beside the noise."""
-    for coarse in (replace(work, tolerance=t) for t in COARSER):
-        problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
-        try:
-            rough, fine = (problem.response.outputs(problem.fixed, finer) for finer in (1.0, FINER))
-        except KernelError:  # no answer there
-            return work
-        error = problem.whiten([a - b for a, b in zip(rough, fine, strict=True)])
-        if error @ error < NEGLIGIBLE:
-            return coarse
-    return work
+    """The study with the rough tolerance, if its error at the declared values is nothing beside the noise."""
+    coarse = replace(work, tolerance=ROUGH)
+    problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
+    try:
+        rough, fine = (problem.response.outputs(problem.fixed, finer) for finer in (1.0, FINER))
+    except KernelError:  # no answer there
+        return work
+    error = problem.whiten([a - b for a, b in zip(rough, fine, strict=True)])
+    return coarse if error @ error < NEGLIGIBLE else work
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
