@@ -416,14 +416,26 @@ def test_a_zero_that_a_file_at_rest_lacks_is_not_common_to_all(monkeypatch: pyte
     assert adjusted(set_of(zeros), (), TRUTH, FREE).spread["reading"] == pytest.approx(0.3, rel=0.3)
 
 
-def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
-    """As beyond the fold of a tube: x follows -log(1.002 - load) at once, under a load that comes to 1."""
+def edge() -> Plant:
+    """As a tube near its fold: x follows -log(1.002 - load) at once."""
     m = Build("Edge")
     load, tau = m.input("load", "1"), m.parameter("tau", "s", 0.05)
     x = m.state("x", "1", start=0.0, nominal=1.0)
     m.derivative(x, (-sympy.log(1.002 - load) - x) / tau)
     m.output("reading", "1", x)
-    plant = Plant(m.model(), [Input("load", zero=0.01)], [Output("reading")])
+    return Plant(m.model(), [Input("load", zero=0.01)], [Output("reading")])
+
+
+def test_a_study_that_the_model_cannot_follow_stays_as_it_is() -> None:
+    plant, beyond = edge(), np.linspace(0.5, 1.1, TIME.size)
+    record = Experiment("one", TIME, {"load": beyond}, {"reading": NOISE * np.sin(TIME)}, np.arange(TIME.size))
+    work = study(Recordings(plant, [record]), held_out=())
+    assert adjusted(work, (), plant.model.parameter_values()) is work
+
+
+def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
+    """Under a load that comes to 1, its end."""
+    plant = edge()
     values, rising = plant.model.parameter_values(), np.linspace(0.5, 1.0, TIME.size)
     read = -np.log(1.002 - rising) + NOISE * np.random.default_rng(4).standard_normal(TIME.size)
     record = Experiment("one", TIME, {"load": rising}, {"reading": read}, np.arange(TIME.size))

@@ -50,6 +50,8 @@ def adjusted(
     fixed = study.shared(values) | study.geometry
     owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
     work = replace(study, pieces=[p for p in owned if p is not None])
+    if not work.pieces:
+        return study
     linear = side_by_side(lambda p: linearised(work, ids, fixed, p), work.pieces)
     spread, common = spreads(work, ids, fixed, linear, free)
     priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
