@@ -19,6 +19,7 @@ from .options import Option, fitted_option, option
 from .parameters import lost, unusual
 from .power import Sizes, detection_limits
 from .refit import FIRST_STEPS, FULL_STEPS, first_refit, further
+from .rounding import explained_by_rounding
 from .wander import explained_by_wandering
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
@@ -124,8 +125,8 @@ def _decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
     """The round with its options in order, and whether the first of them is accepted."""
     options = step.options
     said = [_said(study, base, chosen, o, step.threshold) for o in options]
-    if any(s.accepted for s in said):  # what wandering explains is no rival of what it does not
-        real = [i for i, s in enumerate(said) if not s.wanders]
+    if any(s.accepted for s in said):  # what sensors explain is no rival of what they do not
+        real = [i for i, s in enumerate(said) if not s.imitated]
         options, said = [options[i] for i in real], [said[i] for i in real]
     good = _undenied(chosen, options, [i for i, s in enumerate(said) if s.accepted])
     best = _preferred(study, options, good) if good else 0
@@ -135,11 +136,11 @@ def _decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
 
 @dataclass(frozen=True)
 class _Said:
-    """Whether an option is accepted, why (not), and whether a zero that wanders explains as much."""
+    """Whether an option is accepted, why (not), and whether what sensors do explains as much."""
 
     accepted: bool
     reason: str
-    wanders: bool = False
+    imitated: bool = False
 
 
 def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> _Said:
@@ -147,6 +148,8 @@ def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: fl
     accepted, reason = accept(base, chosen, one, threshold)
     if accepted and explained_by_wandering(study, chosen, one, threshold):
         return _Said(False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}", True)
+    if accepted and explained_by_rounding(study, chosen, one, threshold):
+        return _Said(False, f"the coarse steps of the sensor's readings explain as much as {one.ids[-1]}", True)
     return _Said(accepted, reason)
 
 

@@ -2,9 +2,8 @@
 
 Slow effects (heating, softening, drift) resemble a wandering zero: a smooth curve over the time of each file, of the
 usual size of zeros. They are accepted only if they explain more than such curves. The curves are integrated out
-(Rasmussen and Williams, "Gaussian processes for machine learning", 2006, eq. 2.39) for this comparison only, as large
-as is likeliest. The plant's own parameters are fitted without them, because they would absorb the slow parts that
-determine these parameters.
+(`beside`) for this comparison only, as large as is likeliest. The plant's own parameters are fitted without them,
+because they would absorb the slow parts that determine these parameters.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from numpy.polynomial.legendre import legvander
 from ..identify.problem import whitened
 from ..identify.study import Piece, Study
 from .acceptance import EARNS
+from .beside import Curves, misfit, taken
 from .options import Option
 from .residuals import LackOfFit, lack_of_fit
 
@@ -83,10 +83,7 @@ def _likeliest(study: Study, option: Option) -> tuple[float, float]:
 
 def _misfit(study: Study, option: Option, size: float) -> float:
     """The sum of squares of the training pieces, with the wandering of each integrated out."""
-    squares = option.fitted.cost
-    for rows, columns, found in _found(study, option, size):
-        squares -= float(option.fitted.residual[rows] @ columns @ found)
-    return squares
+    return misfit(option, _found(study, option, size))
 
 
 def _complexity(study: Study, option: Option, size: float) -> float:
@@ -94,15 +91,9 @@ def _complexity(study: Study, option: Option, size: float) -> float:
     return float(sum(np.linalg.slogdet(np.eye(c.shape[1]) + c.T @ c)[1] for _, c, _ in _found(study, option, size)))
 
 
-def _found(study: Study, option: Option, size: float) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Of every training piece its rows, the curves (N, k) of some `size` that its zeros may wander along, and how far
-    they do (k,)."""
-    begin = 0
-    for piece in study.training:
-        rows, columns = slice(begin, begin + piece.record.size), _curves(study, piece, size)
-        along = columns.T @ option.fitted.residual[rows]
-        yield rows, columns, np.linalg.solve(np.eye(along.size) + columns.T @ columns, along)
-        begin = rows.stop
+def _found(study: Study, option: Option, size: float) -> Iterator[Curves]:
+    """How far zeros wander in every training piece, along curves of some `size`."""
+    return taken(option, (_curves(study, piece, size) for piece in study.training))
 
 
 def _curves(study: Study, piece: Piece, size: float) -> np.ndarray:

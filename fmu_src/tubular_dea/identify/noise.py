@@ -72,7 +72,8 @@ class Noise:
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
     enough to tell how much of it is slower than what they show, as 1/f noise is. `driven` is white noise on top (the
-    same unit) that no record at rest shows: fast noise of the monitors that drive the model.
+    same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain` is the step (the
+    same unit) that readings are rounded to where that is coarse beside the noise, else 0.
     """
 
     rms: float
@@ -87,6 +88,7 @@ class Noise:
     driven: float = 0.0
     slower: tuple[float, float] = (0.0, 0.0)
     slow_known: bool = True
+    grain: float = 0.0
 
     @property
     def uncertainty(self) -> float:
@@ -257,7 +259,8 @@ def rounded(noise: Noise, step: float) -> Noise:
     Where it is larger than the noise, it follows slow signals, and nothing tells how slow it is.
     """
     rounding = step / float(np.sqrt(12.0))
-    noise = replace(noise, slow_known=noise.slow_known and 2 * rounding**2 < noise.rms**2)
+    if 2 * rounding**2 >= noise.rms**2:
+        noise = replace(noise, slow_known=False, grain=step)
     if rounding < COARSE_OUTPUT * noise.innovation:
         return noise
     rms = float(np.hypot(noise.rms, rounding))
