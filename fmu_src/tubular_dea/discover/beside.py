@@ -11,9 +11,8 @@ import numpy as np
 
 from .options import Option
 
-Curves = tuple[
-    slice, np.ndarray, np.ndarray
-]  # rows of a piece, its columns (N, k), how far each is in the residual (k,)
+# Rows of a piece, its columns (N, k), and how much of each is in the residual (k,).
+Curves = tuple[slice, np.ndarray, np.ndarray]
 
 
 def taken(option: Option, columns: Iterable[np.ndarray]) -> Iterator[Curves]:

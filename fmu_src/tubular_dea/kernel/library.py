@@ -54,5 +54,5 @@ def load(path: Path) -> ctypes.CDLL:
 
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
-    """The address of a contiguous array, as a C function takes it; the caller keeps the array alive."""
-    return ctypes.c_void_p(array.ctypes.data)
+    """The address of a contiguous array, as a C function takes it, with the array that it keeps alive."""
+    return array.ctypes.data_as(ctypes.c_void_p)
