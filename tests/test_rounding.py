@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +9,8 @@ import pytest
 
 import tubular_dea as td
 from test_plain_models import one_state
-from tubular_dea.discover import rounding
-from tubular_dea.discover.beside import Curves, taken
 from tubular_dea.discover.options import Option, fitted_option
-from tubular_dea.discover.rounding import explained_by_rounding
+from tubular_dea.discover.rounding import explained_by_rounding, sawtooth
 from tubular_dea.identify.study import PRIOR, Study, study
 from tubular_dea.plants.plant import Input, Output, Plant
 
@@ -47,18 +44,12 @@ def better(base: Option, by: np.ndarray) -> Option:
 def test_what_rounding_explains_is_no_effect_and_the_rest_is_one() -> None:
     work, base = work_of(grain=0.1)
     assert work.noise["reading"].grain == pytest.approx(0.1)
-    rows, columns, found = next(curves(work, base))
+    rows, columns, found = next(sawtooth(work, base))
     assert float(base.fitted.residual[rows] @ columns @ found) > THRESHOLD  # rounding does show
     assert explained_by_rounding(work, base, better(base, columns @ found), THRESHOLD)
     slow = 0.2 * np.sin(2 * np.pi * TIME / 7)
     lacking = better(base, -slow)  # a model that lacks a slow wave, beside the rounding
     assert not explained_by_rounding(work, lacking, base, THRESHOLD)
-
-
-def curves(work: Study, base: Option) -> Iterator[Curves]:
-    answers = work.response((), work.training).outputs(base.fitted.values)
-    listed = [rounding._waves(work, p, y) for p, y in zip(work.training, answers, strict=True)]
-    return taken(base, listed)
 
 
 def test_fine_readings_are_left_alone() -> None:

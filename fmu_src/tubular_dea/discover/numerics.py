@@ -15,8 +15,4 @@ def numeric_gain(study: Study, values: Mapping[str, float]) -> float:
 
     An effect with a smaller gain is not named.
     """
-    problem = study.problem((), [], values)
-    coarse = problem.response.outputs(values)
-    fine = problem.response.outputs(values, finer=2)
-    changed = problem.whiten([a - b for a, b in zip(coarse, fine, strict=True)])
-    return NUMERIC_MARGIN * float(changed @ changed)
+    return NUMERIC_MARGIN * study.problem((), [], values).numerical_error(finer=2)

@@ -133,6 +133,12 @@ class Problem:
             return np.full(rows, np.inf)
         return self._residual(scaled, outputs)
 
+    def numerical_error(self, finer: float) -> float:
+        """What a `finer` tolerance changes at the `fixed` values: the sum of squares in units of the noise."""
+        here, there = self.response.outputs(self.fixed), self.response.outputs(self.fixed, finer)
+        changed = self.whiten([a - b for a, b in zip(here, there, strict=True)])
+        return float(changed @ changed)
+
     def _residual(self, scaled: np.ndarray, outputs: Sequence[np.ndarray]) -> np.ndarray:
         white = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
         return np.concatenate([white, (scaled - self._center()) / self.prior]) if self.prior else white

@@ -225,11 +225,9 @@ def _integrated(work: Study) -> Study:
     coarse = replace(work, tolerance=ROUGH)
     problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
     try:
-        rough, fine = (problem.response.outputs(problem.fixed, finer) for finer in (1.0, FINER))
+        return coarse if problem.numerical_error(FINER) < NEGLIGIBLE else work
     except KernelError:  # no answer there
         return work
-    error = problem.whiten([a - b for a, b in zip(rough, fine, strict=True)])
-    return coarse if error @ error < NEGLIGIBLE else work
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
