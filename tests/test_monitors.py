@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, lsim, lti, sosfilt
 
+from tubular_dea.identify import monitors
 from tubular_dea.identify.band import band_limited, noise_floor
 from tubular_dea.identify.data import DataError, Experiment
 from tubular_dea.identify.drive import Drive, drive, drives
@@ -304,3 +305,35 @@ def test_a_held_input_that_moves_smoothly_is_no_staircase() -> None:
     assert np.std(left) < 8  # one that is held, read as a line, misses it by 60
     assert not held(random.uniform(0, 5000, 2000)).unheld  # stairs with new levels
     assert held(sine(time), 0.0).protocol.time.size > 3 * time.size / 2  # a command holds what stands in the file
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+def test_passes_over_a_coarse_record_are_few(bits: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    time = np.arange(0, 8, 1e-3)
+    moving = np.interp(time, [0, 2, 5, 5.5, 8], [0, 0, 12e3, 12e3, 4e3])
+    step = 40e3 / 2**bits
+    coarse = step * np.round(moving / step)
+    passes = 0
+
+    def counted(pieces: monitors._Segments, noise: float) -> np.ndarray:
+        nonlocal passes
+        passes += 1
+        return loss(pieces, noise)
+
+    loss = monitors._loss
+    monkeypatch.setattr(monitors, "_loss", counted)
+    line = polyline(time, coarse, level(coarse))
+    assert passes < 10 * np.log2(time.size)  # each takes out a share of what is left, also where it stands still
+    assert np.abs(np.interp(time, time[line.corners], line.values) - moving).max() < 2 * step
+
+
+@pytest.mark.parametrize("zero", [0.0, 30.0])
+@pytest.mark.parametrize("step", [0.7, 12.0])
+def test_a_monitor_that_is_off_in_one_file_has_noise_there_and_no_edges(zero: float, step: float) -> None:
+    random, held = np.random.default_rng(3), [Input("voltage", held=True, least=25.0)]
+    on = np.where((TIME > 4) & (TIME < 9), 5e3, 0.0)
+    files = [step * np.round((v + zero + 4 * random.standard_normal(TIME.size)) / step) for v in (on, 0 * on)]
+    found = drives([recorded(TIME, "voltage", v) for v in files], held)
+    assert len(found[0].edges) == 2 and not found[1].edges
+    assert found[1].noise["voltage"] == pytest.approx(np.hypot(4, step / np.sqrt(12)), rel=0.3)
+    assert found[1].protocol.time.size < TIME.size / 50

@@ -13,7 +13,7 @@ from tubular_dea.identify import noise
 from tubular_dea.identify.colour import Colour
 from tubular_dea.identify.hum import is_hum
 from tubular_dea.identify.noise import Noise, estimate, rounded
-from tubular_dea.identify.quiet import Clock, stretches
+from tubular_dea.identify.quiet import Clock, calm, stretches
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -276,3 +276,13 @@ def test_what_moves_five_times_as_much_as_at_rest_is_no_noise(monkeypatch: pytes
     monkeypatch.setattr(noise, "_chosen", lambda records: (stretches(later), True, False))
     found = estimate(listed)
     assert found.quiet and found.rms == pytest.approx(0.05, rel=0.1)
+
+
+def test_short_stretches_without_hum_do_not_make_long_ones_look_loud() -> None:
+    time = np.arange(0, 8, 1 / 5000)
+    events = np.append(0.0, 0.132 * np.arange(1, 12))  # then nothing happens for seconds
+    for seed in range(10):
+        values = 15e-6 * Colour(0.955).sample(time.size, np.random.default_rng(seed))
+        groups = stretches([(time, values, events)])
+        kept = calm(groups, 0.0, lines=(60.0, 120.0, 180.0))
+        assert {len(g.values) for g in kept} == {len(g.values) for g in groups}

@@ -24,6 +24,7 @@ from .monitors import (
     WRONG,
     Polyline,
     changes_by_itself,
+    coarseness,
     curved,
     halved,
     level,
@@ -79,7 +80,7 @@ class Drive:
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
     are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
-    are those of the amplifiers behind monitors that switch, by input.
+    are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
     """
 
     protocol: Protocol
@@ -92,6 +93,7 @@ class Drive:
     zeros: Mapping[str, float] = field(default_factory=dict)
     unheld: frozenset[str] = frozenset()
     rises: Mapping[str, Rise] = field(default_factory=dict)
+    step: float = 0.0
 
     def moved(self, shifts: np.ndarray, longer: Mapping[str, float] | None = None) -> Protocol:
         """The protocol with every one of `edges` later by its shift (m,) [s], and `longer` [s] by input.
@@ -149,7 +151,7 @@ def drive(
     each held input rises where a set of records tells it (`drives`), `mains` what lines [Hz] of hum each continuous one
     has; else this record alone does. `between` two samples (0 to 1) is where an edge is if nothing tells.
     """
-    levels = _levels(experiment, inputs, noise)
+    levels = _levels([experiment], inputs, noise)[0]
     exact = {n for n, level in (noise or {}).items() if level == 0.0}  # commanded: it holds what stands in the file
     drawn: dict[str, _Drawn] = {}
     numbered: dict[str, HeldLine] = {}
@@ -181,6 +183,7 @@ def drive(
         any(d.shown for d in drawn.values()),
         unheld=frozenset(n for n, d in drawn.items() if d.unheld),
         rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
+        step=float(np.median(np.diff(experiment.time))),
     )
 
 
@@ -192,8 +195,7 @@ def drives(
 
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
-    kept = {s.name: _middle([memory(e.inputs[s.name]) for e in experiments]) for s in inputs if s.linear}
-    levels = [_levels(e, inputs, noise, kept) for e in experiments]
+    levels = _levels(experiments, inputs, noise)
     rises = {
         s.name: rise_of(
             [
@@ -216,25 +218,32 @@ def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, floa
 
 
 def _levels(
-    experiment: Experiment,
-    inputs: Sequence[Input],
-    stated: Mapping[str, float] | None,
-    memories: Mapping[str, tuple[float, float]] | None = None,
-) -> dict[str, float]:
-    """The noise of every monitor: as stated, or estimated from its record."""
-    found = {}
-    for signal in inputs:
-        values = experiment.inputs[signal.name]
-        if stated and signal.name in stated:  # 0: it was commanded, and is what stands in the file
-            found[signal.name] = stated[signal.name]
-        elif signal.band_limited:
-            found[signal.name] = noise_floor(values)
-        else:
-            known = (memories or {}).get(signal.name) or (memory(values) if signal.linear else None)
-            there = float(np.abs(values).max()) > signal.least  # else nothing but noise is in it
-            command = signal.held and there and changes_by_itself(values)
-            found[signal.name] = 0.0 if command else level(values, known or NO_MEMORY)
-    return found
+    experiments: Sequence[Experiment], inputs: Sequence[Input], stated: Mapping[str, float] | None
+) -> list[dict[str, float]]:
+    """The noise of every monitor in every record: as stated, or estimated."""
+    known = stated or {}
+    each = {
+        s.name: [known[s.name]] * len(experiments) if s.name in known else _estimated(experiments, s) for s in inputs
+    }
+    return [{name: levels[i] for name, levels in each.items()} for i in range(len(experiments))]
+
+
+def _estimated(experiments: Sequence[Experiment], signal: Input) -> list[float]:
+    """The noise of a monitor in every record, with what all of them tell of its colour, and of its resolution.
+
+    Where it is off, it may toggle between two readings, which looks like a command that is new at every sample: whether
+    it is one is told by the record in which it is largest. A command (0) is what stands in the file.
+    """
+    records = [e.inputs[signal.name] for e in experiments]
+    if signal.band_limited:
+        return [noise_floor(values) for values in records]
+    largest = max(records, key=lambda values: float(np.abs(values).max()))
+    there = float(np.abs(largest).max()) > signal.least  # else nothing but noise is in it
+    if signal.held and there and changes_by_itself(largest):
+        return [0.0] * len(records)
+    kept = _middle([memory(values) for values in records]) if signal.linear else NO_MEMORY
+    step = min((c for values in records if (c := coarseness(values)) > 0), default=0.0)
+    return [level(values, kept, step) for values in records]
 
 
 def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn:

@@ -41,6 +41,9 @@ POLISH = 2  # [1] times that all corners are moved and tried again
 # `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
 STAGES = (1.0, 2.0, 4.0, 8.0, REMOVE)  # [squared standard deviations] up to which corners go, the least useful first
 
+# Set by judgement. Check: `pytest tests/test_monitors.py -k passes`
+INDIFFERENT = 1e-3  # [squared standard deviations] below which corners are all the same: of a coarse monitor at rest
+
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
 INSERT = 18.0  # [squared standard deviations] by which one more corner must explain the record better
@@ -70,6 +73,7 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
+TOGGLES = 3.0  # [1] steps over which a record goes that shows nothing but its noise
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
@@ -163,15 +167,17 @@ def resolution(values: np.ndarray) -> float:
     return float(np.min(step[step > 0], initial=np.inf)) if np.any(step) else 0.0
 
 
-def level(values: np.ndarray, remembered: tuple[float, float] | None = None) -> float:
+def level(values: np.ndarray, remembered: tuple[float, float] | None = None, step: float = 0.0) -> float:
     """The noise of a monitor as it weighs on lines over many samples: as white noise of this level would.
 
-    `remembered` is its `memory` where other records of the same monitor show it better. Not less than its resolution
-    makes; without any, every sample would be an event.
+    `remembered` is its `memory`, and `step` its resolution, where other records of the same monitor show them better.
+    Not less than its resolution makes; without any, every sample would be an event.
     """
     larger, phi = remembered or memory(values) or NO_MEMORY
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
-    return max(noise_level(values) * slow, _coarseness(values) / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
+    coarse = max(coarseness(values), step)
+    toggles = float(np.std(values)) if np.ptp(values) <= TOGGLES * coarse else 0.0
+    return max(noise_level(values) * slow, coarse / float(np.sqrt(12.0)), toggles, QUIET * float(np.ptp(values)))
 
 
 def long_run(left: np.ndarray) -> float:
@@ -188,7 +194,7 @@ def long_run(left: np.ndarray) -> float:
     return float(np.sqrt(max(2 * kept.sum() - covariance[0], covariance[0] / left.size)))
 
 
-def _coarseness(values: np.ndarray) -> float:
+def coarseness(values: np.ndarray) -> float:
     """A monitor's resolution; 0 where the smallest step is a switching."""
     step = resolution(values)
     return step if step < COARSEST * float(np.ptp(values)) else 0.0
@@ -211,14 +217,14 @@ def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndar
     broken[begins - 1] = True  # no line from this sample to the next
     mean = float(values.mean())
     centred = values - mean  # so that sums lose no digits
-    step = STEP if _coarseness(values) < noise else REMOVE  # a coarse monitor shows what bends as steps
+    step = STEP if coarseness(values) < noise else REMOVE  # a coarse monitor shows what bends as steps
     corners = _prune(time, centred, np.arange(n), fixed, noise, step, STAGES)
     for _ in range(POLISH):
         corners = _move(time, centred, corners, fixed)
         corners = _insert(time, centred, corners, broken, noise)
         corners = _prune(time, centred, corners, fixed, noise, step, STAGES[-1:])
     missed = centred - np.interp(time, time[corners], _fit(time, centred, corners))
-    allowed = WRONG * np.hypot(noise, _coarseness(values) / 2)  # a coarse monitor may toggle between two readings
+    allowed = WRONG * np.hypot(noise, coarseness(values) / 2)  # a coarse monitor may toggle between two readings
     far = np.convolve(missed**2, np.ones(MISSED_BLOCK) / MISSED_BLOCK, mode="same") > allowed**2
     if far.any():
         corners = np.union1d(corners, np.flatnonzero(np.convolve(far, np.ones(MISSED_BLOCK), mode="same") > 0.5))
@@ -357,6 +363,7 @@ def _prune(
     for most in stages:
         while pieces.corners.size > 2:
             loss = _loss(pieces, noise)
+            loss = np.maximum(loss, INDIFFERENT * (1 + np.arange(loss.size) % 2))  # of equals every second one goes
             loss[fixed[pieces.corners]] = np.inf
             below = loss < (most if most < REMOVE else _least(pieces.corners, values.size, step))
             loss[~below] = np.inf  # one that stays is in no one's way

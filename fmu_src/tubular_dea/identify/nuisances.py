@@ -153,8 +153,8 @@ def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: P
 
 
 def step_of(piece: Piece) -> float:
-    """The time between samples of the first output [s]."""
-    return float(np.median(np.diff(piece.case.readings[0].times)))
+    """The time between samples of the monitors [s]."""
+    return piece.driven.step
 
 
 def _amplified(case: Case, name: str) -> Case:

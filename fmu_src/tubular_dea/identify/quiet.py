@@ -20,6 +20,7 @@ from .colour import Colour
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
 LEAST_STRETCH = 30  # [samples] that it has at least
+SHORT_STRETCH = 32  # [samples] that short ones have, where records hardly rest
 SETTLED = 0.1  # [s] after an event until the plant moves slowly
 DEGREE = 3  # [1] degree of the polynomial that is taken out
 BENDS = 0.3  # [1/s] by which it is more in longer stretches
@@ -34,7 +35,7 @@ NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretc
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
 DIFFERENCES = (1, 4, 16)  # [samples] over which differences are taken
-SHARE = 8  # [1] a stretch is at least so many times as long as a lag
+SHARE = 16  # [1] a stretch is at least so many times as long as a lag: shorter ones seem calm where noise has a colour
 
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -94,7 +95,7 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
         step = round(float(np.median(np.diff(time))), 9)
-        sizes = [*_sizes(step), SHARE * DIFFERENCES[1]] if short else _sizes(step)
+        sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
         marks = np.union1d(events, time[1:][~steady(time)])
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
         firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
