@@ -327,6 +327,15 @@ def test_passes_over_a_coarse_record_are_few(bits: int, monkeypatch: pytest.Monk
     assert np.abs(np.interp(time, time[line.corners], line.values) - moving).max() < 2 * step
 
 
+@pytest.mark.parametrize("sigma", [2.0, 4.0, 8.0])
+def test_the_noise_of_a_coarse_monitor_is_with_what_rounding_adds(sigma: float) -> None:
+    random, step = np.random.default_rng(4), 12.0
+    moving = np.interp(TIME, [0, 3, 3.01, 8, 12, 16], [0, 0, 5e3, 5e3, 1e3, 1e3])
+    for signal in (moving, 100 + 0 * moving):
+        read = step * np.round((signal + sigma * random.standard_normal(TIME.size)) / step)
+        assert level(read, NO_MEMORY, step) == pytest.approx(np.hypot(sigma, step / np.sqrt(12)), rel=0.25)
+
+
 @pytest.mark.parametrize("zero", [0.0, 30.0])
 @pytest.mark.parametrize("step", [0.7, 12.0])
 def test_a_monitor_that_is_off_in_one_file_has_noise_there_and_no_edges(zero: float, step: float) -> None:

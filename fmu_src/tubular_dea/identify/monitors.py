@@ -73,7 +73,8 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
-TOGGLES = 3.0  # [1] steps over which a record goes that shows nothing but its noise
+FEW_STEPS = 2.0  # [1] steps of a monitor, below which its noise shows as toggling between readings
+SWITCHED = 5.0  # [standard deviations] beyond which such a change is a switching
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
@@ -176,8 +177,21 @@ def level(values: np.ndarray, remembered: tuple[float, float] | None = None, ste
     larger, phi = remembered or memory(values) or NO_MEMORY
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
     coarse = max(coarseness(values), step)
-    toggles = float(np.std(values)) if np.ptp(values) <= TOGGLES * coarse else 0.0
-    return max(noise_level(values) * slow, coarse / float(np.sqrt(12.0)), toggles, QUIET * float(np.ptp(values)))
+    noise = _toggling(values, noise_level(values), coarse)
+    return max(noise * slow, coarse / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
+
+
+def _toggling(values: np.ndarray, noise: float, step: float) -> float:
+    """The `noise` of a slow signal; of one that is read in steps not much finer than that, with what rounding adds.
+
+    The median of its differences is a whole number of steps, or none: there their mean square counts, but for
+    switchings.
+    """
+    if noise >= FEW_STEPS * step:
+        return noise
+    thirds = np.abs(np.diff(values, 3))
+    near = thirds[thirds <= SWITCHED * float(np.sqrt(20.0)) * max(noise, step)]
+    return float(np.sqrt(np.mean(near**2) / 20.0)) if near.size else noise
 
 
 def long_run(left: np.ndarray) -> float:
