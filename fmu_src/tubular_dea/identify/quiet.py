@@ -34,8 +34,8 @@ BARELY_CALM = 50  # [1] the same where records hardly rest
 NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
-DIFFERENCES = (1, 4, 16)  # [samples] over which differences are taken
-SHARE = 16  # [1] a stretch is at least so many times as long as a lag: shorter ones seem calm where noise has a colour
+DIFFERENCES = {1: 8, 4: 32, 16: 256}  # [samples] over which differences are taken, of stretches that last how long:
+# in shorter ones a smooth curve takes much of what noise with a colour changes over the lag, and they would seem calm
 
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -168,7 +168,7 @@ def louder(groups: Sequence[Stretches], quiet: Sequence[Stretches]) -> bool:
 
 def _differences(values: np.ndarray, lag: int) -> np.ndarray:
     """The mean square of differences over a lag of every stretch (m,); not a number where it is too short for that."""
-    if len(values) < SHARE * lag:
+    if len(values) < DIFFERENCES[lag]:
         return np.full(values.shape[1], np.nan)
     return np.asarray(np.mean((values[lag:] - values[:-lag]) ** 2, axis=0))
 
