@@ -34,6 +34,7 @@ def option(
     refined: tuple[str, ...] = (),
     parameters: int | None = None,
     pinned: tuple[str, ...] = (),
+    widths: tuple[float, float] = (0.0, 0.0),
 ) -> Option:
     """Effects `ids` whose fit leaves `excess` over the noise of SAMPLES; one parameter each beside a base with one.
 
@@ -63,6 +64,7 @@ def option(
         refined,
         exact,
         pinned,
+        widths=widths,
     )
 
 

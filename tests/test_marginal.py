@@ -44,6 +44,12 @@ def test_what_is_left_is_white(windows: list, dense: tuple) -> None:
     np.testing.assert_allclose(whitener @ known @ whitener.T, np.eye(N), atol=1e-9)
 
 
+@pytest.mark.parametrize(("windows", "dense"), [(WINDOWS, NONE), ([], (DENSE, SPREADS)), (WINDOWS, (DENSE, SPREADS))])
+def test_the_determinant_is_that_of_the_covariance(windows: list, dense: tuple) -> None:
+    made = marginal(windows, *dense)
+    assert made.log_determinant == pytest.approx(np.linalg.slogdet(covariance(windows, *dense))[1])
+
+
 def test_a_vector_is_treated_as_a_column() -> None:
     made = marginal(WINDOWS, DENSE, SPREADS)
     values = RANDOM.standard_normal((N, 2))

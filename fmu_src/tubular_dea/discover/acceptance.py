@@ -100,7 +100,7 @@ def finished(base: Option, chosen: Option) -> bool:
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
     """Whether `best` is accepted over `before`, and why (not), in words."""
-    gain, name = before.fitted.cost - best.fitted.cost, best.ids[-1]
+    gain, name = before.cost - best.cost, best.ids[-1]
     chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
     if gain < chance and _with_held_out(before, best) < threshold + DENIAL:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
@@ -128,7 +128,7 @@ def _with_held_out(before: Option, after: Option) -> float:
     """
     if far(after) or after.lack_of_fit.coloured > 1:
         return 0.0
-    gain = before.fitted.cost - after.fitted.cost
+    gain = before.cost - after.cost
     return gain + float(np.clip(before.held_out - after.held_out, 0.0, gain))
 
 
@@ -141,7 +141,7 @@ def confirmed(before: Option, after: Option) -> bool:
     apart, held = float(difference @ difference), before.held_out - after.held_out
     if apart >= VISIBLE:
         return held > 0
-    little = before.fitted.cost - after.fitted.cost < LITTLE
+    little = before.cost - after.cost < LITTLE
     if little and apart >= INVISIBLE and held <= 0:
         return False
     return held > DENIAL or after.across < before.across
@@ -184,7 +184,7 @@ def bounded_away(effect: Effect, fitted: Fit) -> bool:
 
 def denied(before: Option, after: Option) -> bool:
     """Whether the held-out experiments contradict `after` by more than chance explains."""
-    gain = before.fitted.cost - after.fitted.cost
+    gain = before.cost - after.cost
     return after.held_out > before.held_out + max(DENIAL, DENIED_PART * gain)
 
 
@@ -211,7 +211,7 @@ def no_further_effect(base: Option, before: Option, gain: float, name: str, afte
     """
     form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
     if far(before):
-        least = min(SECOND_PART * (base.fitted.cost - before.fitted.cost), CLEARED * before.lack_of_fit.excess)
+        least = min(SECOND_PART * (base.cost - before.cost), CLEARED * before.lack_of_fit.excess)
         return form if gain < least else _little(before, gain, name, after)
     if gain < _least_gain(base, before, gain):
         return form
@@ -225,14 +225,14 @@ def _little(before: Option, gain: float, name: str, after: Option | None) -> str
     """Why an effect explains too little of what a model leaves that is far from the plant; "" if it does not."""
     if gain < FURTHER * before.lack_of_fit.excess:
         return f"{name} explains less than {FURTHER:.0%} of the remaining residual"
-    if after is not None and after.held_out > (1 - FURTHER) * before.held_out:
+    if after is not None and after.unseen_squares > (1 - FURTHER) * before.unseen_squares:
         return f"{name} explains less than {FURTHER:.0%} of what the held-out experiments leave"
     return ""
 
 
 def _least_gain(base: Option, before: Option, gain: float) -> float:
     """The gain that a further effect needs: more where another form of the effects of `before` could reach `gain`."""
-    first = base.fitted.cost - before.fitted.cost
+    first = base.cost - before.cost
     if before.exact:
         return SECOND_PART * first
     if clean(before.lack_of_fit):

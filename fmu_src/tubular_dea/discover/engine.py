@@ -220,13 +220,13 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     numeric, alone = numerics.numeric_gain(work, fitted.values), option(work, (), fitted)
     first = take_round(work, alone, alone, numeric, seed, tell)
     by_chance = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
-    reached = min((o.misfit for o in first.options), default=np.inf) - found.chosen.misfit
-    if reached > max(by_chance, WORTH * (alone.misfit - found.chosen.misfit) if found.chosen.ids else 0.0):
+    reached = min((o.squares for o in first.options), default=np.inf) - found.chosen.squares
+    if reached > max(by_chance, WORTH * (alone.squares - found.chosen.squares) if found.chosen.ids else 0.0):
         return found
     if first.options[0].ids[-1] in found.chosen.ids:
         return found
     again = selection.search(work, fitted, numeric, seed, tell, [first])
-    enough = again.chosen.misfit < found.chosen.misfit + (by_chance if found.chosen.ids else 0)
+    enough = again.chosen.squares < found.chosen.squares + (by_chance if found.chosen.ids else 0)
     return again if again.chosen.ids and enough else found
 
 
@@ -387,7 +387,7 @@ def _seen_elsewhere(work: Study, fitted: Fit) -> bool:
 def _held_ratio(work: Study, chosen: Option) -> float:
     if not work.held_out:
         return 1.0
-    return float((chosen.held_out / residuals.expected_squares(work, work.held_out)) ** 0.5)
+    return float((chosen.unseen_squares / residuals.expected_squares(work, work.held_out)) ** 0.5)
 
 
 def _equals(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:

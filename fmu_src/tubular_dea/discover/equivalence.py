@@ -48,7 +48,7 @@ def stands_in(
     extra = [i for i in rival.ids if i not in chosen.ids]
     if not len(missing) == len(extra) == 1 or extra[0] in rival.impossible:
         return None
-    if clean(chosen.lack_of_fit) and rival.misfit > WORSE * chosen.misfit:
+    if clean(chosen.lack_of_fit) and rival.squares > WORSE * chosen.squares:
         return None
     gain = gains[missing[0]]
     reach = max(CHANCE, form * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))
@@ -57,7 +57,7 @@ def stands_in(
 
 def error_reach(chosen: Option) -> float:
     """The difference in misfit that is not significant where a model is far from the plant: a share of its misfit."""
-    return ERROR_SHARE * chosen.misfit if far(chosen) else 0.0
+    return ERROR_SHARE * chosen.squares if far(chosen) else 0.0
 
 
 def equivalents(

@@ -9,34 +9,37 @@ import numpy as np
 
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
-from ..identify.study import Study
+from ..identify.study import Piece, Study
 from .levels import passed
 from .parameters import at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
-from .validation import folds, held_out_residual, left_out
+from .validation import folds, foretold, held_out_residual, left_out
 
 
 @dataclass(frozen=True)
 class Option:
     """Effects `ids` fitted: the fit, and its residuals on data that took no part in it.
 
-    `cross_validated` is the sum of squares of blocks left out in turn, `across` that of experiments left out in turn,
-    `unseen` (N,) the white residual of the held-out experiments. `exact` is True where all the effects have only one
-    form, so that any remaining residual has another cause. `pinned` are effects whose strength ended at a bound: the
-    records ask for more than they can be. `unreached` are those with a level that no record passes.
+    `blocks` and `experiments` are what fits without them foretell of blocks, and of experiments, left out in turn
+    (`validation`), `unseen` (N,) the white residual of the held-out experiments. `widths` are the logarithms of the
+    determinants that the records' own numbers give the likelihood, in training and held out: sums of squares compare
+    with these alone, where options have records with other numbers of their own. `exact` is True where all the effects
+    have only one form, so that any remaining residual has another cause. `pinned` are effects whose strength ended at a
+    bound: the records ask for more than they can be. `unreached` are those with a level that no record passes.
     """
 
     ids: Ids
     fitted: Fit
-    cross_validated: float
-    across: float
+    blocks: float
+    experiments: float
     unseen: np.ndarray
     lack_of_fit: LackOfFit
     refined: Ids = ()
     exact: bool = False
     pinned: Ids = ()
     unreached: Ids = ()
+    widths: tuple[float, float] = (0.0, 0.0)
 
     @property
     def impossible(self) -> Ids:
@@ -44,14 +47,39 @@ class Option:
         return (*self.pinned, *self.unreached)
 
     @property
+    def cost(self) -> float:
+        """Minus twice the logarithm of the likelihood of the training, up to a constant."""
+        return self.fitted.cost + self.widths[0]
+
+    @property
+    def cross_validated(self) -> float:
+        """The same of blocks left out in turn."""
+        return self.blocks + self.widths[0]
+
+    @property
+    def across(self) -> float:
+        """The same of experiments left out in turn."""
+        return self.experiments + self.widths[0]
+
+    @property
     def held_out(self) -> float:
-        """The sum of squares of the held-out experiments, in units of the noise; 0 where there are none."""
-        return float(self.unseen @ self.unseen)
+        """The same of the held-out experiments; 0 where there are none."""
+        return self.unseen_squares + self.widths[1]
 
     @property
     def misfit(self) -> float:
-        """The sum of squares of all experiments, in training and held out."""
-        return self.fitted.cost + self.held_out
+        """The same of all experiments, in training and held out."""
+        return self.cost + self.held_out
+
+    @property
+    def unseen_squares(self) -> float:
+        """The sum of squares of the held-out experiments, in units of the noise."""
+        return float(self.unseen @ self.unseen)
+
+    @property
+    def squares(self) -> float:
+        """The sum of squares of all experiments, in units of the noise."""
+        return self.fitted.cost + self.unseen_squares
 
     @property
     def evidence(self) -> float:
@@ -70,19 +98,25 @@ def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: S
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
     """A fit with its validation."""
-    blocks, experiments = (left_out(fitted, fold) for fold in folds(study.training, fitted.residual.size))
+    blocks, experiments = folds(study.training, fitted.residual.size)
     return Option(
         ids,
         fitted,
-        blocks,
-        experiments,
+        left_out(fitted, blocks),
+        foretold(fitted, experiments),
         held_out_residual(study, ids, fitted),
         lack_of_fit(study, fitted),
         refined,
         all(study.catalogue[i].exact for i in ids),
         tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
         _unreached(study, ids, fitted),
+        (_width(study.training), _width(study.held_out)),
     )
+
+
+def _width(pieces: Sequence[Piece]) -> float:
+    """The logarithm of the determinant that the own numbers of some records give their likelihood."""
+    return sum(p.marginal.log_determinant for p in pieces)
 
 
 def _unreached(study: Study, ids: Ids, fitted: Fit) -> Ids:

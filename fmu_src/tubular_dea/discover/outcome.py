@@ -328,7 +328,7 @@ def _explained(found: Discovery, name: str) -> float:
 
 def _unexplained(study: Study, option: Option) -> float:
     """The misfit of all recordings, held-out ones too, beyond what noise leaves."""
-    return max(option.misfit - residuals.expected_squares(study, study.pieces), 0.0)
+    return max(option.squares - residuals.expected_squares(study, study.pieces), 0.0)
 
 
 def _at_first(found: Discovery) -> float:

@@ -81,7 +81,7 @@ def _fairly(found: Search, other: Option) -> tuple[Study, Option]:
     """Another option and its study: where models are far and it fits better but predicts worse, with nuisance
     parameters of its own, as the start of a held-out experiment belongs to the model that it was estimated with."""
     chosen = found.chosen
-    if far(chosen) and other.fitted.cost < chosen.fitted.cost and other.held_out > chosen.held_out:
+    if far(chosen) and other.cost < chosen.cost and other.held_out > chosen.held_out:
         return iterated(found.study, other)
     return found.study, other
 
@@ -105,8 +105,8 @@ def _earlier_rivals(found: Search, place: int) -> list[str]:
     if place >= len(found.rounds):
         return []
     best, *others = found.rounds[place].options
-    brought = best.fitted.cost - found.chosen.fitted.cost
-    return [o.ids[-1] for o in others if o.fitted.cost - best.fitted.cost < AT_BEST * brought]
+    brought = best.cost - found.chosen.cost
+    return [o.ids[-1] for o in others if o.cost - best.cost < AT_BEST * brought]
 
 
 def _fitted_alone(found: Search, name: str) -> dict[str, float]:
@@ -128,7 +128,7 @@ def _drop(found: Search) -> None:
             found.gains[name] = found.base.misfit - found.chosen.misfit
             continue
         found.gains[name] = without.misfit - found.chosen.misfit
-        if without.fitted.cost - found.chosen.fitted.cost < CHANCE:
+        if without.cost - found.chosen.cost < CHANCE:
             found.chosen = without
 
 
@@ -156,7 +156,7 @@ def _refine_rivals(found: Search, coarse: Option, tell: Progress) -> None:
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
     good = [o for o in everyone if o is found.chosen or not o.impossible]
-    best = next(o for o in good if o.fitted.cost <= found.chosen.fitted.cost)
+    best = next(o for o in good if o.cost <= found.chosen.cost)
     if 2 * (best.evidence - found.chosen.evidence) < error_reach(found.chosen):
         best = found.chosen
     pair = stands_in(best, found.chosen, found.gains)

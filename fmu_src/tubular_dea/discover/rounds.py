@@ -158,7 +158,7 @@ def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) ->
     as much; else all: one of two effects alone may predict worse than none."""
     if not good or not denied(chosen, options[good[0]]):
         return good
-    gains = [chosen.fitted.cost - o.fitted.cost for o in options]
+    gains = [chosen.cost - o.cost for o in options]
     sound = [i for i in good if not denied(chosen, options[i]) and gains[i] > UNDENIED * gains[good[0]]]
     return sound or good
 

@@ -136,7 +136,7 @@ def _promised_more(found: Search, without: Option, rival: Option) -> bool:
     scores = found.rounds[-1].scores
     promised = next((s.statistic for s in scores if s.id == rival.ids[-1]), 0.0)
     good = promised > NEAR_BEST * scores[0].statistic and not far(without)
-    return good and without.fitted.cost - rival.fitted.cost < KEPT * promised
+    return good and without.cost - rival.cost < KEPT * promised
 
 
 def _anew(found: Search, without: Option, rival: Option) -> tuple[Study, Option]:

@@ -51,6 +51,15 @@ class Marginal:
             out += self.basis @ (np.reshape(shrink(self.sizes), (-1, *[1] * (along.ndim - 1))) * along)
         return out
 
+    @property
+    def log_determinant(self) -> float:
+        """By how much the nuisance parameters widen the likelihood: the logarithm of the covariance's determinant.
+
+        Sums of squares with different priors, or different columns, compare with this added to them.
+        """
+        windows = sum(np.log1p(w.size**2) for w in self.windows)
+        return float(windows + np.log1p(self.sizes**2).sum())
+
     def variance_removed(self, n: int) -> np.ndarray:
         """The share of each sample's variance that fitting the windows removes, shape (n,)."""
         out = np.zeros(n)
