@@ -55,7 +55,7 @@ def search(
         step = take_round(found.study, base, found.chosen, numeric, seed, tell, known)
         deeper = _better_base(study, found, step.options)
         if deeper is not None:
-            return search(study, deeper, numeric, seed, tell, earlier)
+            return search(study, deeper, numeric, seed, tell, [step])
         found.rounds.append(step)
         if not step.accepted:
             break
