@@ -123,11 +123,10 @@ def _hopeless(base: Option, chosen: Option, step: Round) -> str:
 
 def _decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
     """The round with its options in order, and whether the first of them is accepted."""
-    options = step.options
-    said = [_said(study, base, chosen, o, step.threshold) for o in options]
-    if any(s.accepted for s in said):  # what sensors explain is no rival of what they do not
-        real = [i for i, s in enumerate(said) if not s.imitated]
-        options, said = [options[i] for i in real], [said[i] for i in real]
+    judged = [_said(study, base, chosen, o, step.threshold) for o in step.options]
+    if any(s.accepted for _, s in judged):  # what sensors explain is no rival of what they do not
+        judged = [(o, s) for o, s in judged if not s.imitated]
+    options, said = [o for o, _ in judged], [s for _, s in judged]
     good = _undenied(chosen, options, [i for i, s in enumerate(said) if s.accepted])
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
@@ -143,14 +142,26 @@ class _Said:
     imitated: bool = False
 
 
-def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> _Said:
-    """What is said of an option over the choice."""
+def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: float) -> tuple[Option, _Said]:
+    """An option, in its finer form where only that is told from what sensors do, and what is said of it over the
+    choice."""
     accepted, reason = accept(base, chosen, one, threshold)
     if accepted and explained_by_wandering(study, chosen, one, threshold):
-        return _Said(False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}", True)
+        finer = _finer(study, one)
+        if finer and not explained_by_wandering(study, chosen, finer, threshold):
+            return _said(study, base, chosen, finer, threshold)
+        return one, _Said(False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}", True)
     if accepted and explained_by_rounding(study, chosen, one, threshold):
-        return _Said(False, f"the coarse steps of the sensor's readings explain as much as {one.ids[-1]}", True)
-    return _Said(accepted, reason)
+        return one, _Said(False, f"the coarse steps of the sensor's readings explain as much as {one.ids[-1]}", True)
+    return one, _Said(accepted, reason)
+
+
+def _finer(study: Study, one: Option) -> Option | None:
+    """An option with its last effect in its finer form; None where it has none, or that cannot be fitted."""
+    name = one.ids[-1]
+    if name in one.refined or not study.catalogue[name].refine:
+        return None
+    return fitted_option(study, one.ids, one.fitted.values, (*one.refined, name))
 
 
 def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
