@@ -86,6 +86,16 @@ def test_noise_that_falls_over_decades() -> None:
     assert slow_share(found, noise) < 1.2 and slow_share(plain, noise) > 2
 
 
+def test_noise_is_not_slow_because_one_stretch_in_many_moves() -> None:
+    quiet = records(coloured(0.85))
+    time, output, events = quiet[3]
+    moving = (time > 12.5) & (time < 14.5)
+    bulge = np.where(moving, 4 * RMS * np.sin(2 * np.pi * 1.2 * (time - 12.5)), 0.0)
+    found = estimate([*quiet[:3], (time, output + bulge, events), *quiet[4:]])
+    assert not any(found.slower)
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+
+
 def test_short_quiet_stretches_do_not_tell_that_no_noise_is_slow() -> None:
     often = np.union1d(EVENTS, np.arange(0.0, 16.0, 0.7))
     assert not estimate([(time, output, often) for time, output, _ in records(falling)]).slow_known

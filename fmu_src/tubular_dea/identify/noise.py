@@ -50,6 +50,7 @@ LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, a
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour --seed 1000`
 EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
+ONE_STRETCH = 0.1  # [1] share of all degrees of freedom up to which a stretch that alone tells of 1/f noise is none
 SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
 SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
 SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
@@ -330,8 +331,8 @@ def _at(colour: Colour, steps: float) -> Colour:
 def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
     """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place."""
 
-    def objective(x: np.ndarray) -> float:
-        return _restricted(quiet, lambda s: _at(_numbered(x), s / step))[0]
+    def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
+        return _restricted(told, lambda s: _at(_numbered(x), s / step))[0]
 
     far = float(np.arctanh(SLOWEST_COLOUR))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
@@ -357,10 +358,26 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
         )
         if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
             chosen, cost = two.x, float(two.fun)
-    chosen = _falling(objective, chosen, cost, step)
+    plain, chosen = chosen, _falling(objective, chosen, cost, step)
+    if chosen is not plain:
+        rest = _without_loudest(quiet, lambda s: _at(_numbered(plain), s / step))
+        alone = _freedom(rest) > (1 - ONE_STRETCH) * _freedom(quiet)
+        if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * EARNED:
+            return _coloured(rest, step)  # something moved in the one stretch that told of 1/f noise
     colour, freedom = _numbered(chosen), _freedom(quiet)
     _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
     return _ColourEstimate(colour, step, variance, freedom, _standard_error(objective, chosen, freedom))
+
+
+def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:
+    """The stretches but the one that stands out most from noise of a colour."""
+    _, variance = _restricted(quiet, colour_at)
+    squares = [np.sum(g.rest(colour_at(g.step)) ** 2, axis=0) / variance for g in quiet]
+    each = [g.freedom / s.size for g, s in zip(quiet, squares, strict=True)]
+    out = [(s - f) / np.sqrt(2 * f) for s, f in zip(squares, each, strict=True)]
+    loudest = max(o.max() for o in out)
+    kept = [g.only(o < loudest) for g, o in zip(quiet, out, strict=True)]
+    return [g for g in kept if g.record.size]
 
 
 def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float) -> np.ndarray:
