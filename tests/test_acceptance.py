@@ -98,6 +98,9 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
     assert not told(483.0, held_out=2300.0)[0]  # which counts as much as the gain itself at most
     blocks = told(450.0, cross=base.cross_validated, held_out=2400.0)
     assert blocks == (False, "lag does not improve the prediction of blocks left out")
+    one_block = {"cross": base.cross_validated + 1000.0}
+    assert told(400.0, held_out=2490.0, **one_block)[0]  # strong, and foretold
+    assert not told(400.0, held_out=2495.0, **one_block)[0]
     assert told(450.0, held_out=2501.0) == (False, "lag does not improve the prediction of the held-out experiments")
     assert told(450.0, held_out=2499.0)[0]
     assert told(411.0, held_out=2507.0)[0] is False

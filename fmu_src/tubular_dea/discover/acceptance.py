@@ -1,9 +1,10 @@
 """When an effect is accepted, and when the residual is noise.
 
 A first effect must gain more than the largest score of nulls and more than numerical errors can, and must improve the
-prediction of blocks left out. What it foretells of the held-out experiments counts too. A further one must also remove
-most of the residual that the earlier ones leave, and more than another functional form of those would: no law of the
-catalogue is exactly that of the plant, and a candidate may explain part of the difference.
+prediction of blocks left out, unless it gains much and foretells the held-out experiments: what shows in one block
+alone, the others do not predict. What it foretells of the held-out experiments counts too. A further one must also
+remove most of the residual that the earlier ones leave, and more than another functional form of those would: no law of
+the catalogue is exactly that of the plant, and a candidate may explain part of the difference.
 
 An effect whose strength ends at a bound is refused: the records ask for more of it than there can be, so it stands in
 for something else. Where another of its parameters does, its interval is open there.
@@ -107,9 +108,12 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     if name in best.impossible:
         needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
         return False, f"{name} would {needed}"
-    if best.cross_validated >= before.cross_validated and not far(before):  # so far off, linear models predict nothing
+    strong = gain >= STRONG * threshold
+    foretells = strong and before.held_out - best.held_out > DENIAL
+    blocks_tell = not foretells and not far(before)  # so far off, linear models predict nothing
+    if blocks_tell and best.cross_validated >= before.cross_validated:
         return False, f"{name} does not improve the prediction of blocks left out"
-    if (gain < STRONG * threshold or far(best)) and not confirmed(before, best):
+    if (not strong or far(best)) and not confirmed(before, best):
         return False, f"{name} does not improve the prediction of the held-out experiments"
     refusal = no_further_effect(base, before, gain, name, best) if before.ids else ""
     if refusal:
