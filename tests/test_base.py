@@ -24,22 +24,26 @@ class Search:
 
     def fit(self, problem: object, start: dict, starts: int = 1, spread: float = 0.0, seed: int = 0, **more: float):
         kind = "moved" if more.get("move") else "again" if "evaluations" in more else "first"
-        self.asked.append({"kind": kind, "start": start, "starts": starts, "spread": spread} | more)
+        self.asked.append({"kind": kind, "problem": problem, "start": start, "starts": starts, "spread": spread} | more)
         cost = getattr(self, kind)
         if cost is None and starts == 1:
             raise FitError("a burst tube")
         return SimpleNamespace(values={"stiffness": 5.0, "branch": 7.0, "by": kind}, cost=cost or 0.0)
 
 
-def searched(monkeypatch: pytest.MonkeyPatch, search: Search, **plant: object) -> SimpleNamespace:
-    """The base that such a search ends in."""
+def searched(
+    monkeypatch: pytest.MonkeyPatch, search: Search, beginning: str | None = None, **plant: object
+) -> SimpleNamespace:
+    """The base that such a search ends in; where records are long, their `beginning` is a problem of its own."""
     monkeypatch.setattr(base, "fit", search.fit)
     monkeypatch.setattr(base, "base_parameters", lambda plant: [])
     model = SimpleNamespace(parameter_values=lambda: dict(DECLARED))
     known = SimpleNamespace(
         **{"model": model, "restarts": {"branch": DECLARED["branch"]}, "safer": (), "stages": ()} | plant
     )
-    return base.recalibrate(SimpleNamespace(plant=known, problem=lambda *a: None))
+    study = SimpleNamespace(plant=known, problem=lambda *a: "all")
+    study.beginning = study if beginning is None else SimpleNamespace(plant=known, problem=lambda *a: beginning)
+    return base.recalibrate(study)
 
 
 def test_further_places_confirm_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,3 +76,12 @@ def test_where_the_declared_values_have_no_answer_safer_ones_are_tried(monkeypat
     assert declared["start"] == anywhere["start"] == DECLARED and declared["starts"] == 1
     assert safer["start"]["stiffness"] == 3.0
     assert anywhere["starts"] > 1 and anywhere["spread"] > base.MOVE  # wider than the confirmations are
+
+
+def test_long_records_are_fitted_from_where_their_beginnings_lead_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search()
+    searched(monkeypatch, search, beginning="the first minute")
+    *brief, last = search.asked
+    assert [a["problem"] for a in brief] == ["the first minute"] * 3  # with what confirms it
+    assert brief[0]["start"] == DECLARED
+    assert last["problem"] == "all" and last["start"]["by"] == "first"

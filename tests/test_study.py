@@ -8,10 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from shared_data import shared
+from tubular_dea.identify.cases import Case, Reading
 from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.marginal import Marginal
 from tubular_dea.identify.response import ROUGH, TOLERANCE
-from tubular_dea.identify.study import study
+from tubular_dea.identify.study import LONG, study
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "cosim_examples" / "data" / "bench"
 
 
 def test_the_tolerance_follows_the_noise() -> None:
@@ -25,3 +30,32 @@ def test_the_tolerance_follows_the_noise() -> None:
     assert furthest < 0.01 * coarse.noise["measured_displacement"].rms
     known = replace(recordings, noise=dict(recordings.noise) | {"radius": 1e-7})
     assert study(known).tolerance == TOLERANCE
+
+
+def test_the_beginning_of_a_long_record_has_been_through_its_range() -> None:
+    """A voltage that comes late is in it; a short record stays whole, and the numbers of all of it are forgotten."""
+    rate, seconds = 250.0, 120.0
+    time = np.arange(0, seconds, 1 / rate)
+    beat = 8e3 + 4e3 * np.sin(2 * np.pi * 1.2 * time)
+    late = np.where(time > 0.6 * seconds, 5e3, 0.0)
+    inputs = {"pressure": beat, "voltage": late}
+    whole = study(read_folder(EXAMPLE, PLANT))
+    piece = max(whole.training, key=lambda p: p.record.size)
+    protocol = Protocol(time, inputs)
+    reading = Reading(piece.case.readings[0].output, time)
+    record = 1e-3 * np.sin(2 * np.pi * 1.2 * time) + 1e-7 * late
+    long = replace(
+        piece,
+        case=Case(protocol, (reading,)),
+        record=record,
+        weight=np.ones(time.size),
+        marginal=Marginal((), np.ones((time.size, 1)), np.ones(1)),
+    )
+    short = next(p for p in whole.pieces if p.case.protocol.time.size < LONG)
+    begun = replace(whole, pieces=[long, short]).beginning.pieces
+    assert begun[1] is short
+    end = begun[0].case.times[-1]
+    assert 0.6 * seconds < end < 0.7 * seconds
+    assert begun[0].marginal.basis is None
+    assert begun[0].record.size == begun[0].weight.size == begun[0].case.times.size == round(end * rate) + 1
+    assert replace(whole, pieces=[short]).beginning.pieces == [short]

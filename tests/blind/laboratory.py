@@ -79,10 +79,15 @@ class Laboratory:
         return self.readings()
 
 
-def laboratory(seed: int, kind: str = "none", only: Collection[str] | None = None) -> Laboratory:
-    """Draw until the tube survives. `kind`: none, one, two, foreign, or names of EFFECTS and FOREIGN joined by +."""
+def laboratory(
+    seed: int, kind: str = "none", only: Collection[str] | None = None, conventions: Conventions | None = None
+) -> Laboratory:
+    """Draw until the tube survives. `kind`: none, one, two, foreign, or names of EFFECTS and FOREIGN joined by +.
+
+    Without `conventions`, these are drawn too.
+    """
     for attempt in range(60):
-        made = _drawn(seed, kind, draw(seed, only), attempt)
+        made = _drawn(seed, kind, conventions or draw(seed, only), attempt)
         try:
             assert made.truth
         except BurstError:

@@ -38,8 +38,15 @@ def recalibrate(
     """The best fit of the base model to the training pieces: from `start` (the declared values), then from around it.
 
     The first fit runs until it converges; the others start near its optimum and confirm it, or go on from a better
-    point.
+    point. Where there are long records, this is done with their beginnings, and the fit to all goes on from there.
     """
+    if start is None and study.beginning is not study:
+        start, starts = _searched(study.beginning, starts, seed, None).values, 1
+    return _searched(study, starts, seed, start)
+
+
+def _searched(study: Study, starts: int, seed: int, start: Mapping[str, float] | None) -> Fit:
+    """The best of the fits to all training pieces of a study."""
     problem = study.problem((), base_parameters(study.plant), {})
     best = _somewhere(study, problem, _begin(study, problem) if start is None else start, seed)
 

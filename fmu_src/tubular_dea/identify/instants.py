@@ -26,6 +26,7 @@ from .study import Piece, Study
 TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
 FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
+SHARES = CubicSpline(GRID, np.eye(len(GRID)))  # of every answer on the grid, at a part of the way
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k clock`
 SURELY = 5.0  # [log likelihood] by which edges at one part of the sampling are likelier than edges anywhere
@@ -52,8 +53,7 @@ class EdgeResponse:
         is `left` (m,)."""
         if not self.answers.size:
             return np.zeros(FINE_PLACES)
-        shares = CubicSpline(self.grid, np.eye(self.grid.size))  # of every answer on the grid, at a shift
-        steps = shares(self.places) - shares(self.now)
+        steps = SHARES(self._part(self.places)) - SHARES(self._part(self.now))
         changes = self.answers - self.answers[0]
         return 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
 
@@ -67,14 +67,17 @@ class EdgeResponse:
         """What the samples (m,) would be at a shift, less what they are."""
         if not self.answers.size:
             return np.zeros(self.where.stop - self.where.start)
-        answers = CubicSpline(self.grid, self.answers)
-        return np.asarray(answers(shift) - answers(self.now))
+        return np.asarray((SHARES(self._part(shift)) - SHARES(self._part(self.now))) @ self.answers)
 
     def column(self, shift: float) -> np.ndarray:
         """The derivative of the samples with respect to the shift, per second."""
         if not self.answers.size:
             return np.empty(0)
-        return np.asarray(CubicSpline(self.grid, self.answers)(shift, 1))
+        return np.asarray(SHARES(self._part(shift), 1) @ self.answers / np.ptp(self.grid))
+
+    def _part(self, shift: float | np.ndarray) -> np.ndarray:
+        """Of the way between the edge's bounds at which a shift [s] is."""
+        return np.asarray((shift - self.grid[0]) / np.ptp(self.grid))
 
 
 def edge_responses(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[EdgeResponse]:

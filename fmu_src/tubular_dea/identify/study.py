@@ -36,6 +36,10 @@ HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
 # Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
 PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
 
+# Set by judgement: a tenth of the time on ten minutes of heart beats. Check: `pytest tests/test_study.py -k beginning`
+LONG = 3000  # [breakpoints] of a record whose beginning is fitted first
+RANGE = 0.98  # [1] quantile of a signal that is an end of its range
+
 # Set by judgement. Check: `pytest tests/test_discover.py -k held_out_experiments`
 SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
 
@@ -158,6 +162,12 @@ class Study:
         """Values of parameters without those of which each record has its own."""
         own = {name for p in self.pieces for name in (*p.case.own, *self.unknown((), p))}
         return {n: v for n, v in values.items() if n not in own}
+
+    @property
+    def beginning(self) -> Study:
+        """The study with the beginning of every long record alone, where a search that is far off costs less."""
+        pieces = [_beginning(p) for p in self.pieces]
+        return self if all(b is p for b, p in zip(pieces, self.pieces, strict=True)) else replace(self, pieces=pieces)
 
     def zero(self, name: str) -> float:
         """The usual zero error of a signal (SI); 0 for a name that is no signal."""
@@ -384,28 +394,41 @@ def _split(piece: Piece) -> list[Piece]:
     """A single experiment: its last part is held out."""
     times = piece.case.times
     cut = times.min() + (times.max() - times.min()) * (1 - 1 / HELD_SHARE)
-    parts = []
-    for name, keep, held in ((piece.name, times < cut, False), (f"{piece.name} (end)", times >= cut, True)):
-        readings = tuple(
-            Reading(r.output, r.times[keep[part]])
-            for r, part in zip(piece.case.readings, piece.case.parts(), strict=True)
-        )
-        case = replace(piece.case, readings=tuple(r for r in readings if r.times.size))
-        parts.append(
-            replace(
-                piece,
-                name=name,
-                case=case,
-                record=piece.record[keep],
-                held_out=held,
-                weight=piece.weight[keep],
-                beside=_until(piece, cut, held),
-            )
-        )
-    return parts
+    last = replace(_within(piece, cut, np.inf), name=f"{piece.name} (end)", held_out=True)
+    return [replace(_within(piece, -np.inf, cut), held_out=False), last]
 
 
-def _until(piece: Piece, cut: float, held: bool) -> tuple[tuple[Reading, np.ndarray], ...]:
-    """What was read beside, before the cut [s] or, where it is held out, from there."""
-    parts = [(r, values, (r.times >= cut) == held) for r, values in piece.beside]
-    return tuple((Reading(r.output, r.times[keep]), values[keep]) for r, values, keep in parts if keep.any())
+def _within(piece: Piece, begin: float, end: float) -> Piece:
+    """What was read from `begin` on and before `end` [s]."""
+
+    def keep(reading: Reading) -> np.ndarray:
+        return (reading.times >= begin) & (reading.times < end)
+
+    readings = tuple(Reading(r.output, r.times[keep(r)]) for r in piece.case.readings)
+    kept = np.concatenate([keep(r) for r in piece.case.readings])
+    return replace(
+        piece,
+        case=replace(piece.case, readings=tuple(r for r in readings if r.times.size)),
+        record=piece.record[kept],
+        weight=piece.weight[kept],
+        beside=tuple((Reading(r.output, r.times[keep(r)]), v[keep(r)]) for r, v in piece.beside if keep(r).any()),
+    )
+
+
+def _beginning(piece: Piece) -> Piece:
+    """A piece until LONG breakpoints have passed and every signal has been through its range; all of a shorter one.
+
+    Its own numbers, which belong to all of it, are not known there.
+    """
+    protocol = piece.case.protocol
+    mine = protocol.time >= piece.case.times.min()
+    points = protocol.time[mine]
+    if points.size <= LONG:
+        return piece
+    signals = [(points, values[mine]) for values in protocol.inputs.values()]
+    signals += [(r.times, piece.record[part]) for r, part in zip(piece.case.readings, piece.case.parts(), strict=True)]
+    ends = [points[LONG]]
+    for times, values in signals:
+        low, high = np.quantile(values, [1 - RANGE, RANGE])
+        ends += [times[np.argmax(values >= high)], times[np.argmax(values <= low)]]
+    return replace(_within(piece, -np.inf, max(ends)), marginal=Marginal())

@@ -250,7 +250,8 @@ class Kernel:
                 raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
             return self._differentiated(protocol, points, u, times, values, tolerance, sensitivities, mesh, wanted)
         sampled, here, earlier = self._samples(protocol, times, values)
-        found = self._solved(points, u, values, tolerance, max_steps, sampled, with_fold, keep_mesh)
+        needed = _up_to(points, times)
+        found = self._solved(points[needed], u[needed], values, tolerance, max_steps, sampled, with_fold, keep_mesh)
         named = self._named(protocol, times, found.x[here], found.y[here], with_fold, wanted)
         values_later = self._delayed_values(found.y, earlier)
         return Trajectory(times, named | values_later, found.steps, found.rejected, mesh=found.mesh)
@@ -332,13 +333,14 @@ class Kernel:
         wanted: Sequence[str] | None,
     ) -> Trajectory:
         """The trajectory over a mesh, with derivatives to `names`."""
+        needed = _up_to(points, times)
         if mesh is None:
-            mesh = self._mesh(points, u, values, tolerance)
+            mesh = self._mesh(points[needed], u[needed], values, tolerance)
         mesh = ascending("mesh", mesh, points[0], points[-1])
         sampled, here, earlier = self._samples(protocol, times, values)
         columns = [name for name in names if name not in self._delayed.values()]
         states = [s for s in self.states if wanted is None or s in wanted]
-        found = self._tangents.run(values, points, u, mesh, columns, sampled, bool(states))
+        found = self._tangents.run(values, points[needed], u[needed], mesh, columns, sampled, bool(states))
         if found.status:
             raise KernelError(failure(self.model, found.status, found.reached))
         if not np.all(np.isfinite(found.observed_tangent)):
@@ -547,6 +549,13 @@ class Kernel:
         """Inputs, and behind them what is delayed, at rest."""
         delayed = [u[self.inputs.index(d.of)] for d in input_delays(self.model)]
         return np.array([*u, *delayed], dtype=float)
+
+
+def _up_to(points: np.ndarray, times: np.ndarray) -> slice:
+    """The breakpoints up to the last of `times`, with a jump there, or to the next one behind; all without times."""
+    if not times.size:
+        return slice(points.size)
+    return slice(max(int(np.searchsorted(points, times[-1])) + 1, int(np.searchsorted(points, times[-1], "right"))))
 
 
 def needs_fold(model: Model) -> list[str]:
