@@ -33,15 +33,13 @@ FALSE_ALARMS = 0.001  # [1] share of records with nothing missing whose largest 
 SECOND_SHARE = 0.5  # [1] share of what is left that a further effect has to explain
 SECOND_PART = 0.004  # [1] share of the first effect's gain that a further one has to bring
 FORM_PART = 0.03  # [1] the same, where what is left is so little that another form of the first may be all there is
-NOISE_PART = 0.1  # [1] the same, where what is left looks like noise
-NOISE_GAIN = 70.0  # [squared standard deviations] that it has to gain there at least: three times what nulls do
+NOISE_GAIN = 70.0  # [squared standard deviations] that it has to gain where what is left is noise: twice nulls' most
 CLEARED = 0.8  # [1] share of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
 NEARLY_EXPLAINED = 0.95  # [1] share explained from which on little is left
 ALMOST_RATIO = 1.2  # [1] residual over noise that is little where nearly all of a large effect is explained
 FORETOLD = 1.5  # [1] error on held-out experiments over noise up to which a model with effects predicts them
 ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
-FAINT_SLOW = 1.5  # [standard deviations] of the slow parts up to which these hide no further effect
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
 FURTHER = 0.25  # [1] share of what is left that a further effect has to explain where models are that far
@@ -87,16 +85,6 @@ def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool
     explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
     allowed = ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO
     return explained >= NEARLY_EXPLAINED and max(state.ratio, held_ratio) <= allowed
-
-
-def finished(base: Option, chosen: Option) -> bool:
-    """Whether the search may end: the residual is noise, and smaller than what a further effect would have to gain.
-
-    Or its slow part is clearly noise: the undamped ringing at rest leaves a fast residual, which is no effect.
-    """
-    if not clean(chosen.lack_of_fit) or chosen.exact:
-        return False
-    return chosen.lack_of_fit.z_slow < FAINT_SLOW or chosen.lack_of_fit.excess < _least_gain(base, chosen, 0.0)
 
 
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
@@ -240,6 +228,6 @@ def _least_gain(base: Option, before: Option, gain: float) -> float:
     if before.exact:
         return SECOND_PART * first
     if clean(before.lack_of_fit):
-        return max(NOISE_PART * first, NOISE_GAIN)
+        return max(SECOND_PART * first, NOISE_GAIN)
     clears = gain > CLEARED * before.lack_of_fit.excess
     return first * (FORM_PART if nearly(before.lack_of_fit, base.lack_of_fit) and not clears else SECOND_PART)

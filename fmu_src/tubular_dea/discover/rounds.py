@@ -15,6 +15,7 @@ from .acceptance import FALSE_ALARMS, accept, clean, denied, far, no_further_eff
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .equivalence import CHANCE, error_reach
+from .forms import explained_by_form
 from .options import Option, fitted_option, option
 from .parameters import lost, unusual
 from .power import Sizes, detection_limits
@@ -153,6 +154,9 @@ def _said(study: Study, base: Option, chosen: Option, one: Option, threshold: fl
         return one, _Said(False, f"a slowly wandering zero of the sensor explains as much as {one.ids[-1]}", True)
     if accepted and explained_by_rounding(study, chosen, one, threshold):
         return one, _Said(False, f"the coarse steps of the sensor's readings explain as much as {one.ids[-1]}", True)
+    if accepted and explained_by_form(study, chosen, one, threshold):
+        found = ", ".join(chosen.ids)
+        return one, _Said(False, f"another form of {found} explains as much as {one.ids[-1]}", True)
     return one, _Said(accepted, reason)
 
 

@@ -10,7 +10,7 @@ from ..identify.fit import AGREE, Fit, FitError
 from ..identify.study import Study
 from ..identify.threads import side_by_side
 from . import bank
-from .acceptance import far, finished, settled
+from .acceptance import far, settled
 from .equivalence import CHANCE, error_reach
 from .options import Option, fitted_option, option
 from .refit import FULL_STEPS, first_refit, fit_effects, further, start_values
@@ -68,8 +68,6 @@ def search(
         revise(found, tell)
         _settle(found, without, tell)
         stages.append(replace(found))
-        if finished(base, found.chosen):
-            break
     return _settled(found, stages)
 
 
