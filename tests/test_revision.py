@@ -140,6 +140,23 @@ def test_an_effect_without_which_next_to_nothing_is_lost_goes(monkeypatch: pytes
         assert search.gains["lag"] == lost
 
 
+def test_an_effect_that_stood_for_a_finer_form_of_a_later_one_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    finer = option("creep", "lag", excess=0.0, z_slow=0.0, refined=("lag",))
+    alone = option("lag", excess=5.0, z_slow=0.0, refined=("lag",))
+    refits(
+        monkeypatch,
+        {
+            (("lag",), ()): option("lag", excess=1000.0),
+            (("creep",), ()): option("creep", excess=30_000.0),
+            (("creep", "lag"), ("lag",)): finer,
+            (("lag",), ("lag",)): alone,
+        },
+    )
+    search = found(BASE, option("creep", "lag", excess=400.0))
+    revision.revise(search, lambda what: None)
+    assert search.chosen is alone
+
+
 def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     rival = option("set", excess=2100.0)
 

@@ -49,7 +49,10 @@ def revise(found: Search, tell: Progress) -> None:
     if len(found.chosen.ids) > 1:
         _exchange(found, tell)
         _drop(found)
+    coarse = found.chosen
     _refine(found, tell)
+    if len(coarse.ids) > 1 and found.chosen is not coarse:  # an earlier one may have stood for the finer form
+        _drop(found)
 
 
 def _exchange(found: Search, tell: Progress) -> None:
