@@ -107,6 +107,18 @@ def test_a_file_with_two_edges_borrows_the_rise_from_its_set() -> None:
     assert all(abs(e.rise - 1.5e-3) < 1e-3 for d in together for e in d.edges)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_hum_that_keeps_time_with_the_edges_is_no_slow_amplifier(seed: int) -> None:
+    time = np.arange(0, 28.8, 0.002)  # 72 turns of the mains to a pulse: at every edge it is at the same height
+    clean = np.where(np.sin(2 * np.pi * (time - 1.19815) / 2.4) > 0, 3000.0, 0.0)
+    hum = 3 * NOISE * np.sin(2 * np.pi * 60 * time - 2)
+    values = clean + hum + NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    experiment = Experiment("pulses", time, {"voltage": values}, {}, np.arange(time.size))
+    for found in (drive(experiment, VOLTAGE), *drives([experiment], VOLTAGE)):
+        assert not found.rises["voltage"].seen
+        assert all(edge.rise == 0.0 for edge in found.edges)
+
+
 def test_a_fast_record_of_a_slow_edge_follows_its_shape() -> None:
     experiment, centroids = switched(5000.0, 1.5e-3, exponential=True, beats=6)
     found = drive(experiment, VOLTAGE)

@@ -135,6 +135,8 @@ def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
     voltage = next(signal for signal in PLANT.inputs if signal.name == "voltage")
     toggling = 2.44 * (np.random.default_rng(0).random(2000) < 0.05)  # 12 bits of 10 kV
     assert mislabelled(toggling, voltage, "V") == ""
+    rarely = np.where(np.isin(np.arange(TIME.size), [70, 200, 290]), -11.7, 0.0)
+    assert mislabelled(rarely, voltage, "V") == ""
     assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage, "V")
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from .bank import HIDDEN, Candidate
 
@@ -45,7 +46,7 @@ def null_scores(
         bases.append(q)
     together = np.column_stack(bases)
     gram = together.T @ together
-    value, vector = np.linalg.eigh(gram)
+    value, vector = scipy.linalg.eigh(gram)
     root = vector * np.sqrt(np.maximum(value, 0))
     normal = np.random.default_rng(seed).standard_normal((draws, gram.shape[0])) @ root.T
     edges = np.cumsum([0, *blocks])

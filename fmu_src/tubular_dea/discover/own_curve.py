@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from ..identify.fit import Fit
 from ..kernel import Kernel, KernelError
@@ -111,7 +112,7 @@ class IsolatedEffect:
         """
         mine = [i for i, f in enumerate(self.fitted.free) if f.name in {q.name for q in self.effect.parameters}]
         free = [self.fitted.free[i] for i in mine]
-        size, directions = np.linalg.eigh(self.fitted.covariance[np.ix_(mine, mine)])
+        size, directions = scipy.linalg.eigh(self.fitted.covariance[np.ix_(mine, mine)])
         half = np.random.default_rng(BAND_SEED).standard_normal((DRAWS // 2, len(mine)))
         drawn = np.concatenate([half, -half]) * np.sqrt(np.maximum(size, 0.0)) @ directions.T
         runs = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg
 
 from ..identify.compiled import Ids
 from ..identify.fit import Fit
@@ -53,7 +54,7 @@ def foretold(fitted: Fit, fold: np.ndarray) -> float:
 def _evidence(information: np.ndarray, slope: np.ndarray, squares: float) -> float:
     """Q + ln det A of normal equations and the sum of squares at their expansion point."""
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    values, vectors = scipy.linalg.eigh(information / np.outer(scale, scale))
     values = np.maximum(values, 1e-10)  # of what is not determined, rounding is left
     along = vectors.T @ (slope / scale)
     return float(squares - np.sum(along**2 / values) + np.log(values).sum() + 2 * np.log(scale).sum())

@@ -82,7 +82,7 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
     """Why the largest value of a signal that is more than noise contradicts its unit; "" if it does not."""
     largest = float(values[int(np.argmax(np.abs(values)))])
     top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
-    if np.count_nonzero(np.diff(values)) >= STANDSTILL:  # a monitor, not some steps of a set point
+    if np.count_nonzero(np.diff(values)) >= STANDSTILL or _flickers(values):  # a monitor, no steps of a set point
         noise = max(noise, resolution(values))
     what = f"the largest value is {largest:g} {unit}"
     if top > signal.most:
@@ -90,6 +90,13 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
     if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
         return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
     return ""
+
+
+def _flickers(values: np.ndarray) -> bool:
+    """Whether what is off the commonest value is so for single samples, as the last bit of a coarse monitor is."""
+    known, counts = np.unique(values, return_counts=True)
+    off = values != known[int(np.argmax(counts))]
+    return not np.any(off[1:] & off[:-1])
 
 
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:

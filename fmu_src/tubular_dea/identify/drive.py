@@ -166,7 +166,7 @@ def drive(
         elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
-            how = rises[name] if rises is not None else rise_of([(experiment.time, values, levels[name])])
+            how = rises[name] if rises is not None else _rise([experiment], name, [levels[name]])
             drawn[name] = _held(experiment, name, levels[name], how, between, trigger, name in exact)
         large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
         numbered[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
@@ -196,19 +196,18 @@ def drives(
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
     levels = _levels(experiments, inputs, noise)
-    rises = {
-        s.name: rise_of(
-            [
-                (e.time, e.inputs[s.name], n[s.name])
-                for e, n in zip(experiments, levels, strict=True)
-                if not _staircase(e.inputs[s.name], n[s.name])  # its steps are not on their way
-            ]
-        )
-        for s in inputs
-        if s.held
-    }
+    rises = {s.name: _rise(experiments, s.name, [n[s.name] for n in levels]) for s in inputs if s.held}
     mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
     return [drive(e, inputs, n, e.trigger, rises, mains=mains) for e, n in zip(experiments, levels, strict=True)]
+
+
+def _rise(experiments: Sequence[Experiment], name: str, noise: Sequence[float]) -> Rise | None:
+    """How a held input rises, as its records tell that have edges: steps of a staircase are not on their way.
+
+    Hum would put samples behind an edge on its way, at the same height behind every edge if both keep time.
+    """
+    each = [(e.time, e.inputs[name], n) for e, n in zip(experiments, noise, strict=True)]
+    return rise_of([(time, v - _hum_between(time, v, n), n) for time, v, n in each if not _staircase(v, n)])
 
 
 def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float]:
@@ -383,11 +382,9 @@ def _held(
     A record that shows edges on their way was sampled from what moves by itself, and is not. Others may be either.
     """
     time, values = experiment.time, experiment.inputs[name]
-    found = transitions(time, values, noise)
-    hum = within(time, _between_edges(time, values, found))
+    hum = _hum_between(time, values, noise)
     values = values - hum
-    if hum.any():
-        found = transitions(time, values, noise)
+    found = transitions(time, values, noise)
     written = _written(values, found)
     place = ON_SAMPLES if written else between
     edges = located(name, time, values, noise, found, how, place)
@@ -399,6 +396,11 @@ def _held(
     missed = _missed(experiment, name, line, noise, edges, late, hum)
     unheld = not (shown or exact) and line.ramps(MATTERS)
     return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
+
+
+def _hum_between(time: np.ndarray, values: np.ndarray, noise: float) -> np.ndarray:
+    """The hum (n,) of the mains in the monitor of a held signal."""
+    return within(time, _between_edges(time, values, transitions(time, values, noise)))
 
 
 def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> np.ndarray:

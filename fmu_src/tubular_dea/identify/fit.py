@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from scipy.optimize import OptimizeResult, least_squares
 
 from ..errors import UserError
@@ -184,7 +185,7 @@ def described(
 def inverse(information: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
     scale = np.sqrt(np.maximum(np.diag(information), 1e-200))
-    value, vector = np.linalg.eigh(information / np.outer(scale, scale))
+    value, vector = scipy.linalg.eigh(information / np.outer(scale, scale))
     inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
     return inverted / np.outer(scale, scale)
 

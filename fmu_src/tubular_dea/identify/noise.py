@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from scipy.optimize import minimize, minimize_scalar
 
 from . import hum as hums
@@ -453,5 +454,5 @@ def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, fr
         return float(np.log(colour.density(LOW) / colour.innovation))
 
     slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])
-    spread = np.linalg.pinv(curvature, hermitian=True)
+    spread = scipy.linalg.pinvh(curvature, rtol=1e-15)
     return float(np.sqrt(2 / freedom + max(slope @ spread @ slope, 0.0)))

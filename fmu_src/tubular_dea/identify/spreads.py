@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg
 
 from .compiled import Ids
 from .fit import inverse
@@ -138,7 +139,7 @@ def _estimated(
         penalised = information.copy()
         penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, 1e-8), m)
         scale = 1 / np.sqrt(np.diag(penalised))
-        inverse = np.linalg.pinv(penalised * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+        inverse = scipy.linalg.pinvh(penalised * np.outer(scale, scale), rtol=1e-15) * np.outer(scale, scale)
         solved = inverse @ target
         found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
         if not few:
