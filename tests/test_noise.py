@@ -130,6 +130,21 @@ def test_hum_is_told_apart(line: float, size: float, phi: float) -> None:
     assert found.rms == pytest.approx(RMS, rel=0.05)
 
 
+def test_harmonics_of_the_mains_leave_short_stretches_no_calmer_than_long_ones() -> None:
+    make, rate, random = coloured(0.96), 2000.0, np.random.default_rng(0)
+    for line, size in ((50.0, 1.2e-6), (100.0, 0.8e-6), (150.0, 0.8e-6)):
+        make = with_hum(make, line, size, rate)
+    listed = []
+    for _ in range(7):
+        time, output, events = record(rate, make(int(16 * rate), random))
+        often = 12 + np.cumsum(random.uniform(0.11, 0.25, 20))  # stretches of 0.01 to 0.15 s between them
+        listed.append((time, output, np.union1d(events, often[often < 16])))
+    found = estimate(listed)
+    assert found.quiet
+    assert len(found.hum) == 3
+    assert found.innovation == pytest.approx(RMS * np.sqrt(1 - 0.96**2), rel=0.01)
+
+
 def test_an_oscillation_that_is_not_the_mains_is_neither_noise_nor_hum() -> None:
     found = estimate(records(with_hum(coloured(0.0), 7.3, 10e-6)))
     assert found.hum == ()
@@ -216,6 +231,16 @@ def test_rounding_to_steps_larger_than_the_noise_is_white_where_the_signal_moves
         assert error.std() < found.innovation < 1.3 * np.hypot(error.std(), RMS)
     else:
         assert found.innovation == pytest.approx(np.hypot(error.std(), RMS * np.sqrt(1 - phi**2)), rel=0.15)
+
+
+@pytest.mark.parametrize("share", [1 / 3, 0.4, 0.5])
+def test_how_much_noise_a_coarse_sensor_shows_at_rest_depends_on_where_it_rests(share: float) -> None:
+    random = np.random.default_rng(0)
+    places = np.linspace(0, 1, 9)
+    shown = [np.var(np.round(share * random.standard_normal(200_000) + place)) for place in places]
+    told = rounded(Noise(float(np.sqrt(np.mean(shown))), 0.0), 1.0).form
+    assert told == pytest.approx(np.ptp(shown) / 2 / np.mean(shown), rel=0.15)
+    assert rounded(Noise(1.0, 0.0), 1.0).form == Noise(1.0, 0.0).form
 
 
 def test_what_rings_after_every_event_is_at_rest_before_the_first() -> None:

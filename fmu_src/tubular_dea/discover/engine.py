@@ -58,10 +58,6 @@ MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions antialias edges --seed 1000`
 SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
 
-# Set by measurement: at 50 Hz a null gained 83, 3, 15, 31 and 8 in turn, and an effect of 69 was named after the first.
-# Check: `python -m blind.score --nulls 8 --seed 160016 --no-identify`
-SLIGHT = 0.02  # [1] share of what a base leaves beyond noise that is no gain
-
 # Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
 WORTH = 0.5  # [1] share of what starts and effects explained that a first effect may leave to the next ones
 
@@ -344,18 +340,18 @@ def _recalibrated(work: Study, seed: int, chosen: bool) -> tuple[Study, Fit]:
 
 
 def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
-    """The base and the records' own numbers, each taken anew at the other until delays of monitors have settled, and
-    the fit gains no more: at a low sampling rate, switching instants and viscosities follow each other slowly."""
+    """The base and the records' own numbers, each taken anew at the other: until delays of monitors have settled, then
+    until the base gains no more. At a low sampling rate, instants and viscosities follow each other slowly."""
     for number in range(MOST_SETTLES):
-        before, cost = work.late, fitted.cost
+        before = work.late
         work = adjusted(with_noise_of(work, fitted), (), fitted.values, base_parameters(work.plant))
         work = input_noise.weighted(work, fitted.values)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
         moved = max((abs(by - before.get(name, 0.0)) for name, by in work.late.items()), default=0.0)
-        beyond = residuals.lack_of_fit(work, fitted).excess
-        if number + 1 >= SETTLES and moved < SAME_DELAY and cost - fitted.cost < max(AGREE, SLIGHT * beyond):
+        if number + 1 >= SETTLES and moved < SAME_DELAY:
             break
-    return work, fitted
+    work, last = iterated(work, option(work, (), fitted))
+    return work, last.fitted
 
 
 def _follows(work: Study, fitted: Fit, piece: Piece) -> bool:
