@@ -9,10 +9,10 @@ from tubular_dea.identify.marginal import Marginal, marginal
 
 N = 60
 RANDOM = np.random.default_rng(4)
+COLUMNS = [RANDOM.standard_normal(9), RANDOM.standard_normal(8), np.linspace(0, 1, 18)]
 WINDOWS = [
-    (slice(3, 12), RANDOM.standard_normal(9), 2.5),
-    (slice(12, 20), RANDOM.standard_normal(8), 0.3),
-    (slice(40, 58), np.linspace(0, 1, 18), 7.0),
+    (where, column, sd, float(np.linalg.norm(column)))
+    for where, column, sd in zip((slice(3, 12), slice(12, 20), slice(40, 58)), COLUMNS, (2.5, 0.3, 7.0), strict=True)
 ]
 DENSE = np.column_stack([np.ones(N), np.sin(0.4 * np.arange(N)), np.arange(N) / N])
 SPREADS = np.array([1.7, 0.2, 30.0])
@@ -22,7 +22,7 @@ NONE = np.empty((N, 0)), np.empty(0)
 def covariance(windows: list, columns: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """That of white noise and the nuisances, written down term by term."""
     found = np.eye(N)
-    for where, column, deviation in windows:
+    for where, column, deviation, _ in windows:
         placed = np.zeros(N)
         placed[where] = column
         found += deviation**2 * np.outer(placed, placed)
@@ -50,6 +50,11 @@ def test_the_determinant_is_that_of_the_covariance(windows: list, dense: tuple) 
     assert made.log_determinant == pytest.approx(np.linalg.slogdet(covariance(windows, *dense))[1])
 
 
+def test_the_determinant_does_not_depend_on_where_an_instant_was_found() -> None:
+    steeper = [(where, 1.5 * column, sd, usual) for where, column, sd, usual in WINDOWS]
+    assert marginal(steeper, *NONE).log_determinant == marginal(WINDOWS, *NONE).log_determinant
+
+
 def test_a_vector_is_treated_as_a_column() -> None:
     made = marginal(WINDOWS, DENSE, SPREADS)
     values = RANDOM.standard_normal((N, 2))
@@ -63,8 +68,10 @@ def test_a_vector_is_treated_as_a_column() -> None:
 def test_nothing_to_integrate_changes_nothing() -> None:
     values = RANDOM.standard_normal(N)
     np.testing.assert_array_equal(Marginal().apply(values), values)
-    np.testing.assert_array_equal(marginal([(slice(2, 9), np.ones(7), 0.0)], DENSE, np.zeros(3)).apply(values), values)
-    np.testing.assert_array_equal(marginal([(slice(5, 5), np.empty(0), 1.0)], *NONE).apply(values), values)
+    np.testing.assert_array_equal(
+        marginal([(slice(2, 9), np.ones(7), 0.0, 1.0)], DENSE, np.zeros(3)).apply(values), values
+    )
+    np.testing.assert_array_equal(marginal([(slice(5, 5), np.empty(0), 1.0, 1.0)], *NONE).apply(values), values)
 
 
 def test_columns_that_repeat_each_other_add_up() -> None:
@@ -93,7 +100,7 @@ def test_what_following_takes_away(size: float) -> None:
     records[where] += np.outer(column, RANDOM.uniform(-reach, reach, count))
     best = np.clip(column @ records[where] / (column @ column), -reach, reach)
     records[where] -= np.outer(column, best)
-    made = marginal([(where, column, reach)], *NONE)
+    made = marginal([(where, column, reach, 1.0)], *NONE)
     taken = made.variance_removed(N)
     assert np.all(taken[:3] == 0) and np.all(taken[12:] == 0)
     left = np.mean(made.apply(records) ** 2, axis=1)

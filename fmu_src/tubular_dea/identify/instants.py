@@ -75,6 +75,13 @@ class EdgeResponse:
             return np.empty(0)
         return np.asarray(SHARES(self._part(shift), 1) @ self.answers / np.ptp(self.grid))
 
+    @property
+    def chord(self) -> float:
+        """By how much the samples differ between the first and the last shift, per second."""
+        if not self.answers.size:
+            return 0.0
+        return float(np.linalg.norm(self.answers[-1] - self.answers[0]) / np.ptp(self.grid))
+
     def _part(self, shift: float | np.ndarray) -> np.ndarray:
         """Of the way between the edge's bounds at which a shift [s] is."""
         return np.asarray((shift - self.grid[0]) / np.ptp(self.grid))

@@ -70,10 +70,11 @@ def wide(piece: Piece) -> np.ndarray:
 
 def windows_of(
     piece: Piece, linear: Linearised, shifts: np.ndarray, on_clock: bool = False
-) -> list[tuple[slice, np.ndarray, float]]:
-    """The samples of every edge, their column at a shift, and its prior [s]: small for those that are `on_clock`."""
+) -> list[tuple[slice, np.ndarray, float, float]]:
+    """The samples of every edge, their column at a shift, its prior [s], small for those that are `on_clock`, and the
+    column's length on average over all shifts."""
     known = np.where(wide(piece) & on_clock, ON_CLOCK * step_of(piece), np.inf)
     return [
-        (m.where, m.column(float(s)), min(reach(e), k))
+        (m.where, m.column(float(s)), min(reach(e), k), m.chord)
         for m, s, e, k in zip(linear.windows, shifts, piece.driven.edges, known, strict=False)
     ]

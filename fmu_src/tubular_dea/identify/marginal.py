@@ -21,11 +21,12 @@ from scipy.special import ndtr
 @dataclass(frozen=True)
 class Window:
     """A nuisance parameter that acts only on the samples `where`: its direction `unit` (m,) of length 1, `size` = s
-    |c|."""
+    |c|, and `usual_size`, the same for |c| on average over all that the parameter may be."""
 
     where: slice
     unit: np.ndarray
     size: float
+    usual_size: float
 
 
 @dataclass(frozen=True)
@@ -55,9 +56,10 @@ class Marginal:
     def log_determinant(self) -> float:
         """By how much the nuisance parameters widen the likelihood: the logarithm of the covariance's determinant.
 
-        Sums of squares with different priors, or different columns, compare with this added to them.
+        Sums of squares with different priors, or different columns, compare with this added to them. What windows add
+        must not depend on where in their bounds an instant was found: there may be hundreds of them.
         """
-        windows = sum(np.log1p(w.size**2) for w in self.windows)
+        windows = sum(np.log1p(w.usual_size**2) for w in self.windows)
         return float(windows + np.log1p(self.sizes**2).sum())
 
     def variance_removed(self, n: int) -> np.ndarray:
@@ -68,13 +70,16 @@ class Marginal:
         return out
 
 
-def marginal(windows: Sequence[tuple[slice, np.ndarray, float]], columns: np.ndarray, sd: np.ndarray) -> Marginal:
-    """The nuisances with whitened columns: in windows (where, column, sd), and throughout: (n, k) with sd (k,)."""
+def marginal(
+    windows: Sequence[tuple[slice, np.ndarray, float, float]], columns: np.ndarray, sd: np.ndarray
+) -> Marginal:
+    """The nuisances with whitened columns: in windows (where, column, sd, usual length of the column), and throughout:
+    (n, k) with sd (k,)."""
     made = []
-    for where, column, deviation in windows:
+    for where, column, deviation, usual in windows:
         length = float(np.linalg.norm(column))
         if length > 0 and deviation > 0:
-            made.append(Window(where, column / length, deviation * length))
+            made.append(Window(where, column / length, deviation * length, deviation * usual))
     local = Marginal(tuple(made))
     used = sd > 0
     if not np.any(used):
