@@ -26,6 +26,7 @@ from .svg import QUIET, Plot, span
 
 SMALL = 0.05  # of the range of what an effect changes: a change that is smaller is drawn by itself
 BINS, LEAST, PART = 16, 25, 1e-3  # places along an axis at which the residual is averaged; samples at each, and share
+A_LINE = 4  # places that a line goes through at least
 TURNS = 1.3  # times as much that is explained if rising and falling are kept apart, where they are
 LITTLE = 0.3  # of the usual weight: samples that fits gave less are left out
 SPANS = 100.0  # times by which an interval's far end may be the near one, for a size that is told in the summary
@@ -194,6 +195,12 @@ class _Axis:
         edges = np.unique(np.concatenate([wide, np.quantile(self.x, np.linspace(0, 1, BINS + 1))]))
         return np.clip(np.searchsorted(edges, self.x, side="right") - 1, 0, max(edges.size - 2, 0))
 
+    @property
+    def both_ways(self) -> bool:
+        """Whether rising and falling samples are at enough places each for a line."""
+        counts = [np.bincount(self.place[self.turn == turn], minlength=1) for turn in (1, -1)]
+        return all(np.count_nonzero(count >= self.least) >= A_LINE for count in counts)
+
     def explained(self, residual: np.ndarray, apart: bool) -> float:
         """The share of the residual's squares that its averages along the axis have; rising and falling `apart`."""
         key = self.place * 3 + (self.turn + 1 if apart else 0)
@@ -252,7 +259,8 @@ def _chosen(axes: Sequence[_Axis], residual: np.ndarray) -> tuple[_Axis, bool]:
     rising and falling apart."""
     best, most, turns = axes[0], -1.0, False
     for axis in axes:
-        together, apart = axis.explained(residual, False), axis.explained(residual, True)
+        together = axis.explained(residual, False)
+        apart = axis.explained(residual, True) if axis.both_ways else 0.0
         if max(together, apart) > BETTER * most:
             best, most, turns = axis, max(together, apart), apart > TURNS * together
     return best, turns
