@@ -96,7 +96,7 @@ def _flickers(values: np.ndarray) -> bool:
     """Whether what is off the commonest value is so for single samples, as the last bit of a coarse monitor is."""
     known, counts = np.unique(values, return_counts=True)
     off = values != known[int(np.argmax(counts))]
-    return not np.any(off[1:] & off[:-1])
+    return values.size >= STANDSTILL and not np.any(off[1:] & off[:-1])
 
 
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
