@@ -184,7 +184,8 @@ def contradictions(result: dict) -> list[str]:
         if effect.get("explained", 0) < 0:
             wrong.append(f"{effect['id']} explains {effect['explained']}")
         for name, p in effect.get("parameters", {}).items():
-            if not min(p["ci95"]) <= p["value"] <= max(p["ci95"]):
+            low, high = p["ci95"]  # null where it is open, at a bound
+            if (low is not None and p["value"] < low) or (high is not None and p["value"] > high):
                 wrong.append(f"{name} outside its interval")
     errors = result.get("error", {})
     before, after = (errors.get(k, {}).get("held_out_rmse") for k in ("recalibrated", "after"))

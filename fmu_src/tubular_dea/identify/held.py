@@ -78,6 +78,12 @@ class HeldLine:
         )
         return HeldLine(*(np.insert(known, after, new) for known, new in added))
 
+    def begun_at(self, time: float) -> HeldLine:
+        """With its first point moved to an earlier `time` [s]."""
+        times = self.time.copy()
+        times[0] = min(time, times[0])
+        return replace(self, time=times)
+
     def in_order(self) -> HeldLine:
         """With times that never fall."""
         return self.with_edges_at(self.time[self.edge >= 0])

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import norm as normal
 from scipy.stats import t as student
+from scipy.stats import truncnorm
 
 from ..laws.places import Path
 from ..model.declare import Model, Parameter, Quantity
@@ -41,6 +42,7 @@ SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros h
 MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
 SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
+NO_SPREAD = 0.01  # [samples] of uncertainty where a line without noise meets zero
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
@@ -94,15 +96,45 @@ def zeroed(
         for i in resting:
             if signal.linear and i not in seen and abs(drives[i].lines[signal.name].values[0]) <= ZEROS * signal.zero:
                 still[i][signal.name] = 1  # it moves at once, from nothing
-    begun = [_from_nothing(e, d, s) for e, d, s in zip(experiments, drives, still, strict=True)]
+    shown_at_rest = [{n: z.get(n, 0.0) + level for n, level in levels.items()} for z in zeros]
+    begun = [_from_nothing(*one) for one in zip(experiments, drives, still, shown_at_rest, strict=True)]
     return [d.without(z, s, levels) if s else d for d, z, s in zip(begun, zeros, still, strict=True)]
 
 
-def _from_nothing(experiment: Experiment, driven: Drive, still: Mapping[str, int]) -> Drive:
-    """The drive with a point some samples from the start where a line moves at once: only up to there it is changed."""
+def _from_nothing(
+    experiment: Experiment, driven: Drive, still: Mapping[str, int], nothing: Mapping[str, float]
+) -> Drive:
+    """The drive with lines that move at once begun at what is `nothing` there, up to a sample before the first one.
+
+    A point some samples from the start sees to it that only up to there they are changed.
+    """
     at = float(experiment.time[min(FIRST_SAMPLES, experiment.time.size - 1)])
-    moving = {name: driven.lines[name].with_time(at) for name, points in still.items() if points == 1}
+    moving = {
+        name: driven.lines[name].with_time(at).begun_at(_begun(experiment, driven, name, nothing[name]))
+        for name, points in still.items()
+        if points == 1
+    }
     return replace(driven, lines=dict(driven.lines) | moving)
+
+
+def _begun(experiment: Experiment, driven: Drive, name: str, nothing: float) -> float:
+    """When an input that moves from the first sample on began to: at most a sample before that one.
+
+    Where a line through its first samples meets what is `nothing`, as a mean over what its noise leaves open.
+    """
+    line, time = driven.lines[name], experiment.time
+    samples = min(FIRST_SAMPLES, max(int(np.searchsorted(time, line.time[1])), 2), time.size)
+    after, values = time[:samples] - time[0], experiment.inputs[name][:samples] - nothing
+    step, power = float(after[1]), min(samples - 1, 2 if samples > FIRST_SAMPLES // 2 else 1)
+    terms = np.vander(after / step, power + 1, increasing=True)
+    found = np.linalg.lstsq(terms, values, rcond=None)[0]
+    first, slope = float(found[0]), float(found[1])  # a sample later it is as much larger
+    if slope == 0.0:
+        return float(time[0])
+    error = driven.noise[name] * float(np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0]))
+    where, spread = -first / slope, max(error / abs(slope), NO_SPREAD)  # [samples]
+    before = truncnorm.mean((-1 - where) / spread, -where / spread, where, spread)
+    return float(time[0]) + step * float(np.clip(before, -1.0, 0.0))
 
 
 def _in_common(zeros: np.ndarray, usual: float) -> float:
