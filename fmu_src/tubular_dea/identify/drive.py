@@ -81,6 +81,7 @@ class Drive:
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
     are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
     are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
+    Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name).
     """
 
     protocol: Protocol
@@ -94,6 +95,13 @@ class Drive:
     unheld: frozenset[str] = frozenset()
     rises: Mapping[str, Rise] = field(default_factory=dict)
     step: float = 0.0
+    begun: Mapping[str, float] = field(default_factory=dict)
+
+    def begun_later(self, name: str, by: float) -> Drive:
+        """The drive with an input that began to move `by` [s] later."""
+        line = self.lines[name]
+        lines = dict(self.lines) | {name: line.begun_at(float(line.time[0]) + by)}
+        return replace(self, lines=lines, protocol=joined([(x.time, x.values) for x in lines.values()], list(lines)))
 
     def moved(self, shifts: np.ndarray, longer: Mapping[str, float] | None = None) -> Protocol:
         """The protocol with every one of `edges` later by its shift (m,) [s], and `longer` [s] by input.

@@ -79,10 +79,8 @@ class HeldLine:
         return HeldLine(*(np.insert(known, after, new) for known, new in added))
 
     def begun_at(self, time: float) -> HeldLine:
-        """With its first point moved to an earlier `time` [s]."""
-        times = self.time.copy()
-        times[0] = min(time, times[0])
-        return replace(self, time=times)
+        """With its first point at another `time` [s]."""
+        return replace(self, time=np.append(time, self.time[1:]))
 
     def in_order(self) -> HeldLine:
         """With times that never fall."""

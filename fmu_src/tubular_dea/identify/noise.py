@@ -225,7 +225,8 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     chosen = calm(every, coarse)
     mains = _mains(chosen, records)
     if mains:
-        chosen = calm(_with_room(every, mains), coarse, lines=mains)
+        every = _with_room(every, mains)
+        chosen = calm(every, coarse, lines=mains)
     if _freedom(chosen) < CALMEST:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)

@@ -64,6 +64,7 @@ USUAL_DRIFT = 0.1  # [1] of the usual zero by which each of them usually drifts:
 
 GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
 RISE_OF = "rise of "  # name of how much longer the amplifier behind a monitor rises than its samples tell
+BEGUN_OF = "begun "  # name of when an input that moves from the first sample on began to
 DRIFT_OF = "drift "  # names of a sensor's drifts within a file, by number
 EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
 
@@ -94,6 +95,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
     switching = {e.input for e in piece.driven.edges}
     cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises if name in switching]
+    cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
     if study.sought:
         cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
@@ -176,6 +178,13 @@ def _widened(piece: Piece, name: str) -> tuple[Case, float]:
     return replace(piece.case, protocol=wider.driven_by(piece.shifts)), by
 
 
+def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
+    """The case with one of its inputs begun earlier by the uncertainty of that, and that time [s]."""
+    by = piece.driven.begun[name]
+    earlier = replace(piece, driven=piece.driven.begun_later(name, -by))
+    return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
+
+
 def _smoothed(piece: Piece, name: str) -> Case:
     """The case with one of its inputs replaced by the mean of what it is a sample before and after."""
     protocol, by = piece.case.protocol, step_of(piece)
@@ -197,6 +206,8 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
         return spread[name] * left_of(piece, name)
     if name.startswith(EDGE_OF):
         return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
+    if name.startswith(BEGUN_OF):
+        return piece.driven.begun[name.removeprefix(BEGUN_OF)]
     if name.startswith("hum "):
         return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
     unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
@@ -206,7 +217,7 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
 
 def usual_size(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain, a delay or a rise (SI); 0 for the other nuisance parameters."""
-    if name.startswith(SMOOTH_OF):
+    if name.startswith((SMOOTH_OF, BEGUN_OF)):
         return 0.0
     if name.startswith(RISE_OF):
         return study.rises[name.removeprefix(RISE_OF)].stderr

@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import norm as normal
 from scipy.stats import t as student
-from scipy.stats import truncnorm
 
 from ..laws.places import Path
 from ..model.declare import Model, Parameter, Quantity
-from ..plants.plant import Plant
+from ..plants.plant import Input, Plant
 
 if TYPE_CHECKING:
     from .data import Experiment
@@ -42,7 +41,8 @@ SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros h
 MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
 SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
-NO_SPREAD = 0.01  # [samples] of uncertainty where a line without noise meets zero
+AT_FIRST = 0.5  # [1] of rigs that begin with a sample; the others do so anywhere between two
+BEGINS = 41  # [1] places between two samples that are compared
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
@@ -94,47 +94,61 @@ def zeroed(
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
         for i in resting:
-            if signal.linear and i not in seen and abs(drives[i].lines[signal.name].values[0]) <= ZEROS * signal.zero:
+            if signal.linear and i not in seen and _may_begin_with_nothing(experiments[i], drives[i], signal):
                 still[i][signal.name] = 1  # it moves at once, from nothing
     shown_at_rest = [{n: z.get(n, 0.0) + level for n, level in levels.items()} for z in zeros]
-    begun = [_from_nothing(*one) for one in zip(experiments, drives, still, shown_at_rest, strict=True)]
+    begun = [
+        _from_nothing(e, d, plant, s, r) for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
+    ]
     return [d.without(z, s, levels) if s else d for d, z, s in zip(begun, zeros, still, strict=True)]
 
 
+def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input) -> bool:
+    """Whether an input may have begun with nothing: with less than a zero and what it moves by in a sample."""
+    line, time = driven.lines[signal.name], experiment.time
+    first, second = np.interp(time[:2], line.time, line.values)
+    moves = 0.0 if line.edge[0] >= 0 or abs(second) < abs(first) else abs(second - first)
+    return bool(abs(first) <= ZEROS * signal.zero + moves)
+
+
 def _from_nothing(
-    experiment: Experiment, driven: Drive, still: Mapping[str, int], nothing: Mapping[str, float]
+    experiment: Experiment, driven: Drive, plant: Plant, still: Mapping[str, int], nothing: Mapping[str, float]
 ) -> Drive:
     """The drive with lines that move at once begun at what is `nothing` there, up to a sample before the first one.
 
     A point some samples from the start sees to it that only up to there they are changed.
     """
     at = float(experiment.time[min(FIRST_SAMPLES, experiment.time.size - 1)])
-    moving = {
-        name: driven.lines[name].with_time(at).begun_at(_begun(experiment, driven, name, nothing[name]))
-        for name, points in still.items()
-        if points == 1
-    }
-    return replace(driven, lines=dict(driven.lines) | moving)
+    lines, begun = dict(driven.lines), {}
+    for signal in plant.inputs:
+        if still.get(signal.name) == 1:
+            line = lines[signal.name].with_time(at)
+            begins = _begun(experiment, driven, signal, line, nothing[signal.name])
+            lines[signal.name], begun[signal.name] = line.begun_at(begins[0]), begins[1]
+    return replace(driven, lines=lines, begun=begun)
 
 
-def _begun(experiment: Experiment, driven: Drive, name: str, nothing: float) -> float:
-    """When an input that moves from the first sample on began to: at most a sample before that one.
+def _begun(experiment: Experiment, driven: Drive, signal: Input, line: HeldLine, nothing: float) -> tuple[float, float]:
+    """When an input that moves from the first sample on began to, and the standard deviation of that [s].
 
-    Where a line through its first samples meets what is `nothing`, as a mean over what its noise leaves open.
+    It began with the first sample, as where one clock runs both, or anywhere in the interval before. A line through its
+    first samples meets `nothing` there, but for the noise and the zero of its monitor.
     """
-    line, time = driven.lines[name], experiment.time
+    time, part = experiment.time, np.linspace(-1.0, 0.0, BEGINS)
     samples = min(FIRST_SAMPLES, max(int(np.searchsorted(time, line.time[1])), 2), time.size)
-    after, values = time[:samples] - time[0], experiment.inputs[name][:samples] - nothing
-    step, power = float(after[1]), min(samples - 1, 2 if samples > FIRST_SAMPLES // 2 else 1)
-    terms = np.vander(after / step, power + 1, increasing=True)
-    found = np.linalg.lstsq(terms, values, rcond=None)[0]
-    first, slope = float(found[0]), float(found[1])  # a sample later it is as much larger
-    if slope == 0.0:
-        return float(time[0])
-    error = driven.noise[name] * float(np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0]))
-    where, spread = -first / slope, max(error / abs(slope), NO_SPREAD)  # [samples]
-    before = truncnorm.mean((-1 - where) / spread, -where / spread, where, spread)
-    return float(time[0]) + step * float(np.clip(before, -1.0, 0.0))
+    after = (time[:samples] - time[0]) / (time[1] - time[0])
+    terms = np.vander(after, 3 if samples > FIRST_SAMPLES // 2 else 2, increasing=True)
+    (first, slope, *_), *_ = np.linalg.lstsq(terms, experiment.inputs[signal.name][:samples] - nothing, rcond=None)
+    error = np.hypot(driven.noise[signal.name] * np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0]), signal.zero)
+    if error == 0.0 or slope == 0.0:
+        return float(time[0]), 0.0
+    chance = np.append(np.full(BEGINS - 1, (1 - AT_FIRST) / (BEGINS - 1)), AT_FIRST)
+    chance *= np.exp(-0.5 * ((first + slope * part) / error) ** 2)
+    if not chance.any():
+        return float(time[0]), 0.0
+    mean = float(np.average(part, weights=chance))
+    spread = float(np.sqrt(np.average((part - mean) ** 2, weights=chance)))
+    return float(time[0] + mean * (time[1] - time[0])), spread * float(time[1] - time[0])
 
 
 def _in_common(zeros: np.ndarray, usual: float) -> float:
