@@ -99,6 +99,8 @@ def take_round(
     options = _refits(study, chosen, starts, shortlist, {o.ids[-1]: o.fitted for o in known}, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
+    if chosen.ids:
+        options = _as_finer(study, chosen, options, blank.threshold, tell)
     return _decided(study, base, chosen, replace(blank, options=options))
 
 
@@ -166,6 +168,20 @@ def _finer(study: Study, one: Option) -> Option | None:
     if name in one.refined or not study.catalogue[name].refine:
         return None
     return fitted_option(study, one.ids, one.fitted.values, (*one.refined, name))
+
+
+def _as_finer(
+    study: Study, chosen: Option, options: Sequence[Option], threshold: float, tell: Progress
+) -> list[Option]:
+    """Options of a further effect, in their finer forms where these tell more.
+
+    What an earlier effect leaves is little: the straight form of a drift that levels off may tell a tenth of it.
+    """
+    tell("refits in finer forms")
+    told = [o for o in options if chosen.cost - o.cost > threshold]
+    finer = {o.ids: f for o, f in zip(told, side_by_side(lambda o: _finer(study, o), told), strict=True) if f}
+    better = [f if (f := finer.get(o.ids)) and f.evidence > o.evidence else o for o in options]
+    return sorted(better, key=lambda o: -o.evidence)
 
 
 def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
