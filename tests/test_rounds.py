@@ -108,8 +108,19 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     assert ended.index("c2") == 0
 
 
-def test_further_effects_that_tell_something_compete_in_their_finer_forms(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drift in its straight form gains 90, and 370 where it levels off; what gains less than chance is left."""
+@pytest.mark.parametrize(
+    ("left", "first", "finer"),
+    [
+        (600.0, False, True),  # a further effect
+        (600.0, True, False),  # a first one, clearly
+        (480.0, True, True),  # a weak one
+        (430.0, False, False),  # none
+    ],
+)
+def test_weak_and_further_effects_compete_in_their_finer_forms(
+    monkeypatch: pytest.MonkeyPatch, left: float, first: bool, finer: bool
+) -> None:
+    """A drift in its straight form gains nearly nothing, and the most where it levels off."""
     fine = {"drift": 230.0, "friction": 470.0, "stop": 0.0}
     monkeypatch.setattr(
         rounds, "fitted_option", lambda study, ids, start, refined: option(*ids, excess=fine[ids[-1]], refined=refined)
@@ -117,12 +128,15 @@ def test_further_effects_that_tell_something_compete_in_their_finer_forms(monkey
     study = SimpleNamespace(
         catalogue={i: SimpleNamespace(refine=() if i == "set" else ("form",)) for i in [*fine, "set"]}
     )
-    before = option("delay", excess=600.0)
-    coarse = {"set": 400.0, "friction": 450.0, "drift": 510.0, "stop": 580.0}
-    options = [option("delay", i, excess=excess) for i, excess in coarse.items()]
-    found = rounds._as_finer(study, before, options, 35.0, lambda what: None)
-    assert [o.ids[-1] for o in found] == ["drift", "set", "friction", "stop"]
-    assert [o.refined for o in found] == [("drift",), (), (), ()]
+    found = () if first else ("delay",)
+    before = option(*found, excess=left)
+    coarse = {"set": 400.0, "friction": 420.0, "drift": 425.0, "stop": 1000.0}
+    options = [option(*found, i, excess=excess) for i, excess in coarse.items()]
+    compared = rounds._as_finer(study, before, options, 35.0, lambda what: None)
+    assert [o.ids[-1] for o in compared] == (
+        ["drift", "set", "friction", "stop"] if finer else ["set", "friction", "drift", "stop"]
+    )
+    assert [o.refined for o in compared] == ([("drift",), (), (), ()] if finer else [(), (), (), ()])
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ..identify.study import Study
 from ..identify.threads import side_by_side
 from ..kernel import KernelError
 from . import bank
-from .acceptance import FALSE_ALARMS, accept, clean, denied, far, no_further_effect
+from .acceptance import FALSE_ALARMS, STRONG, accept, clean, denied, far, no_further_effect
 from .bank import Score
 from .bootstrap import NullScores, null_scores
 from .equivalence import CHANCE, error_reach
@@ -99,8 +99,7 @@ def take_round(
     options = _refits(study, chosen, starts, shortlist, {o.ids[-1]: o.fitted for o in known}, tell)
     if not options:
         return replace(blank, reason="no candidate could be refitted")
-    if chosen.ids:
-        options = _as_finer(study, chosen, options, blank.threshold, tell)
+    options = _as_finer(study, chosen, options, blank.threshold, tell)
     return _decided(study, base, chosen, replace(blank, options=options))
 
 
@@ -173,13 +172,16 @@ def _finer(study: Study, one: Option) -> Option | None:
 def _as_finer(
     study: Study, chosen: Option, options: Sequence[Option], threshold: float, tell: Progress
 ) -> list[Option]:
-    """Options of a further effect, in their finer forms where these tell more.
+    """Options in their finer forms where these tell more, if the best one tells something but little.
 
-    What an earlier effect leaves is little: the straight form of a drift that levels off may tell a tenth of it.
+    So it is with weak effects and with further ones: of a drift that levels off, its straight form may tell a tenth.
     """
+    most = max(chosen.cost - o.cost for o in options)
+    if most < threshold or (most >= STRONG * threshold and not chosen.ids):
+        return list(options)
     tell("refits in finer forms")
-    told = [o for o in options if chosen.cost - o.cost > threshold]
-    finer = {o.ids: f for o, f in zip(told, side_by_side(lambda o: _finer(study, o), told), strict=True) if f}
+    near = [o for o in options if o.cost < chosen.cost]
+    finer = {o.ids: f for o, f in zip(near, side_by_side(lambda o: _finer(study, o), near), strict=True) if f}
     better = [f if (f := finer.get(o.ids)) and f.evidence > o.evidence else o for o in options]
     return sorted(better, key=lambda o: -o.evidence)
 
