@@ -7,7 +7,8 @@ off is one of the record's own numbers (`adjust`), which the record itself deter
 What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
 before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
 the zero describes. A zero that all files have in common may be an effect and stays. What moves from the first sample on
-begins with nothing, for the same reason.
+begins with nothing, for the same reason, up to a sample earlier: a sampling clock seldom begins with the plant. When it
+began is one of the record's own numbers too.
 """
 
 from __future__ import annotations
