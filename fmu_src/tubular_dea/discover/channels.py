@@ -105,7 +105,7 @@ def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
 def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> float:
     """The frequency [Hz] with the most power in the residuals of some pieces together."""
     means = block_sums(residuals)
-    step = BLOCK * float(np.median(np.diff(pieces[0].case.readings[0].times)))
+    step = BLOCK * pieces[0].case.readings[0].clock.step
     power = np.abs(np.fft.rfft(means - means.mean())) ** 2
     rough = float(np.fft.rfftfreq(means.size, step)[1 + int(np.argmax(power[1:]))])
     resolved = 0.25 / (step * means.size)

@@ -106,7 +106,7 @@ def _fast_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, 
     total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
-            step = float(np.median(np.diff(reading.times)))
+            step = reading.clock.step
             share = min(1.0, 2 * study.plant.bandwidth * step)
             squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
             total[reading.output][0] += share * squares

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..identify.cases import Case, Reading
 from ..identify.problem import whitened
+from ..identify.sampling import usual_step
 from ..identify.study import Study
 from ..kernel import KernelError
 from ..laws.places import Balance, Coefficient
@@ -47,7 +48,7 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
     """The protocol that best discriminates the two closest of `options`; None where fewer than two are given."""
     best: Proposal | None = None
     reading = study.pieces[0].case.readings[0]
-    step = float(np.median(np.diff(reading.times)))
+    step = reading.clock.step
     for words, protocol in feasible(study).items():
         times = np.arange(protocol.time[0], protocol.time[-1], step)
         case = Case(protocol, (Reading(reading.output, times),))
@@ -116,7 +117,7 @@ def feasible(study: Study) -> dict[str, Protocol]:
     if study.plant.experiments is not None:
         return study.plant.experiments(largest)
     times = study.pieces[0].case.times
-    step, span = float(np.median(np.diff(np.unique(times)))), float(times.max() - times.min())
+    step, span = usual_step(np.unique(times)), float(times.max() - times.min())
     least = {name: _least(np.concatenate([d.inputs[name] for d in protocols])) for name in largest}
     return sweeps(study.plant, largest, span, step, least)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..identify.nuisances import with_nuisances
+from ..identify.sampling import usual_step
 from .engine import Discovery
 
 # Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/hum.py).
@@ -64,7 +65,9 @@ def oscillations(found: Discovery) -> list[Oscillation]:
             if any(w.output == output and abs(w.frequency - fine) < LINE_NEAR for w in told):
                 continue
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
-            errors = {name: noise.slow_at(_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records}
+            errors = {
+                name: noise.slow_at(usual_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records
+            }
             follows = {name: abs(_wave(fine, times, driven[output, name])) for name, times, _ in records}
             seen = [r for r in records if amplitudes[r[0]] > max(LINE_TOLD * errors[r[0]], follows[r[0]])]
             if any(_steady(fine, times, residual) for _, times, residual in seen):
@@ -91,7 +94,3 @@ def _wave(frequency: float, times: np.ndarray, values: np.ndarray) -> complex:
     model misses slowly would otherwise look like a wave of any frequency."""
     turns, weight = np.exp(-2j * np.pi * frequency * (times - times[0])), np.hanning(times.size)
     return complex(2 * np.sum(weight * turns * (values - np.average(values, weights=weight))) / weight.sum())
-
-
-def _step(times: np.ndarray) -> float:
-    return float(np.median(np.diff(times)))

@@ -95,7 +95,7 @@ def _transmitted(study: Study, piece: Piece, block: int) -> float:
     A monitor fitted by straight lines keeps noise slower than its corners; the plant keeps noise in its bandwidth.
     """
     corners = np.unique(piece.case.protocol.time).size
-    kept = 2 * study.plant.bandwidth * float(np.median(np.diff(piece.case.readings[0].times)))
+    kept = 2 * study.plant.bandwidth * piece.case.readings[0].clock.step
     return min(1.0, block * corners / piece.record.size, block * kept)
 
 
@@ -170,7 +170,7 @@ def _signals(study: Study, ids: Ids, fitted: Fit) -> dict[str, list[np.ndarray]]
     outputs = study.response(ids, study.training).outputs(fitted.values)
     for piece, read in zip(study.training, outputs, strict=True):
         times = piece.case.times
-        step = float(np.median(np.diff(piece.case.readings[0].times)))
+        step = piece.case.readings[0].clock.step
         names = dict(piece.case.protocol.at(times))
         for name in list(names):
             names[f"{name}^2"] = names[name] ** 2

@@ -22,7 +22,7 @@ from ..recordings.table import some
 from . import checks
 from .bench_file import BenchFile, read_bench
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
-from .sampling import sampling
+from .sampling import sampling, usual_step
 from .spikes import spikes
 from .start import RESTED, detected
 
@@ -370,7 +370,7 @@ def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Input) -> 
 
 
 def _check_time(table: Table, lines: np.ndarray, time: np.ndarray, plant: Plant) -> None:
-    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    span, step = float(time[-1] - time[0]), usual_step(time)
     if span < plant.shortest or step > plant.coarsest:
         label = "s labelled ms" if span < plant.shortest else "ms labelled s"
         raise DataError(

@@ -35,6 +35,7 @@ from .monitors import (
     resolution,
     smoothed,
 )
+from .sampling import usual_step
 from .threads import one_blas_thread
 from .trigger import triggered
 
@@ -191,7 +192,7 @@ def drive(
         any(d.shown for d in drawn.values()),
         unheld=frozenset(n for n, d in drawn.items() if d.unheld),
         rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
-        step=float(np.median(np.diff(experiment.time))),
+        step=usual_step(experiment.time),
     )
 
 
@@ -275,7 +276,7 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
 
 def _off_even(time: np.ndarray) -> float:
     """How far the samples lie off an even clock, in steps of it."""
-    return float(np.abs(time - even(time)).max() / np.median(np.diff(time)))
+    return float(np.abs(time - even(time)).max() / usual_step(time))
 
 
 def _continuous(
@@ -305,7 +306,7 @@ def _continuous(
 
 def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (n,) less their average over a turn of the slowest mains, which holds no hum."""
-    turn = max(1, round(1 / min(MAINS) / float(np.median(np.diff(time)))))
+    turn = max(1, round(1 / min(MAINS) / usual_step(time)))
     return np.asarray(values - uniform_filter1d(values, turn))
 
 
@@ -399,7 +400,7 @@ def _held(
     if trigger is not None:
         edges = triggered(edges, time, trigger)
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
-    late = (0.0 if shown else 0.5 if exact else MIDWAY) * float(np.median(np.diff(time)))
+    late = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
     line, edges = held_line(time, values, noise, found, edges, late)
     missed = _missed(experiment, name, line, noise, edges, late, hum)
     unheld = not (shown or exact) and line.ramps(MATTERS)
@@ -445,7 +446,7 @@ def _missed(
 ) -> float:
     """How far a line misses its record (rms) where no edge is near; `DataError` where that is more than noise."""
     time, values = experiment.time, experiment.inputs[name] - hum
-    step = float(np.median(np.diff(time)))
+    step = usual_step(time)
     near = np.zeros(time.size, dtype=bool)
     for edge in edges:
         begin, end = edge.corners[0][[0, -1]] * edge.rise / 2 + np.array([-NEAR_EDGE, NEAR_EDGE]) * step
@@ -482,7 +483,7 @@ def _check_sampling(experiment: Experiment, name: str, noise: float, stated: boo
     allowed = max(noise, COARSE_INPUT * span)
     if unknown <= allowed:
         return
-    rate = 1 / float(np.median(np.diff(time)))
+    rate = 1 / usual_step(time)
     curves = ", band_limited=True (a smooth curve through all samples)" if _off_even(time) <= JITTER else ""
     raise DataError(
         f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "

@@ -21,6 +21,8 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import median_filter
 
+from .sampling import usual_step
+
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is told
@@ -164,7 +166,7 @@ def transitions(time: np.ndarray, values: np.ndarray, noise: float) -> Transitio
     They are sought between neighbouring samples, and between samples as far apart as slow amplifiers need.
     """
     found = _runs(time, values, noise)
-    apart = int(SLOW_EDGE / np.median(np.diff(time))) if time.size > 2 else 1
+    apart = int(SLOW_EDGE / usual_step(time)) if time.size > 2 else 1
     if apart > 1:
         coarse = _runs(time[::apart], values[::apart], noise)
         slow = [_exact(values, noise, a * apart, min(b * apart, values.size - 1)) for a, b in _pairs(coarse)]
@@ -483,7 +485,7 @@ def _through_filter(time: np.ndarray, values: np.ndarray, before: int, after: in
     """
     t, v = time[before : after + 1], values[before : after + 1]
     weight, middle = np.diff(v) / (v[-1] - v[0]), (t[1:] + t[:-1]) / 2
-    centroid, step = float(weight @ middle), float(np.median(np.diff(t)))
+    centroid, step = float(weight @ middle), usual_step(t)
     return centroid, centroid - ALIASED * step, centroid + ALIASED * step, 0.0
 
 
@@ -507,6 +509,6 @@ def _followed(
     weight, middle = np.diff(part), (t[1:] + t[:-1]) / 2
     centroid = float(weight @ middle)
     spread = float(np.sqrt(max(weight @ ((middle - centroid) ** 2 + np.diff(t) ** 2 / 12), 0.0)))
-    step = float(np.median(np.diff(t)))
+    step = usual_step(t)
     uncertainty = np.hypot(step / 8, noise / abs(v[-1] - v[0]) * step * np.sqrt(t.size))
     return centroid, max(centroid - uncertainty, t[0]), min(centroid + uncertainty, t[-1]), EXPONENTIAL * spread

@@ -13,6 +13,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import gammainccinv, gammaincinv
 
+from .sampling import usual_step
+
 # Set by convention: mains are 50 or 60 Hz. Check: `pytest tests/test_noise.py::test_hum_is_told_apart`
 MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
 HARMONICS = 10  # [1] multiples of these that are
@@ -108,7 +110,7 @@ def lines_of(time: np.ndarray, left: np.ndarray) -> list[float]:
 
     Below twice the mains' frequency everything may be hum that comes to lie there, and nothing is said to be.
     """
-    step = float(np.median(np.diff(time)))
+    step = usual_step(time)
     lines: list[float] = []
     while step <= 0.5 / max(MAINS) and len(lines) < MOST_HUM:
         line = strongest([(time, left - at(lines, time, left))], step)

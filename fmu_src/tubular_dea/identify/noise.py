@@ -21,6 +21,7 @@ from . import hum as hums
 from .colour import Colour
 from .monitors import resolution
 from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches
+from .sampling import usual_step
 from .threads import one_blas_thread
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -157,7 +158,7 @@ class Noise:
 
     def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Noise of this kind at `time`, for a bootstrap; without hum."""
-        step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+        step = usual_step(time) if time.size > 1 else 0.0
         return self.total * self.colour(step).sample(time.size, random)
 
 

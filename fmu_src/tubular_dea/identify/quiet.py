@@ -15,6 +15,7 @@ from scipy.linalg import solve_triangular
 
 from . import hum as hums
 from .colour import Colour
+from .sampling import usual_step
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -94,7 +95,7 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
-        step = round(float(np.median(np.diff(time))), 9)
+        step = round(usual_step(time), 9)
         sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
         marks = np.union1d(events, time[1:][~steady(time)])
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
@@ -200,7 +201,7 @@ class Clock:
             return Clock(0.0, (slice(0, time.size),))
         ends = [0, *(np.flatnonzero(~steady(time)) + 1).tolist(), time.size]
         parts = tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
-        return Clock(float(np.median(np.diff(time))), parts)
+        return Clock(usual_step(time), parts)
 
 
 def steady(time: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from ..errors import UserError
 from ..model.units import UnitError, factor
 from ..recordings import Table, read
 from .columns import is_in
+from .sampling import usual_step
 
 # Set by judgement. Check: `pytest tests/test_patient.py`
 BEAT_POINTS = 200  # [1] points of the average beat
@@ -220,7 +221,7 @@ def _one_beat(time: np.ndarray, pressure: np.ndarray) -> bool:
 
 def _whole(signals: Signals, pressure: np.ndarray, what: str) -> RecordedBeat:
     """The recording as one beat; what is missing from its end to its begin counts as one sample."""
-    step = float(np.median(np.diff(signals.time)))
+    step = usual_step(signals.time)
     period = float(np.ptp(signals.time)) + step
     places = signals.time[0] + period * np.arange(BEAT_POINTS) / BEAT_POINTS
 
@@ -260,7 +261,7 @@ def _upstrokes(pressure: np.ndarray, time: np.ndarray) -> np.ndarray:
     After each the pressure rises by half of what it does in most beats: the wave after the valve's closure may be as
     steep, but is small.
     """
-    step = float(np.median(np.diff(time)))
+    step = usual_step(time)
     slope = np.gradient(pressure, time)
     width = max(1, round(SMOOTHED_FOR / step))
     slope = np.convolve(slope, np.ones(width) / width, mode="same")

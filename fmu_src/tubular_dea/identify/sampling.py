@@ -57,9 +57,9 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
     return Sampling(there, kept, tuple(remarks))
 
 
-def rate(time: np.ndarray) -> float:
-    """The usual number of samples in a second."""
-    return 1 / float(np.median(np.diff(time)))
+def usual_step(time: np.ndarray) -> float:
+    """The time [s] that usually lies between two samples."""
+    return float(np.median(np.diff(time)))
 
 
 def _without_doubles(time: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..identify.data import Experiment, Recordings, Source
 from ..identify.drive import Drive, drives
-from ..identify.sampling import rate
+from ..identify.sampling import usual_step
 from ..identify.study import sensor_noise
 from ..model.declare import Quantity
 from ..model.units import Amount, converted, readable
@@ -212,7 +212,7 @@ def _row(experiment: Experiment, driven: Drive, plant: Plant) -> list[str]:
     steps = np.diff(experiment.time)
     uneven = "" if np.max(steps) < 1.5 * np.median(steps) else " with gaps"
     rises = [edge.rise for edge in driven.edges if edge.rise > 0]
-    per_second = rate(experiment.time)
+    per_second = 1 / usual_step(experiment.time)
     estimated = any(p.start for p in plant.model.parameters)
     return [
         experiment.name,
