@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, cheby1, firwin, lfilter
 
 from tubular_dea.identify.data import Experiment
 from tubular_dea.identify.drive import drive, drives
@@ -90,6 +90,51 @@ def test_what_a_filter_overshoots_by_is_no_level_and_moves_no_edge(shift: float)
         assert late == pytest.approx(np.sqrt(2) / (2 * np.pi * 0.4), abs=0.25)  # samples
         assert edge.rise == 0.0
         assert edge.high == pytest.approx(4000, abs=6)
+
+
+def filtered_edges(kind: str, rise: float) -> tuple[Experiment, np.ndarray]:
+    """Sixty edges of a `rise` [samples] at any part of the sampling, through a filter; and their centroids [s]."""
+    fine, step = 64, 1 / 250
+    random = np.random.default_rng(5)
+    begun = (np.arange(60) * 40 + 20 + random.uniform(-5, 5, 60)) * step
+    at = np.arange(60 * 40 * fine) * step / fine
+    signs = np.where(np.arange(60) % 2, -4000.0, 4000.0)
+    volts = sum(
+        h * np.clip((at - b) / (rise * step) if rise else at > b, 0, 1) for h, b in zip(signs, begun, strict=True)
+    )
+    if kind == "linear phase":
+        seen = np.convolve(np.pad(volts, 8 * fine, mode="edge"), firwin(16 * fine + 1, 0.9 / fine), "valid")
+    else:
+        order = int(kind[-1])
+        b, a = butter(order, 0.8 / fine) if kind.startswith("b") else cheby1(order, 0.1, 0.8 / fine)
+        seen = lfilter(b, a, volts)
+    values = seen[::fine] + NOISE * random.standard_normal(seen[::fine].size)
+    time = at[::fine]
+    return Experiment(kind, time, {"voltage": values}, {}, np.arange(time.size)), begun + rise * step / 2
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.5])
+@pytest.mark.parametrize("kind", ["butterworth 2", "butterworth 4", "butterworth 6", "chebyshev 4", "linear phase"])
+def test_behind_any_filter_edges_are_late_alike_and_ring_as_no_others(kind: str, rise: float) -> None:
+    """How long such an edge takes is hidden by the filter, and left to the fit."""
+    experiment, centroids = filtered_edges(kind, rise)
+    found = drive(experiment, VOLTAGE)
+    assert len(found.edges) == 60
+    late = (np.array([e.time for e in found.edges]) - centroids) * 250
+    reach = np.array([e.latest - e.earliest for e in found.edges]) * 250 / 2
+    assert late.std() < 0.045
+    assert np.mean(np.abs(late - late.mean()) < reach) > 0.9
+    assert np.all(reach < 0.1)
+    assert {e.rise for e in found.edges} == {0.0}
+    assert not found.rises["voltage"].seen
+    assert found.rises["voltage"].longer[1] > 4e-3
+
+
+def test_a_small_step_soon_after_a_large_one_is_no_ringing() -> None:
+    time = np.arange(400) / 250
+    values = np.where(time >= 0.5, 4000.0, 0.0) + np.where(time >= 0.54, 400.0, 0.0)
+    found = transitions(time, values + NOISE * np.random.default_rng(3).standard_normal(time.size), NOISE)
+    assert found.before.tolist() == [124, 134]
 
 
 def test_edges_from_sample_to_sample_are_not_shown() -> None:

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blind.conventions import draw
+from blind.laboratory import laboratory, write
+from tubular_dea import discover
 from tubular_dea.cli import main
 from tubular_dea.discover import base, engine, input_noise, outcome, residuals
 from tubular_dea.identify import checks, procedure
@@ -149,6 +152,14 @@ def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     for a, b in zip(positive, negative, strict=True):
         np.testing.assert_allclose(a, b, rtol=0.02)
     assert work.problem((), [], MODEL.parameter_values()).residuals(np.empty(0)).std() == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize(("seed", "steep"), [(9002, "chebyshev"), (9001, "linear_phase")])
+def test_monitors_behind_steep_filters_hide_nothing(seed: int, steep: str, tmp_path: Path) -> None:
+    """What rings about every edge is not the voltage, and how long the amplifier takes is hidden by it."""
+    conventions = replace(draw(seed, ["antialias", "amplifier", "edges"]), steep=steep)
+    write(laboratory(seed, conventions=conventions), tmp_path / "data")
+    assert discover(tmp_path / "data").verdict == "no_effect"
 
 
 def test_geometry_of_the_bench_counts_in_identify(plain: Recordings) -> None:

@@ -52,6 +52,7 @@ class Conventions:
     bits: int = 0
     rates: tuple[float, ...] = (250.0,)
     antialias: bool = False  # of the monitors
+    steep: str = ""  # what makes their filters steeper than second order: butterworth, chebyshev, linear_phase
     format: Format = field(default_factory=Format)
     start: str = "rested"  # or equilibrium, cut, mixed
     beats: int = 0  # in the heart's file
@@ -107,6 +108,8 @@ def draw(seed: int, only: Collection[str] | None = None) -> Conventions:
 def _possible(c: Conventions) -> Conventions:
     """Without what no laboratory would do: very long files at very high rates, an order of rested experiments."""
     changed = {f.name: getattr(c, f.name) for f in fields(c)}
+    if not c.antialias:
+        changed["steep"] = ""
     if c.beats:
         changed["rates"] = tuple(min(r, 500.0 if c.beats < 100 else 250.0) for r in c.rates)
     if c.order:
@@ -200,6 +203,7 @@ CHANCES = {  # of each convention, and what is drawn for it
     "bits": (0.35, lambda random: int(random.choice([8, 10, 12, 14, 16], p=[0.1, 0.2, 0.3, 0.2, 0.2]))),
     "rates": (0.5, _rates),
     "antialias": (0.15, _yes),
+    "steep": (0.5, lambda random: str(random.choice(["butterworth", "chebyshev", "linear_phase"]))),
     "format": (0.35, _format),
     "start": (0.3, lambda random: str(random.choice(["equilibrium", "cut", "mixed"]))),
     "beats": (0.15, lambda random: int(random.choice([60, 240]))),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, cheby1, firwin, lfilter, lfilter_zi, oaconvolve
 
 from blind.conventions import Conventions, Format, stream
 
@@ -24,6 +24,7 @@ DRIFT = 5e-6  # m, rms of what the sensor drifts within a file
 FULL_SCALE = {"pressure": 40e3, "voltage": 12e3, "current": 0.2, "radius": 20e-3}  # of the converter, SI
 RESOLUTION = {"pressure": 0.1, "voltage": 0.1, "current": 1e-8, "radius": 2e-6, "trigger": 1.0}  # of plain files, SI
 OVERSAMPLED = 32
+LINEAR_PHASE = 8  # samples on either side that such a filter takes in
 
 
 def write(lab: Laboratory, number: int, folder: Path) -> dict:
@@ -45,8 +46,8 @@ def recorded(lab: Laboratory, number: int) -> tuple[dict[str, np.ndarray], dict]
     radius, current = lab.truth[number]
     here = times - times[0]
     true = {
-        "pressure": _monitored(drive.pressure, file.rate, times, c.antialias),
-        "voltage": _monitored(drive.voltage, file.rate, times, c.antialias),
+        "pressure": _monitored(drive.pressure, file.rate, times, c),
+        "voltage": _monitored(drive.voltage, file.rate, times, c),
         "radius": radius,
     }
     if c.current:
@@ -81,16 +82,27 @@ def _line(t: np.ndarray, error: np.ndarray) -> np.ndarray:
     return np.polynomial.Polynomial.fit(scaled, error, 3)(scaled) - error.mean()
 
 
-def _monitored(signal: PPoly, rate: float, times: np.ndarray, filtered: bool) -> np.ndarray:
-    """What a monitor sees of an input at `times`: the input, or the input through its anti-aliasing filter."""
-    if not filtered:
+def _monitored(signal: PPoly, rate: float, times: np.ndarray, c: Conventions) -> np.ndarray:
+    """What a monitor sees of an input at `times`: the input, or the input through its anti-aliasing filter.
+
+    One of linear phase is a converter's own, which takes its delay off.
+    """
+    if not c.antialias:
         return signal(times + 1e-9)
     before = 64  # samples for the filter to settle
     fine = times[0] + (np.arange(-before * OVERSAMPLED, (times.size - 1) * OVERSAMPLED + 1)) / (rate * OVERSAMPLED)
     values = signal(np.clip(fine + 1e-9, signal.x[0], signal.x[-1]))
-    b, a = butter(2, 0.4 * 2 / OVERSAMPLED)
-    start = np.array([values[0] * (1 - b[0]), values[0] * (b[2] - a[2])])  # as if it had always been so
-    return lfilter(b, a, values, zi=start)[0][before * OVERSAMPLED :: OVERSAMPLED]
+    if c.steep == "linear_phase":
+        taps = firwin(2 * LINEAR_PHASE * OVERSAMPLED + 1, 0.9 / OVERSAMPLED, window=("kaiser", 6.0))
+        found = oaconvolve(np.pad(values, LINEAR_PHASE * OVERSAMPLED, mode="edge"), taps, "valid")
+    else:
+        b, a = {
+            "": butter(2, 0.4 * 2 / OVERSAMPLED),
+            "butterworth": butter(4, 0.4 * 2 / OVERSAMPLED),
+            "chebyshev": cheby1(4, 0.1, 0.4 * 2 / OVERSAMPLED),
+        }[c.steep]
+        found = lfilter(b, a, values, zi=lfilter_zi(b, a) * values[0])[0]  # as if it had always been so
+    return found[before * OVERSAMPLED :: OVERSAMPLED]
 
 
 def _read(

@@ -402,7 +402,7 @@ def _held(
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
     late = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
     line, edges = held_line(time, values, noise, found, edges, late)
-    missed = _missed(experiment, name, line, noise, edges, late, hum)
+    missed = _missed(experiment, name, line, noise, found, edges, late, hum)
     unheld = not (shown or exact) and line.ramps(MATTERS)
     return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
 
@@ -440,6 +440,7 @@ def _missed(
     name: str,
     line: HeldLine,
     noise: float,
+    found: Transitions | None = None,
     edges: Sequence[Edge] = (),
     late: float = 0.0,
     hum: np.ndarray | float = 0.0,
@@ -451,6 +452,8 @@ def _missed(
     for edge in edges:
         begin, end = edge.corners[0][[0, -1]] * edge.rise / 2 + np.array([-NEAR_EDGE, NEAR_EDGE]) * step
         near[slice(*np.searchsorted(time, [edge.earliest + begin, edge.latest + end]))] = True
+    for before, after in zip(found.before, found.after, strict=True) if found is not None else ():
+        near[before : after + 1] = True
     if near.all():
         return 0.0
     left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]

@@ -166,8 +166,8 @@ def _amplified(case: Case, name: str) -> Case:
 
 
 def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
-    """The case with one of its inputs earlier by the longest plausible delay, and that delay [s]."""
-    by = LATE * step_of(piece)
+    """The case with one of its inputs a little earlier, and by how much [s]: an edge that passes a sample is a kink."""
+    by = TURN * step_of(piece)
     return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
 
 
