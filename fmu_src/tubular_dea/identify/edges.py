@@ -203,7 +203,7 @@ def _with_ringing(values: np.ndarray, noise: float, found: Transitions) -> Trans
         first = int(found.after[large[place - 1]]) if place > 0 else 0
         last = int(found.before[large[place + 1]]) if place + 1 < large.size else values.size - 1
         before, after = int(found.before[i]), int(found.after[i])
-        least, most = max(floor, GOES_ON * height[i]), RINGING * height[i]
+        least, most = (floor, max(floor, GOES_ON * height[i])), RINGING * height[i]
         after += _rings_for(values[after : last + 1], least, most)
         before -= _rings_for(values[first : before + 1][::-1], least, most)
         listed.append((before, after))
@@ -212,20 +212,24 @@ def _with_ringing(values: np.ndarray, noise: float, found: Transitions) -> Trans
     return Transitions(both[:, 0], both[:, 1])
 
 
-def _rings_for(values: np.ndarray, least: float, most: float) -> int:
-    """For how many samples a signal (n,) is more than `least` off the level it comes to, now above it and now below.
+def _rings_for(values: np.ndarray, least: Sequence[float], most: float) -> int:
+    """For how many samples a signal (n,) is more than one of `least` off the level it comes to, now above it and now
+    below.
 
     0 where it does not ring, or by more than `most`: what stays on one side for long creeps, or is a level.
     """
     rest = values[RINGS : 2 * RINGS]
     off = values[:RINGS] - (np.median(rest) if rest.size >= LEAST_REST else values[-1])
-    beyond = np.flatnonzero(np.abs(off) > least)
-    if not beyond.size or np.abs(off).max() > most:
-        return 0
-    last = int(beyond[-1])
-    turns = np.flatnonzero(np.diff(np.sign(off[: last + 1])))
-    longest = int(np.diff(np.concatenate([[-1], turns, [last]])).max())
-    return last + 1 if longest <= HALF_WAVE and last + 1 < values.size else 0
+    for size in least if np.abs(off).max() <= most else ():
+        beyond = np.flatnonzero(np.abs(off) > size)
+        if not beyond.size:
+            break
+        last = int(beyond[-1])
+        turns = np.flatnonzero(np.diff(np.sign(off[: last + 1])))
+        longest = int(np.diff(np.concatenate([[-1], turns, [last]])).max())
+        if longest <= HALF_WAVE and last + 1 < values.size:
+            return last + 1
+    return 0
 
 
 def _rings(edge: _EdgeSamples) -> bool:

@@ -19,7 +19,7 @@ import scipy.linalg
 
 from .compiled import Ids
 from .fit import inverse
-from .linearised import Linearised, windows_of
+from .linearised import Linearised, wide, windows_of
 from .marginal import marginal
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
 from .problem import Free, whitened
@@ -159,8 +159,9 @@ def _longer(
 ) -> float:
     """How much longer the amplifier behind an input rises than was read [s]: the likeliest, within what samples allow.
 
-    Edges stay where they are by now: what a rise changes beyond them is told from there. Where nothing was seen of it,
-    a short rise is none.
+    Edges that may be anywhere between two samples stay where they are by now: what a rise changes beyond them is told
+    from there. Those that samples tell may take its place, and are where these tell. Where nothing was seen of it, a
+    short rise is none.
     """
     rise, known, size = study.rises[name], study.longer.get(name, 0.0), fixed[0].shape[1] + 1
     information, target = np.zeros((size, size)), np.zeros(size)
@@ -173,7 +174,8 @@ def _longer(
         others[own] = 0.0
         local = marginal(windows_of(piece, linear, piece.shifts), linear.columns, others)
         along = linear.columns[:, own] * rise.stderr
-        white = local.apply(np.column_stack([columns, along, linear.residual]))
+        left = linear.residual if np.any(wide(piece)) else linear.undecided()
+        white = local.apply(np.column_stack([columns, along, left]))
         information += white[:, :-1].T @ white[:, :-1]
         target -= white[:, :-1].T @ white[:, -1]
     information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else 1e-9
