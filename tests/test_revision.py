@@ -262,3 +262,27 @@ def test_a_pair_begins_elsewhere_where_two_effects_leave_far_more_than_noise(
     assert search.chosen.ids == taken
     assert list(search.gains) == [taken[-1]]
     assert (search.study == "its own") is (taken == ("slew", "offset"))
+
+
+@pytest.mark.parametrize(("behind", "taken"), [(4.0, ("offset",)), (60.0, ("stiffening", "set"))])
+def test_one_effect_takes_the_place_of_two_if_it_explains_as_much_with_instants_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, behind: float, taken: tuple[str, ...]
+) -> None:
+    """With the base's switching instants another effect explains more, and a second one makes up for the rest."""
+    chosen = option("stiffening", "set", excess=1000.0)
+    first = [option("stiffening", excess=2e3), option("offset", excess=3e3), option("lag", excess=9e4)]
+    base = option(excess=1e5)
+    tried = []
+
+    def alone(study: object, ids: tuple[str, ...], *_: object) -> Option:
+        tried.append(ids)
+        return option(*ids, excess=2e3)
+
+    monkeypatch.setattr(selection, "fitted_option", alone)
+    own = ("its own", option("offset", excess=1000.0 + behind))
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: own)
+    search = found(base, chosen, rounds=[Round((), [], None, 30.0, first, True, "", {})])
+    selection._one_instead(search, lambda what: None)
+    assert tried == [("offset",)]  # the best has had its turn, and the lag is far behind
+    assert search.chosen.ids == taken
+    assert (search.study == "its own") is (taken == ("offset",))
