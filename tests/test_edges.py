@@ -8,16 +8,8 @@ from scipy.signal import butter, cheby1, firwin, lfilter
 
 from tubular_dea.identify.data import Experiment
 from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.edges import (
-    BENDING,
-    EXPONENTIAL,
-    RISEN,
-    Transitions,
-    _EdgeSamples,
-    _together,
-    few,
-    transitions,
-)
+from tubular_dea.identify.edges import BENDING, EXPONENTIAL, RISEN, _EdgeSamples, _together
+from tubular_dea.identify.transitions import Transitions, few, transitions
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V

@@ -13,7 +13,7 @@ from ..protocol import Protocol
 from . import hum as hums
 from .band import JITTER, band_limited, even, evened, noise_floor
 from .data import DataError, Experiment
-from .edges import MATTERS, Edge, Rise, Transitions, located, transitions
+from .edges import MATTERS, Edge, Rise, located
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
 from .hum import MAINS, within
@@ -37,6 +37,7 @@ from .monitors import (
 )
 from .sampling import usual_step
 from .threads import one_blas_thread
+from .transitions import Transitions, transitions
 from .trigger import triggered
 
 # Set by judgement. Check: `pytest tests/test_edges.py tests/test_monitors.py`,

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .edges import Edge, Transitions
+from .edges import Edge
 from .monitors import Polyline, polyline
+from .transitions import Transitions
 
 # Set by judgement. Check: `pytest tests/test_edges.py`,
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
