@@ -99,21 +99,24 @@ def _with_ringing(values: np.ndarray, noise: float, found: Transitions) -> Trans
         return found
     height = np.abs(values[found.after] - values[found.before])
     floor = STANDS_OUT / 2 * noise
+    begins = np.searchsorted(found.after, found.before - 2 * RINGS)
+    ends = np.searchsorted(found.before, found.after + 2 * RINGS)
     listed: list[tuple[int, int]] = []
     kept = np.ones(len(found), dtype=bool)
     for i in np.argsort(-height, kind="stable"):
         if not kept[i]:
             continue
-        large = np.flatnonzero(height >= RINGING * height[i])
+        near = slice(begins[i], ends[i])
+        large = begins[i] + np.flatnonzero(height[near] >= RINGING * height[i])
         place = int(np.searchsorted(large, i))
-        first = int(found.after[large[place - 1]]) if place > 0 else 0
-        last = int(found.before[large[place + 1]]) if place + 1 < large.size else values.size - 1
         before, after = int(found.before[i]), int(found.after[i])
+        first = int(found.after[large[place - 1]]) if place > 0 else max(0, before - 2 * RINGS)
+        last = int(found.before[large[place + 1]]) if place + 1 < large.size else after + 2 * RINGS
         least, most = (floor, max(floor, GOES_ON * height[i])), RINGING * height[i]
         after += _rings_for(values[after : last + 1], least, most)
         before -= _rings_for(values[first : before + 1][::-1], least, most)
         listed.append((before, after))
-        kept &= (found.after <= before) | (found.before >= after)
+        kept[near] &= (found.after[near] <= before) | (found.before[near] >= after)
     both = np.array(sorted(listed), dtype=int).reshape(-1, 2)
     return Transitions(both[:, 0], both[:, 1])
 
