@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Literal
 from zipfile import ZipFile
@@ -21,6 +22,7 @@ import fmpy
 import numpy as np
 
 from tubular_dea.export.cache import compiler_environment
+from tubular_dea.export.compile import LINKED, WINDOWS_SOURCE, windows_headers
 
 Target = Literal["host", "x86_64-windows", "x86-windows", "aarch64-linux"]
 
@@ -75,11 +77,19 @@ def compile_host(target: Target, out_dir: Path) -> Path:
     out_dir.mkdir(parents=True, exist_ok=True)
     given = ["-target", OTHER_PLATFORMS[target].zig] if target in OTHER_PLATFORMS else []
     zig = [sys.executable, "-m", "ziglang", "cc", *given]
-    # zig's cache, -g0 and -s as for the FMUs: else zig compiles its C library for Windows a second time, for a minute.
-    flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-O2", "-g0", "-s", "-Wall", "-Wextra", "-Werror"]
-    files = [f"-I{FMI_HEADERS}", "-o", str(executable), str(SOURCE), "-lm", "-ldl"][: -1 if windows else None]
-    subprocess.run([*zig, *flags, *files], env=compiler_environment(), check=True)
+    flags = ["-std=c11", "-O2", "-g0", "-s", "-Wall", "-Wextra", "-Werror"]
+    files = [f"-I{FMI_HEADERS}", "-o", str(executable), str(SOURCE)]
+    system = _on_windows() if windows else ["-D_POSIX_C_SOURCE=200809L", "-lm", "-ldl"]
+    subprocess.run([*zig, *flags, *files, *system], env=compiler_environment(), check=True)
     return executable
+
+
+def _on_windows() -> list[str]:
+    """What the host needs besides to begin, write and find libraries on Windows, with the system's C library alone."""
+    own = resources.files("tubular_dea") / "native" / WINDOWS_SOURCE
+    sources = [str(SOURCE.with_name("windows_start.c")), str(own), "-Wl,-e,mainCRTStartup", "-Wl,--subsystem,console"]
+    libraries = ["-lapi-ms-win-crt-runtime-l1-1-0", "-lapi-ms-win-crt-convert-l1-1-0", "-lkernel32"]
+    return [*sources, *windows_headers(), *LINKED["windows"], *libraries]
 
 
 @functools.cache

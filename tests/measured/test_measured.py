@@ -10,7 +10,7 @@ import pytest
 from measured.table import MMHG, cases, run
 from shared_data import shared
 
-HELD_OUT = ("05", "10", "15")  # of the mock loop's levels
+FITTED, HELD_OUT = ("NV_step03", "NV_step21"), ("NV_step05", "NV_step10", "NV_step15")  # of the mock loop's levels
 
 
 def result_of(name: str, folder: Path, parts: dict[str, slice] | None = None) -> dict:
@@ -45,8 +45,8 @@ def test_the_pigs_flow_probe_is_late(tmp_path: Path) -> None:
 
 
 def test_the_silverbox_hardens_with_the_third_power(tmp_path: Path) -> None:
-    """On a fifth of each record: of the arrow, whose force grows, on its end, beyond what the others reach."""
-    first, last = slice(8000), slice(-8000, None)
+    """On a tenth of each record: of the arrow, whose force grows, on its end, beyond what the others reach."""
+    first, last = slice(4000), slice(-4000, None)
     result = result_of("silverbox", tmp_path, {"multisine_1": first, "multisine_2": first, "arrow": last})
     assert [e["id"] for e in result["effects"]] == ["cubic(velocity)"]
     before, after = (result["error"][k]["per_experiment"] for k in ("recalibrated", "after"))
@@ -55,10 +55,10 @@ def test_the_silverbox_hardens_with_the_third_power(tmp_path: Path) -> None:
 
 
 def test_what_leaves_the_mock_loop_meets_a_resistance_that_grows(tmp_path: Path) -> None:
-    """Fitted to two of the table's six levels, and held against the same three others."""
-    levels = [f"NV_step{n}" for n in ("03", "21", *HELD_OUT)]
-    result = result_of("mock loop", tmp_path, dict.fromkeys(levels, slice(None)))
+    """Fitted to two of the table's six levels, and held against half of each of the same three others."""
+    parts = dict.fromkeys(FITTED, slice(None)) | dict.fromkeys(HELD_OUT, slice(2000))
+    result = result_of("mock loop", tmp_path, parts)
     first = result["effects"][0]
     assert "quadratic_resistance(outflow)" in [first["id"], *first["equivalent"]]
     after = result["error"]["after"]["per_experiment"]
-    assert all(after[f"NV_step{n}"]["rmse"] <= 2.7 * MMHG for n in HELD_OUT)
+    assert all(after[level]["rmse"] <= 2.7 * MMHG for level in HELD_OUT)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..discover.input_noise import weighted
 from ..discover.parameters import is_share
@@ -232,7 +233,7 @@ def identify(
     if staged and not known.stages:
         raise ArgumentError("staged", f": the plant {known.name} declares no stages to begin with; leave this out")
     values = known.model.parameter_values() | _start(known, start)
-    with recorded(known), steps(progress, None) as tell:
+    with recorded(known), steps(progress, None) as tell, threadpool_limits(limits=1):  # more are six times slower
         tell("monitors and noise")
         work = study(recordings, held_out=(), prior=PRIOR, effects=False)
         if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts

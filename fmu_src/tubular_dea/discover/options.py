@@ -9,7 +9,7 @@ import numpy as np
 
 from ..identify.compiled import Ids
 from ..identify.fit import Fit, FitError
-from ..identify.study import Piece, Study
+from ..identify.study import Study, log_determinant
 from .levels import passed
 from .parameters import at_bounds
 from .refit import fit_effects
@@ -110,13 +110,8 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
         all(study.catalogue[i].exact for i in ids),
         tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
         _unreached(study, ids, fitted),
-        (_width(study.training), _width(study.held_out)),
+        (log_determinant(study.training), log_determinant(study.held_out)),
     )
-
-
-def _width(pieces: Sequence[Piece]) -> float:
-    """The logarithm of the determinant that the own numbers of some records give their likelihood."""
-    return sum(p.marginal.log_determinant for p in pieces)
 
 
 def _unreached(study: Study, ids: Ids, fitted: Fit) -> Ids:

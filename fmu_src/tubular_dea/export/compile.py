@@ -154,11 +154,16 @@ def _zig_version() -> str:
     return version("ziglang")
 
 
+def windows_headers() -> list[str]:
+    """Flags for the headers of the C library, which zig does not look for where it links none of its own."""
+    return ["-isystem", str(resources.files("ziglang") / "lib" / "libc" / "include" / "any-windows-any")]
+
+
 def _zig_cc(target: Platform, compiled: list[str], library: Path, flags: tuple[str, ...]) -> None:
     """Compile into `library`, beside the sources."""
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, *flags, "-I.", "-o", str(library)]
-    if target.system == "windows":  # without its library zig does not look for its headers
-        command += ["-isystem", str(resources.files("ziglang") / "lib" / "libc" / "include" / "any-windows-any")]
+    if target.system == "windows":
+        command += windows_headers()
     done = subprocess.run(
         [*command, *compiled],
         cwd=library.parent,

@@ -20,7 +20,7 @@ from .fit import AGREE, UNMOVED, Fit, FitError, apart, fit, may_be_better
 from .monitor_uncertainty import with_monitor_noise
 from .noise_limit import with_noise_of
 from .problem import Free, Problem
-from .study import Study
+from .study import Study, log_determinant
 
 # Set by judgement. Check: `pytest tests/test_identify.py::test_table_2_leads_to_the_answer`
 ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
@@ -126,7 +126,8 @@ def settled(
         found = _taken_in_turn(again, joint(again, begin, 1, seed, names, start), start, seed, names, fitted)
     except (FitError, KernelError):
         return first
-    return first if found[2].cost > fitted.cost - AGREE else _taken_in_turn(found[0], found[1:], start, seed, names)
+    better = _deviance(*found[::2]) <= _deviance(*first[::2]) - AGREE
+    return _taken_in_turn(found[0], found[1:], start, seed, names) if better else first
 
 
 def _taken_in_turn(
@@ -137,20 +138,38 @@ def _taken_in_turn(
     names: Sequence[str] | None,
     known: Fit | None = None,
 ) -> tuple[Study, Problem, Fit]:
-    """A joint fit and the records' own numbers, in turn until neither the cost nor the parameters change any more.
+    """A joint fit and the records' own numbers, in turn until the parameters change no more, or nothing is gained.
 
-    With a `known` fit only as long as this one may be the better, which a first joint fit, with edges half a sample
-    off, does not show; and the noise stays as it is, so that costs can be compared: each turn may find less of it.
+    Where the model lacks something, instants and zeros make up for it and go to and fro: the best turn counts. With a
+    `known` fit only as long as this one may be the better, which a first joint fit, with edges half a sample off, does
+    not show; and the noise stays as it is, so that costs can be compared: each turn may find less of it.
     """
     problem, best = found
+    kept, least = (work, problem, best), np.inf
     for number in range(MOST_SETTLES):
         work = adjusted(work if known is not None else with_noise_of(work, best), (), best.values, best.free)
         before = best
         problem, best = joint(work, best.values, 1, seed, names, start)
+        now = _deviance(work, best)
+        gains = now < least + AGREE
+        if gains:
+            kept, least = (work, problem, best), min(now, least)
         settles = abs(before.cost - best.cost) < AGREE or apart(best, before) < UNMOVED
-        if (number + 1 >= SETTLES and settles) or (known is not None and not may_be_better(best, known)):
+        if number + 1 >= SETTLES and (settles or not gains):
             break
-    return work, problem, best
+        if known is not None and not may_be_better(best, known):
+            break
+    return kept
+
+
+def _deviance(work: Study, best: Fit) -> float:
+    """Minus twice the log likelihood, but for constants: fits with other own numbers and other noise compare by it."""
+    noise = sum(
+        2 * reading.times.size * np.log(work.noise[reading.output].innovation)
+        for piece in work.training
+        for reading in piece.case.readings
+    )
+    return float(best.cost + noise + log_determinant(work.training))
 
 
 def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -> dict[str, float]:

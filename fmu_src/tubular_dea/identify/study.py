@@ -230,6 +230,11 @@ def study(
     )
 
 
+def log_determinant(pieces: Sequence[Piece]) -> float:
+    """The logarithm of the determinant that the own numbers of some records give their likelihood."""
+    return sum(p.marginal.log_determinant for p in pieces)
+
+
 def _integrated(work: Study) -> Study:
     """The study with the rough tolerance, if its error at the declared values is nothing beside the noise."""
     coarse = replace(work, tolerance=ROUGH)
