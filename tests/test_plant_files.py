@@ -38,6 +38,11 @@ m.derivative(level, k * (pump - level))
 m.output("reading", "V", level)
 """
 PLANT = 'PLANT = Plant(m.model(), [Input("pump")], [Output("reading")], places=[Path("pump"), Balance("level")])\n'
+OWN = """leak = Quantity("leak", "{unit}", "A leak", minimum=0.0, maximum=1.0, nominal=0.1)
+def leaking(m): return added(m, "reading", {body})
+effect = Effect("leaking", "level", "It leaks", leaking, (leak,), off={{"leak": 0.0}}, typical={{"leak": 0.1}})
+PLANT = Plant(m.model(), [Input("pump")], [Output("reading")], own={{"leaking": effect}})
+"""
 
 
 def written(folder: Path, text: str) -> str:
@@ -214,6 +219,15 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         (HEAD + PLANT.replace("PLANT", "TANK"), None, "there are TANK: choose one by tank.py:NAME"),
         (HEAD + "PLANT = m.model()\n", None, "expected PLANT to be a Plant but it is of type Model"),
         (HEAD + "raise SystemExit(3)\n", 8, "SystemExit: 3"),
+        (
+            HEAD.replace("pump - level", "-level") + PLANT,
+            8,
+            "Path('pump'): no equation uses this input, so nothing can act on its way; leave the place out",
+        ),
+        (HEAD + OWN.format(unit="1/s", body="k * m['lost']"), 9, "Tank has no quantity 'lost'"),
+        (HEAD + OWN.format(unit="m", body="m['leak']"), None, "the effect leaking: reading: "),
+        (HEAD + PLANT.replace("places", "own={'leaking': 3}, places"), None, "own['leaking']: expected an Effect but"),
+        (HEAD + PLANT.replace("places", "own=[3], places"), None, "own: expected {id: Effect} but was given [3]"),
     ],
 )
 def test_what_is_wrong_with_a_plant_file_is_said_in_one_line(text: str, line: int | None, words: str, tmp_path) -> None:

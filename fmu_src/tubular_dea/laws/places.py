@@ -110,9 +110,13 @@ def effects_at(model: Model, place: Place, held: Collection[str] = ()) -> list[E
 
 def check(model: Model, place: Place) -> None:
     """`DeclarationError` where the place names what the model does not have, or what is of another kind."""
-    from ._site import site
+    from ._site import SignalSite, site
 
-    site(model, place)
+    at = site(model, place)
+    if isinstance(at, SignalSite) and at.is_input and at.signal not in at.ready(model).quantities():
+        raise DeclarationError(
+            f"Path({place.name!r}): no equation uses this input, so nothing can act on its way; leave the place out"
+        )
     for name in (*place.names.values(), *filter(None, [place.signal])):
         check_name(f"{type(place).__name__}({place.name!r})", name)
     for name in (*(place.laws or ()), *(key.split(".")[0] for key in place.names)):

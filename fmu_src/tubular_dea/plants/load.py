@@ -13,12 +13,15 @@ import hashlib
 import importlib
 import importlib.util
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 from ..errors import ArgumentError, UserError
-from ..model.declare import nearest
+from ..model.declare import TIME, Model, nearest, rate
+from ..model.dimensions import fault, per_second
+from ..model.effect import Effect
 from .faults import message
 from .plant import Plant
 
@@ -86,8 +89,37 @@ def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
     if not isinstance(value, Plant):
         raise PlantError("", f"{path}: expected {name} to be a Plant but it is of type {type(value).__name__}")
     plant = replace(value, file=f"{path.name}:{name}")
+    _check_own(path, plant)
     try:
         _ = plant.catalogue
     except UserError as problem:
         raise PlantError("", f"{path}: {problem}") from None
     return plant
+
+
+def _check_own(path: Path, plant: Plant) -> None:
+    """`PlantError` unless the plant's own effects stand by their ids, can be added, and fit in their units."""
+    if not isinstance(plant.own, Mapping):
+        raise PlantError("", f"{path}: own: expected {{id: Effect}} but was given {plant.own!r}")
+    for name, effect in plant.own.items():
+        if not isinstance(effect, Effect):
+            raise PlantError("", f"{path}: own[{name!r}]: expected an Effect but was given {effect!r}")
+        if effect.id != name:
+            raise PlantError("", f"{path}: own[{name!r}]: expected the effect's id but this one has {effect.id!r}")
+        try:
+            changed = effect(plant.model)
+        except (Exception, SystemExit) as problem:
+            raise PlantError("", f"{message(path, problem)} (in the effect {name})") from None
+        if wrong := _unlike(plant.model, changed):
+            raise PlantError("", f"{path}: the effect {name}: {wrong}")
+
+
+def _unlike(before: Model, after: Model) -> str:
+    """What an effect made that is not in its declared unit; "" for nothing."""
+    units = {q.symbol: q.unit for q in after.quantities().values()}
+    known = {TIME: "s", **units} | {rate(q): per_second(q.unit) for q in after.inputs}
+    made = [(d.quantity.name, d.expression, d.quantity.unit) for d in after.definitions]
+    made += [(f"d({s.quantity.name})/dt", s.derivative, per_second(s.quantity.unit)) for s in after.states]
+    there = {d.expression for d in before.definitions} | {s.derivative for s in before.states}
+    found = (fault(name, expression, unit, known) for name, expression, unit in made if expression not in there)
+    return next(filter(None, found), "")
