@@ -207,8 +207,8 @@ def _identify(done: Trial, place: Path, truth: dict) -> None:
     found = json.loads((place / "identified" / "parameters.json").read_text("utf-8"))
     done.identify = found["verdict"]
     for name, value in truth["identified"].items():
-        low, high = found["parameters"][name]["ci95"]
-        done.covered[name] = bool(min(low, high) <= value <= max(low, high))
+        low, high = found["parameters"][name]["ci95"]  # null where it is open, at a bound
+        done.covered[name] = (low is None or low <= value) and (high is None or value <= high)
 
 
 def command(*words: str) -> tuple[int, str]:

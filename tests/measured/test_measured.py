@@ -41,7 +41,7 @@ def test_tanks_with_a_linear_outflow_lack_its_power_law_and_the_overflow(tmp_pat
 def test_the_pigs_flow_probe_is_late(tmp_path: Path) -> None:
     result = result_of("pig in vivo", tmp_path)
     assert "flow_delay" in [e["id"] for e in result["effects"]]
-    assert all(e["fit_percent"] >= 72 for e in result["error"]["after"]["per_experiment"].values())
+    assert all(e["fit_percent"] >= 73 for e in result["error"]["after"]["per_experiment"].values())
 
 
 def test_the_silverbox_hardens_with_the_third_power(tmp_path: Path) -> None:
