@@ -163,6 +163,14 @@ def test_a_cache_of_somebody_else_is_not_used(tmp_path: Path, monkeypatch: pytes
 def test_endless_devices(tmp_path: Path) -> None:
     refused(command("simulate", "--inputs", "/dev/zero", "--out", str(tmp_path / "out")), "/dev/zero", "it is a device")
     refused(command("sweep", "/dev/urandom", "--out", str(tmp_path / "out")), "/dev/urandom", "it is a device")
+    for name in ("endless.toml", "endless.json"):
+        (tmp_path / name).symlink_to("/dev/zero")
+    refused(command("assist", "--patient", str(tmp_path / "endless.toml")), "endless.toml", "it is a device")
+    refused(command("build", "--model", str(tmp_path / "endless.json")), "endless.json", "it is a device")
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "bench.toml").symlink_to("/dev/zero")
+    (tmp_path / "data" / "one.csv").write_text("time [s],pressure [Pa],voltage [V],radius [m]\n0,0,0,0.015\n")
+    refused(command("close-loop", str(tmp_path / "data"), "--dry-run"), "bench.toml", "it is a device")
 
 
 def test_more_than_the_largest_input(tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..files import read_whole
 from ..model.declare import nearest
 from ..model.units import UnitError, quantity
 from ..plants.plant import Plant
@@ -64,7 +65,7 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
     if not path.exists():
         return BenchFile()
     try:
-        text = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = tomllib.loads(read_whole(path).decode())
     except (OSError, ValueError, RecursionError) as problem:
         raise ReadError(f"{path}: cannot be read as TOML: {problem}") from None
     unknown = sorted(set(text) - set(TABLES))

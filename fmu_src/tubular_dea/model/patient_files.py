@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..errors import UserError
+from ..files import read_whole
 from .declare import nearest
 from .patients import PATIENTS
 from .units import UnitError, quantity
@@ -26,7 +27,7 @@ def read_patient(text: str) -> dict[str, float]:
     if path.suffix != ".toml":
         return patient(text)  # tells which patients there are
     try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
+        given = tomllib.loads(read_whole(path).decode())
     except (OSError, ValueError, RecursionError) as problem:
         raise UserError(f"{path}: cannot be read as a patient set: {problem}") from None
     base = given.pop(BASE, None)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..files import read_whole
 from ..model.declare import DeclarationError, Model, nearest
 from ..model.effect import with_effects
 from ..model.units import UnitError, factor
@@ -53,10 +54,10 @@ def as_json(
 
 def load(path: Path, plant: Plant | None = None) -> Model:
     """The model of a file, of `plant` or of one that is shipped; `ModelFileError` that names what is wrong."""
+    if not path.exists():
+        raise ModelFileError(f"there is no file {path}")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ModelFileError(f"there is no file {path}") from None
+        content = json.loads(read_whole(path).decode())
     except (OSError, ValueError, RecursionError) as problem:
         raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
