@@ -15,6 +15,7 @@ from .compiled import Ids
 from .fit import Fit
 from .noise import Noise
 from .noise_bound import TOO_MUCH, limited
+from .nuisances import with_nuisances
 from .sampling import usual_step
 from .study import Study
 
@@ -24,7 +25,8 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
 
     `ids` are the effects that the model has.
     """
-    answers = study.response(ids, study.training).outputs(fitted.values)
+    outputs = study.response(ids, study.training).outputs(fitted.values)
+    answers = [with_nuisances(study, p, y) for p, y in zip(study.training, outputs, strict=True)]
     noise = dict(study.noise)
     for name in study.noise:
         records = [

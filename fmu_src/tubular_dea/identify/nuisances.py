@@ -246,6 +246,8 @@ def zero_spread(study: Study, name: str) -> float:
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
     """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters."""
+    if not piece.nuisances.names:  # none are known before a first fit
+        return answer
     return answer + piece.nuisances.columns @ likeliest(study, piece, answer)
 
 
