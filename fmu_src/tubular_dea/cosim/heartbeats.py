@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
+from ..files import read_whole
 from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
 from ..tabular import TableError, rows
@@ -133,7 +134,7 @@ def _ascending(path: Path, lines: Sequence[int], times: Sequence[float]) -> np.n
 def read_r_times(path: Path) -> np.ndarray:
     """R times [s], one a line (what follows a comma is not read); `HeartbeatError` where they do not ascend."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_whole(path).decode("utf-8").splitlines()
     except (OSError, ValueError) as problem:
         raise HeartbeatError(f"{path}: expected one R time [s] a line: {problem}") from None
     there = [i for i, line in enumerate(lines, 1) if line.strip()]

@@ -24,11 +24,11 @@ def cache_folder() -> Path:
 
 
 def _wanted() -> Path | None:
-    if "TUBULAR_DEA_CACHE" in os.environ:
-        return Path(os.environ["TUBULAR_DEA_CACHE"])
+    if chosen := os.environ.get("TUBULAR_DEA_CACHE"):  # an empty variable is one that is not set
+        return Path(chosen)
     variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
     try:
-        root = Path(os.environ[variable]) if variable in os.environ else Path.home() / ".cache"
+        root = Path(os.environ.get(variable) or Path.home() / ".cache")
     except RuntimeError:  # no HOME, and nobody of that number in the system's list
         return None
     return root / "tubular-dea"

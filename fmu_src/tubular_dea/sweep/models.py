@@ -96,8 +96,8 @@ def calibrated(path: Path) -> tuple[Model, Joint | None]:
     """The model of a `model.json` at its identified values, and their joint distribution if it has a covariance."""
     try:
         model = load(path)
-        given = json.loads(path.read_text(encoding="utf-8")).get("covariance")
-    except ModelFileError as problem:
+        given = json.loads(read_whole(path)).get("covariance")
+    except (ModelFileError, FileError) as problem:
         raise PlanError(str(problem)) from None
     try:
         return model, _joint(model, given["names"], given["matrix"]) if given else None

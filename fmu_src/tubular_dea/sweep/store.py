@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import UserError
 from ..extra import load
-from ..files import is_unfinished, write_atomically
+from ..files import is_unfinished, read_whole, write_atomically
 from .axes import grid_points
 from .parts import Part, arrow
 from .plan import Plan
@@ -185,7 +185,7 @@ def write_cube(store: Store, plan: Plan) -> Path:
 
 def _manifest(path: Path) -> Manifest:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_whole(path))
         if content.get("format") != FORMAT:
             raise StoreError(
                 f"{path}: expected format {FORMAT} but found {content.get('format')!r}; give another folder"
