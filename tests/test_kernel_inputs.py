@@ -78,6 +78,26 @@ REFUSED: dict[str, tuple[Callable[[Kernel], object], str]] = {
     "curve input": (lambda k: k.curve(times(1.2), {"volts": 1.0}), "no input 'volts'; did you mean voltage"),
     "curve value": (lambda k: k.curve(times(1.2), {"voltage": np.inf}), "voltage: expected a finite number in V"),
     "curve place": (lambda k: k.curve(times(np.nan), {}), "lambda_2: expected a list of finite numbers"),
+    "wanted": (
+        lambda k: k.simulate(PROTOCOL, TIMES, wanted=["lamda_2"]),
+        "wanted: TubularDEA has no value 'lamda_2'; did",
+    ),
+    "observed": (lambda k: Kernel(k.model, ["nonsense"]), "observed: TubularDEA has no value 'nonsense'"),
+    "model": (lambda k: Kernel("tube"), "model: expected a Model, as tube() or load() give it, but was given 'tube'"),
+    "protocol": (lambda k: k.simulate({"pressure": 1.0}, TIMES), "protocol: expected a Protocol, as Protocol.of"),
+    "no protocol": (lambda k: k.mesh(None), "protocol: expected a Protocol"),
+    "times of words": (lambda k: k.simulate(PROTOCOL, ["now"]), "sample times: expected numbers but was given ['now']"),
+    "tolerance of words": (
+        lambda k: k.simulate(PROTOCOL, TIMES, tolerance="1e-6"),
+        "tolerance: expected a positive number but was given '1e-6'",
+    ),
+    "half a step": (
+        lambda k: k.simulate(PROTOCOL, TIMES, max_steps=2.5),
+        "max_steps: expected a whole number but was given 2.5",
+    ),
+    "time of words": (lambda k: k.derivatives(X, U, time="a"), "time: expected numbers but was given ['a']"),
+    "no stretch": (lambda k: k.derivatives([0, 0, 0, 0], U), "derivatives: the equations give no finite number"),
+    "no stretch of a curve": (lambda k: k.curve(times(0.0), {}), "curve: the equations give no finite number"),
     "short states": (
         lambda k: k.derivatives([1, 0], U),
         "states: expected 4 values (lambda_2, lambda_2_rate, sigma_vis1",

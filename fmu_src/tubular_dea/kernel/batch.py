@@ -145,7 +145,7 @@ class Batch:
         for name, value in values.items():
             if name not in self._defaults:
                 raise BatchError(f"{self.model.name} has no parameter {name!r}{nearest(name, names)}")
-            p[:, names.index(name)] = value
+            p[:, names.index(name)] = _column(name, value, rows)[:, 0]
         return p
 
     def trajectories(
@@ -161,6 +161,7 @@ class Batch:
 
         `probes` are the same as those that were declared, but for their times.
         """
+        self._check(rows, inputs, tolerance)
         held: list[np.ndarray] = []  # arrays that C points into
 
         def pointer(array: np.ndarray) -> int:
@@ -181,7 +182,7 @@ class Batch:
         for place, b in zip(c_inputs, given, strict=False):
             place.n = b.time.shape[1]
             (place.time, place.time_stride), (place.value, place.value_stride) = table(b.time), table(b.value)
-        stops, stop_stride = table(np.reshape(np.asarray(stop, float), (-1, 1)))
+        stops, stop_stride = table(_column("stop", stop, rows))
         results = Results(
             np.empty((rows, len(self.probes))), np.empty(rows, np.int32), np.empty(rows), np.empty(rows, ctypes.c_long)
         )
@@ -205,6 +206,22 @@ class Batch:
         )
         self._library.batch_trajectories(ctypes.byref(batch))
         return results
+
+    def _check(self, rows: int, inputs: Mapping[str, Breakpoints], tolerance: float) -> None:
+        """`BatchError` for what C could not use: it reads all rows of every array."""
+        if not (tolerance > 0 and np.isfinite(tolerance)):
+            raise BatchError(f"tolerance: expected a positive number but was given {tolerance:g}")
+        names = [q.name for q in self.model.inputs]
+        for name, given in inputs.items():
+            if name not in names:
+                raise BatchError(f"{self.model.name} has no input {name!r}{nearest(name, names)}")
+            for what, array in (("time", given.time), ("value", given.value)):
+                if array.ndim != 2 or array.shape[0] not in (1, rows) or array.shape[1] != given.time.shape[1]:
+                    raise BatchError(
+                        f"{name}: {what}: expected the shape (1, n) or ({rows}, n) but was given {array.shape}"
+                    )
+            if not np.all(np.diff(given.time, axis=1) >= 0):
+                raise BatchError(f"{name}: expected times [s] that do not descend")
 
     def rest(
         self, rows: int, parameters: Mapping[str, float | np.ndarray], inputs: Mapping[str, float | np.ndarray]
@@ -244,6 +261,14 @@ class Batch:
         if self.model.curve and name == self.model.curve.fold.name:
             return SOURCES.index("fold"), 0
         return self._places[name] if name in self._places else (SOURCES.index(name), 0)
+
+
+def _column(name: str, given: float | np.ndarray, rows: int) -> np.ndarray:
+    """Numbers of shape (rows, 1): `given` for all, or one a row; `BatchError` for any other number of them."""
+    values = np.reshape(np.asarray(given, float), (-1, 1))
+    if values.shape[0] not in (1, rows):
+        raise BatchError(f"{name}: expected one number or {rows}, one a row, but was given {values.shape[0]}")
+    return np.broadcast_to(values, (rows, 1))
 
 
 def _lean(model: Model, probes: Sequence[Probe]) -> Model:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -48,6 +48,8 @@ def check_value(q: Quantity, value: float) -> None:
 
 def check_protocol(model: Model, protocol: Protocol) -> None:
     """`KernelError` unless times ascend from the first to a later last one, and inputs are numbers in their bounds."""
+    if not isinstance(protocol, Protocol):
+        raise KernelError(f"protocol: expected a Protocol, as Protocol.of makes it, but was given {protocol!r}")
     time = np.asarray(protocol.time, dtype=float)
     if time.ndim != 1 or time.size < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0):
         raise KernelError("protocol: expected at least two finite times [s] that do not descend")
@@ -65,23 +67,54 @@ def check_protocol(model: Model, protocol: Protocol) -> None:
 
 def ascending(what: str, given: np.ndarray, first: float, last: float) -> np.ndarray:
     """`given` as an array of doubles; `KernelError` unless they are ascending times [s] from `first` to `last`."""
-    times = np.ascontiguousarray(given, dtype=float)
+    times = doubles(what, given)
     inside = times.ndim == 1 and np.all(np.isfinite(times)) and not np.any(np.diff(times) < 0)
     if not inside or (times.size and (times[0] < first or times[-1] > last)):
         raise KernelError(f"{what}: expected ascending times from {first:g} to {last:g} s")
     return times
 
 
+def doubles(what: str, given: object) -> np.ndarray:
+    """`given` as an array of doubles; `KernelError` for what holds no numbers."""
+    try:
+        return np.ascontiguousarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise KernelError(f"{what}: expected numbers but was given {given!r}") from None
+
+
 def positive(what: str, value: float) -> float:
     """`value`; `KernelError` unless it is a positive finite number."""
+    if not isinstance(value, int | float | np.number):
+        raise KernelError(f"{what}: expected a positive number but was given {value!r}")
     if not (value > 0 and math.isfinite(value)):
         raise KernelError(f"{what}: expected a positive number but was given {value:g}")
     return value
 
 
+def whole(what: str, value: int) -> int:
+    """`value`; `KernelError` unless it is a positive whole number."""
+    if positive(what, value) != int(value):
+        raise KernelError(f"{what}: expected a whole number but was given {value:g}")
+    return int(value)
+
+
+def known(model: Model, what: str, given: Sequence[str], names: Collection[str]) -> None:
+    """`KernelError` for a name that is not among `names`."""
+    for name in given:
+        if name not in names:
+            raise KernelError(f"{what}: {model.name} has no value {name!r}{nearest(name, names)}")
+
+
+def finite(what: str, found: np.ndarray) -> np.ndarray:
+    """`found`; `KernelError` where the equations give no finite number."""
+    if not np.all(np.isfinite(found)):
+        raise KernelError(f"{what}: the equations give no finite number here; check states, inputs and parameters")
+    return found
+
+
 def vector(what: str, given: Sequence[float] | np.ndarray, names: Sequence[str]) -> np.ndarray:
     """`given` as an array of doubles; `KernelError` unless it holds one finite number for each of `names`."""
-    values = np.ascontiguousarray(given, dtype=float)
+    values = doubles(what, given)
     if values.shape != (len(names),):
         raise KernelError(f"{what}: expected {len(names)} values ({', '.join(names)}) but was given {values.size}")
     if not np.all(np.isfinite(values)):

@@ -18,6 +18,7 @@ from ..emit.functions import layout
 from ..emit.variables import variables
 from ..errors import UserError
 from ..model.declare import Model, nearest
+from .checks import known
 from .library import pointer
 
 
@@ -107,6 +108,7 @@ class TangentLibrary:
 def observed(model: Model, wanted: Sequence[str] = ()) -> tuple[str, ...]:
     """Those of `wanted` that are definitions; without any, what a sensor reports where the model says so, else all."""
     defined = {d.quantity.name for d in model.definitions}
+    known(model, "observed", wanted, model.quantities())
     if wanted:
         return tuple(name for name in wanted if name in defined)
     reported = tuple(name for name in model.sensors if name in model.outputs)

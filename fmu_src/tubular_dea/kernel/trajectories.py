@@ -16,7 +16,19 @@ from ..model.declare import Model, nearest
 from ..model.delays import input_delays, undelayed
 from ..protocol import Protocol
 from . import tangents
-from .checks import KernelError, ascending, check_protocol, check_value, parameter_array, positive, vector
+from .checks import (
+    KernelError,
+    ascending,
+    check_protocol,
+    check_value,
+    doubles,
+    finite,
+    known,
+    parameter_array,
+    positive,
+    vector,
+    whole,
+)
 from .failures import failure
 from .library import kernel_library, pointer, trajectory_library
 from .tangents import TangentLibrary
@@ -112,6 +124,8 @@ class Kernel:
     """
 
     def __init__(self, model: Model, observed: Sequence[str] = (), differentiated: bool = True) -> None:
+        if not isinstance(model, Model):
+            raise KernelError(f"model: expected a Model, as tube() or load() give it, but was given {model!r}")
         if model.discretes:
             raise KernelError(
                 f"{model.name} is sampled at communication points; expected a continuous model here: run it as an FMU"
@@ -125,6 +139,8 @@ class Kernel:
         self._driven = [str(s) for s in arrays.u]
         self.outputs = [str(s) for s in arrays.y]
         self.defaults = model.parameter_values()
+        self._values = {*self.states, *self.inputs, *self.outputs, *model.outputs}
+        self._values |= {model.curve.fold.name} if model.curve else set()
         self._need_fold = needs_fold(model)
         self._compiling = Lock()
         self._made: TangentLibrary | None = None
@@ -244,14 +260,15 @@ class Kernel:
         points, u = self._drive(driven, values)
         times = ascending("sample times", times, points[0], points[-1])
         positive("tolerance", tolerance)
-        positive("max_steps", max_steps)
+        known(self.model, "wanted", wanted or (), self._values)
         if sensitivities or mesh is not None:
             if with_fold:
                 raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
             return self._differentiated(protocol, points, u, times, values, tolerance, sensitivities, mesh, wanted)
         sampled, here, earlier = self._samples(protocol, times, values)
         needed = _up_to(points, times)
-        found = self._solved(points[needed], u[needed], values, tolerance, max_steps, sampled, with_fold, keep_mesh)
+        most = whole("max_steps", max_steps)
+        found = self._solved(points[needed], u[needed], values, tolerance, most, sampled, with_fold, keep_mesh)
         named = self._named(protocol, times, found.x[here], found.y[here], with_fold, wanted)
         values_later = self._delayed_values(found.y, earlier)
         return Trajectory(times, named | values_later, found.steps, found.rejected, mesh=found.mesh)
@@ -371,7 +388,11 @@ class Kernel:
         return float(values[list(self.defaults).index(name)])
 
     def _checked(self, protocol: Protocol | Driven) -> Driven:
-        return protocol if isinstance(protocol, Driven) else self.driven(protocol)
+        if not isinstance(protocol, Driven):
+            return self.driven(protocol)
+        if protocol.u.shape[1] != len(self.inputs):
+            raise KernelError(f"protocol: it was laid out for another model; expected {', '.join(self.inputs)}")
+        return protocol
 
     def _drive(self, driven: Driven, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Breakpoints and inputs, delayed ones among them."""
@@ -459,7 +480,7 @@ class Kernel:
         """
         dx = np.empty(len(self.states))
         self._at_point(self._library.kernel_derivatives, x, u, parameters, time, dx)
-        return dx
+        return finite("derivatives", dx)
 
     def jacobian(
         self, x: Vector, u: Vector, parameters: Mapping[str, float] | None = None, time: float = 0.0
@@ -479,7 +500,7 @@ class Kernel:
         n = len(self.states)
         J, dx_dt = np.empty((n, n)), np.empty(n)
         self._at_point(self._library.kernel_jacobian, x, u, parameters, time, J, dx_dt)
-        return J
+        return finite("jacobian", J)
 
     def _at_point(
         self,
@@ -493,7 +514,8 @@ class Kernel:
         """Call a C function of a point, which writes to `results`; the inputs stand still there."""
         x, u = vector("states", x, self.states), self._with_delayed(vector("inputs", u, self.inputs))
         arrays = (x, u, np.zeros(len(self._driven)), self.parameters(parameters), *results)
-        function(ctypes.c_double(time), *map(pointer, arrays))
+        (now,) = vector("time", [time], ["time [s]"])
+        function(ctypes.c_double(now), *map(pointer, arrays))
 
     def curve(
         self, unknown: np.ndarray, inputs: Mapping[str, float], parameters: Mapping[str, float] | None = None
@@ -525,7 +547,7 @@ class Kernel:
         """
         if self.model.curve is None:
             raise KernelError(f"{self.model.name} has no equilibrium curve")
-        unknown = np.ascontiguousarray(unknown, float)
+        unknown = doubles(self.model.curve.unknown, unknown)
         if unknown.ndim != 1 or not np.all(np.isfinite(unknown)):
             raise KernelError(f"{self.model.curve.unknown}: expected a list of finite numbers")
         for name, value in inputs.items():
@@ -543,6 +565,7 @@ class Kernel:
             pointer(slope),
             pointer(fold),
         )
+        finite("curve", load)
         return load, slope, (float(fold[0]), float(fold[1]))
 
     def _with_delayed(self, u: np.ndarray) -> np.ndarray:
