@@ -12,7 +12,7 @@ from ..export.package import native_fmu
 from ..export.python_fmu import python_fmu
 from ..model.declare import Model
 from ..plants.load import load_plant as named_plant
-from .given import AnyModel, AnyPlant, model_of, plant_of
+from .given import AnyModel, AnyPlant, brief, model_of, path_of, plant_of
 from .work import steps
 
 Platforms: TypeAlias = str | Sequence[str]
@@ -20,6 +20,8 @@ Platforms: TypeAlias = str | Sequence[str]
 
 def platforms_of(names: Platforms) -> list[Platform]:
     """The platforms behind ``"host"``, ``"all"`` or the names of some."""
+    if not isinstance(names, Sequence):
+        raise ArgumentError("platforms", f": expected a name or a list of names but was given {brief(names)}")
     listed = [names] if isinstance(names, str) else list(names)
     known = ["host", "all", *(p.name for p in PLATFORMS)]
     for name in listed:
@@ -74,7 +76,7 @@ def build_fmu(
 
     Source: FMI 2.0.4 and 3.0.1, https://fmi-standard.org.
     """
-    chosen, target, targets = model_of(model, plant), Path(path), platforms_of(platforms)
+    chosen, target, targets = model_of(model, plant), path_of(path, "path"), platforms_of(platforms)
     if fmi not in (2, 3):
         raise ArgumentError("fmi", f": expected 2 or 3 but was given {fmi!r}")
     if not python:
@@ -127,7 +129,7 @@ def build_fmus(
     """
     from ..export.bom import bill_of_materials
 
-    folder, targets, chosen = Path(out), platforms_of(platforms), plant_of(plant)
+    folder, targets, chosen = path_of(out, "out"), platforms_of(platforms), plant_of(plant)
     if model is not None or chosen.file or chosen.name != named_plant("tube").name:
         shown = chosen.model if model is None else model_of(model, chosen)
         written = _written([shown], [], folder, targets, progress)

@@ -33,9 +33,26 @@ def amount(given: Amount, unit: str, argument: str) -> float:
     return value
 
 
+def path_of(given: str | Path, argument: str) -> Path:
+    """A path from a text or a path; `ArgumentError` names the argument for anything else."""
+    if not isinstance(given, str | Path):
+        raise ArgumentError(argument, f": expected a path but was given {brief(given)}")
+    return Path(given)
+
+
+def brief(given: object) -> str:
+    """What was given, in a few words: a value that is short, or the name of its type."""
+    return repr(given) if isinstance(given, str | int | float | Path | None) else f"a {type(given).__name__}"
+
+
 def plant_of(plant: AnyPlant) -> Plant:
     """The plant itself, a shipped one by name, or that of a FILE.py[:NAME]."""
-    return plant if isinstance(plant, Plant) else named_plant(str(plant))
+    if isinstance(plant, Plant):
+        return plant
+    if not isinstance(plant, str | Path):
+        listed = ", ".join(repr(name) for name in SHIPPED)
+        raise ArgumentError("plant", f": expected a Plant, {listed} or a FILE.py[:NAME] but was given {brief(plant)}")
+    return named_plant(str(plant))
 
 
 def model_of(model: AnyModel, plant: AnyPlant | None = None, argument: str = "model") -> Model:
@@ -47,6 +64,8 @@ def model_of(model: AnyModel, plant: AnyPlant | None = None, argument: str = "mo
         return model
     if isinstance(model, Plant):
         return model.model
+    if not isinstance(model, str | Path):
+        raise ArgumentError(argument, f": expected a Model, a Plant or a file but was given {brief(model)}")
     if str(model).endswith(".json"):
         chosen = None if plant is None else plant_of(plant)
         found = saved(Path(model), chosen)
@@ -95,6 +114,8 @@ def settings_of(
 
 def whole(value: int, least: int, argument: str) -> int:
     """A whole number from `least` on; `ArgumentError` for anything less."""
+    if not isinstance(value, int):
+        raise ArgumentError(argument, f": expected a whole number but was given {brief(value)}")
     if value < least:
         raise ArgumentError(argument, f": expected at least {least} but was given {value}")
     return value

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..errors import ArgumentError
 from ..files import write_atomically
 from ..model.declare import Model
 from ..model.effect import with_effects
-from ..plants.load import load_plant as named_plant
 from ..plants.plant import Plant
 from ..plants.saved import as_json
 from ..plants.saved import load as saved
-from .given import Amount, AnyPlant, parameters_of, plant_of
+from .given import Amount, AnyPlant, brief, parameters_of, path_of, plant_of
 
 
 def tube(effects: Sequence[str] = (), **parameters: Amount) -> Model:
@@ -85,6 +85,8 @@ def add_effects(plant: AnyPlant, effects: Sequence[str] = (), **parameters: Amou
     (('flow_delay',), 0.03)
     """
     chosen = plant_of(plant)
+    if isinstance(effects, str):
+        raise ArgumentError("effects", f": expected a list, as [{effects!r}], but was given {effects!r} alone")
     model = with_effects(chosen.model, effects, chosen.catalogue)
     usual = {name: value for effect in effects for name, value in chosen.catalogue[effect].typical.items()}
     return model.with_values(usual | parameters_of(model, parameters))
@@ -117,7 +119,7 @@ def load(path: str | Path, plant: AnyPlant | None = None) -> Model:
     >>> td.load("model.json").parameter_values()["C_1"]
     340000.0
     """
-    return saved(Path(path), None if plant is None else plant_of(plant))
+    return saved(path_of(path, "path"), None if plant is None else plant_of(plant))
 
 
 def save(model: Model, path: str | Path, plant: AnyPlant | None = None) -> Path:
@@ -150,8 +152,10 @@ def save(model: Model, path: str | Path, plant: AnyPlant | None = None) -> Path:
     >>> td.load("lagging.json").effects
     ('electrode_resistance',)
     """
+    if not isinstance(model, Model):
+        raise ArgumentError("model", f": expected a Model but was given {brief(model)}")
     text = as_json(model, plant=None if plant is None else plant_of(plant))
-    return write_atomically(Path(path), text.encode())
+    return write_atomically(path_of(path, "path"), text.encode())
 
 
 def load_plant(plant: str | Path) -> Plant:
@@ -181,4 +185,4 @@ def load_plant(plant: str | Path) -> Plant:
     >>> "flow_delay" in aorta.catalogue
     True
     """
-    return named_plant(str(plant))
+    return plant_of(plant)

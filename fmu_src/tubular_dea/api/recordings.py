@@ -19,7 +19,7 @@ from ..protocol import Protocol
 from ..recordings import Column, Table
 from ..recordings.heading import parts
 from . import tables, unusual
-from .given import Amount, AnyPlant, parameters_of, plant_of
+from .given import Amount, AnyPlant, parameters_of, path_of, plant_of
 
 if TYPE_CHECKING:
     import pandas
@@ -166,7 +166,7 @@ def read_recordings(
     elif geometry is not None:
         raise ArgumentError("geometry", f": {data} is a folder; write the geometry into its bench.toml")
     else:
-        found = read_folder(Path(data), chosen, settings)
+        found = read_folder(path_of(data, "data"), chosen, settings)
     return recording_set(found)
 
 

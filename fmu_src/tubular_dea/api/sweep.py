@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from . import tables
-from .given import whole
+from .given import path_of, whole
 
 if TYPE_CHECKING:
     import pandas
@@ -159,13 +159,13 @@ def sweep(
     for name, number in (("workers", workers), ("local_cluster", local_cluster)):
         if number is not None:
             whole(number, 1, name)
-    made = make_plan(plan) if isinstance(plan, Mapping) else read_plan(Path(plan))
+    made = make_plan(plan) if isinstance(plan, Mapping) else read_plan(path_of(plan, "plan"))
     if cube:
         check_cube(made)
     if out is None:
         out = tempfile.mkdtemp(prefix="tubular-dea-sweep-")
         weakref.finalize(made, shutil.rmtree, out, ignore_errors=True)  # the plan goes with the result
-    folder = Path(out)
+    folder = path_of(out, "out")
     Store.open(folder, made)  # refuses a folder of another plan before a cluster is started
     with backend(workers, local_cluster, scheduler) as computing:
         return SweepResult(made, carry_out(made, folder, computing, progress))
