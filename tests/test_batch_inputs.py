@@ -27,10 +27,6 @@ REFUSED: dict[str, tuple[Callable[[Batch], object], str]] = {
         lambda b: b.trajectories(ROWS, {}, {"pressure": Breakpoints(np.zeros(1), np.zeros(1))}, 1.0),
         "pressure: time: expected the shape (1, n) or (3, n) but was given (1,)",
     ),
-    "back": (
-        lambda b: b.trajectories(ROWS, {}, {"pressure": Breakpoints(np.array([[1.0, 0.0]]), np.zeros((1, 2)))}, 1.0),
-        "pressure: expected times [s] that do not descend",
-    ),
     "parameter": (lambda b: b.trajectories(ROWS, {"C_1": np.ones(2)}, {}, 1.0), "C_1: expected one number or 3"),
     "unknown": (lambda b: b.trajectories(ROWS, {"C_7": 1.0}, {}, 1.0), "no parameter 'C_7'"),
     "stop": (lambda b: b.trajectories(ROWS, {}, {}, np.ones(2)), "stop: expected one number or 3, one a row"),

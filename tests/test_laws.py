@@ -286,6 +286,11 @@ def test_a_law_goes_by_the_plants_own_names() -> None:
         (Balance("upper", laws=("stop",)), "the law stop cannot act there: it needs a `displacement`"),
         (Path("pump", laws=("stop",)), "the law stop cannot act there"),
         (Path("pump", laws=("stopp",)), "there is no law 'stopp'; did you mean stop?"),
+        (Path("pump", laws="gain"), "Path('pump'): laws: expected a list of names, as ['gain'], but was given a text"),
+        (Path("pump", seconds="fast"), "Path('pump'): seconds: expected a positive number but was given 'fast'"),
+        (Path("pump", seconds=-1), "Path('pump'): seconds: expected a positive number but was given -1"),
+        (Balance("upper", size=0.0), "Balance('upper'): size: expected a positive number but was given 0.0"),
+        (Path("flow_1", late=True), "Path('flow_1'): late: expected an input"),
     ],
 )
 def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import pkgutil
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -112,7 +113,12 @@ def check(model: Model, place: Place) -> None:
     """`DeclarationError` where the place names what the model does not have, or what is of another kind."""
     from ._site import SignalSite, site
 
+    _check_settings(place)
     at = site(model, place)
+    if isinstance(place, Path) and place.late and not (isinstance(at, SignalSite) and at.is_input):
+        raise DeclarationError(
+            f"Path({place.name!r}): late: expected an input, whose record may be delayed; an output has the law delay"
+        )
     if isinstance(at, SignalSite) and at.is_input and at.signal not in at.ready(model).quantities():
         raise DeclarationError(
             f"Path({place.name!r}): no equation uses this input, so nothing can act on its way; leave the place out"
@@ -124,3 +130,17 @@ def check(model: Model, place: Place) -> None:
             raise DeclarationError(
                 f"{type(place).__name__}({place.name!r}): there is no law {name!r}{nearest(name, laws())}"
             )
+    for name in place.laws or ():
+        if not isinstance(place, laws()[name].KINDS):
+            raise DeclarationError(f"{at}: the law {name} cannot act there: it needs {laws()[name].NEEDS}")
+
+
+def _check_settings(place: Place) -> None:
+    """`DeclarationError` for usual sizes that are no positive numbers, and for laws that are no list."""
+    where = f"{type(place).__name__}({place.name!r})"
+    for what, value in (("seconds", place.seconds), ("size", place.size)):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is not None and not (number and 0 < float(value) < math.inf):
+            raise DeclarationError(f"{where}: {what}: expected a positive number but was given {value!r}")
+    if isinstance(place.laws, str):
+        raise DeclarationError(f"{where}: laws: expected a list of names, as [{place.laws!r}], but was given a text")
