@@ -14,6 +14,7 @@ from scenarios import MMHG
 from sweeps import steps
 from tubular_dea.cli import main
 from tubular_dea.kernel import Kernel
+from tubular_dea.plants.load import load_plant
 from tubular_dea.protocol import Protocol
 from tubular_dea.sweep.axes import Joint
 from tubular_dea.sweep.expression import PlanError
@@ -196,6 +197,51 @@ def test_patients_set_many_parameters(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("patient,C_7 [kPa]\nAnna,300\n", encoding="utf-8")
     with pytest.raises(PlanError, match="no parameter 'C_7'; did you mean C_3"):
         make_plan(rest(patient={"file": "p.csv"}), tmp_path)
+
+
+OVEN = """
+from tubular_dea.plants import Build, Input, Output, Plant
+
+m = Build("Oven")
+power = m.input("power", "W")
+capacity = m.parameter("capacity", "J/K", 500.0)
+loss = m.parameter("loss", "W/K", 2.0)
+warmth = m.state("warmth", "K", nominal=50.0)
+m.derivative(warmth, (power - loss * warmth) / capacity)
+m.output("reading", "K", warmth)
+PLANT = Plant(m.model(), [Input("power")], [Output("reading")])
+"""
+
+
+def test_a_calibrated_model_of_an_own_plant(tmp_path: Path) -> None:
+    (tmp_path / "oven.py").write_text(OVEN, encoding="utf-8")
+    content = {
+        "format": 1,
+        "model": "Oven",
+        "plant": "oven.py:PLANT",
+        "effects": [],
+        "parameters": {"loss": {"value": 4.0}},
+        "covariance": {"names": ["loss"], "matrix": [[0.01]]},
+    }
+    (tmp_path / "model.json").write_text(json.dumps(content), encoding="utf-8")
+    tables = {
+        "model": "model.json",
+        "outputs": ["final reading"],
+        "run": {"stop": "2000 s"},
+        "inputs": {"power": "100 W"},
+        "vary": {"calibration": {"model": "model.json"}},
+        "design": {"kind": "sobol", "points": 8},
+    }
+    with pytest.raises(PlanError, match=r"--plant .*oven\.py"):
+        make_plan(tables, tmp_path)
+    plan = make_plan(tables | {"plant": "oven.py"}, tmp_path)
+    rows = PreparedPlan(plan).rows(0, 8)
+    np.testing.assert_allclose(
+        rows[next(n for n in rows if "reading" in n)], 100 / plan.design.columns(0, 8)["loss"], rtol=1e-4
+    )
+    assert make_plan(tables, tmp_path, load_plant(str(tmp_path / "oven.py"))).model == plan.model
+    with pytest.raises(PlanError, match="plant: expected FILE.py"):
+        make_plan(tables | {"plant": 5}, tmp_path)
 
 
 def test_a_calibrated_model_and_its_uncertainty(tmp_path: Path) -> None:

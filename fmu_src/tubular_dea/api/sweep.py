@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from . import tables
-from .given import path_of, whole
+from .given import AnyPlant, path_of, plant_of, whole
 
 if TYPE_CHECKING:
     import pandas
@@ -110,6 +110,7 @@ def sweep(
     local_cluster: int | None = None,
     scheduler: str | None = None,
     cube: bool = False,
+    plant: AnyPlant | None = None,
     progress: bool = False,
 ) -> SweepResult:
     """Compute a plan of many points: designs, patients, uncertain parameters.
@@ -129,6 +130,8 @@ def sweep(
         A Dask scheduler, for example ``"tcp://10.0.0.1:8786"``, instead.
     cube : bool
         Refuse, before anything is computed, a plan whose results are no cube.
+    plant : Plant, str or Path, optional
+        The plant of a model.json, if it is declared in a file of your own; or the plan's ``"plant"``.
     progress : bool
         Show a bar on standard error.
 
@@ -159,7 +162,8 @@ def sweep(
     for name, number in (("workers", workers), ("local_cluster", local_cluster)):
         if number is not None:
             whole(number, 1, name)
-    made = make_plan(plan) if isinstance(plan, Mapping) else read_plan(path_of(plan, "plan"))
+    chosen = None if plant is None else plant_of(plant)
+    made = make_plan(plan, plant=chosen) if isinstance(plan, Mapping) else read_plan(path_of(plan, "plan"), chosen)
     if cube:
         check_cube(made)
     if out is None:

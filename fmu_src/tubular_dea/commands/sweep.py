@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea sweep`."""
     parser.add_argument("plan", type=Path, metavar="PLAN", help="TOML file: what varies, over what, what is wanted")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to, or to continue")
+    parser.add_argument("--plant", metavar="FILE.py[:NAME]", help="the plant of a model.json, if it is one of your own")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, metavar="N", help="threads in this process (default: all processors)")
     where.add_argument("--local-cluster", type=int, metavar="N", help="N worker processes of Dask on this machine")
@@ -39,6 +40,7 @@ def run(options: argparse.Namespace) -> None:
         local_cluster=options.local_cluster,
         scheduler=options.scheduler,
         cube=options.cube,
+        plant=options.plant,
         progress=True,
     )
     written = [swept.write_cube()] if options.cube else []

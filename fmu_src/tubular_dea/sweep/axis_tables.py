@@ -11,6 +11,7 @@ from ..errors import UserError
 from ..model.declare import nearest
 from ..model.patients import PATIENTS
 from ..model.units import NUMBER, factor
+from ..plants.plant import Plant
 from ..tabular import headings, rows
 from .axes import Axis, Joint, Levels, Normal, Range
 from .expression import PlanError, number
@@ -23,8 +24,8 @@ FORMS = (
 )
 
 
-def axis(name: str, given: object, quantities: Quantities, folder: Path) -> Axis:
-    """The axis that an entry of [vary] describes; `PlanError` naming it for anything else."""
+def axis(name: str, given: object, quantities: Quantities, folder: Path, plant: Plant | None = None) -> Axis:
+    """The axis that an entry of [vary] describes, of a model of `plant`; `PlanError` naming it for anything else."""
     place = f"[vary] {name}"
     if isinstance(given, Sequence) and not isinstance(given, str):
         made: Axis = _levels(name, given, quantities, place)
@@ -39,7 +40,7 @@ def axis(name: str, given: object, quantities: Quantities, folder: Path) -> Axis
     elif "patients" in given:
         made = _patients(name, given, quantities, place)
     elif "model" in given:
-        made = _calibration(folder / str(given["model"]), quantities, place)
+        made = _calibration(folder / str(given["model"]), quantities, place, plant)
     else:
         raise PlanError(f"{place}: expected {FORMS} but was given {', '.join(given)}")
     _check_bounds(made, quantities, place)
@@ -175,8 +176,8 @@ def _patients(name: str, given: Mapping[str, Any], quantities: Quantities, place
     return Levels(name, columns, table, tuple(names))
 
 
-def _calibration(path: Path, quantities: Quantities, place: str) -> Joint:
-    _, joint = calibrated(path)
+def _calibration(path: Path, quantities: Quantities, place: str, plant: Plant | None) -> Joint:
+    _, joint = calibrated(path, plant)
     if joint is None:
         raise PlanError(f"{place}: {path} has no covariance; expected one from `tubular-dea identify` or `close-loop`")
     for column, _ in joint.columns:

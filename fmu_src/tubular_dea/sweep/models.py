@@ -17,6 +17,7 @@ from ..model.effect import with_effects as added
 from ..model.windkessel import aortic_windkessel
 from ..plants.effects import with_effects
 from ..plants.load import PlantError, load_plant
+from ..plants.plant import Plant
 from ..plants.saved import ModelFileError, load
 from .axes import Joint
 from .expression import PlanError
@@ -52,17 +53,19 @@ MODELS: dict[str, Callable[[], Model]] = {
 }
 
 
-def resolve(given: object, effects: tuple[str, ...], folder: Path, tube: object = None) -> Model | ExternalFmu:
+def resolve(
+    given: object, effects: tuple[str, ...], folder: Path, tube: object = None, plant: Plant | None = None
+) -> Model | ExternalFmu:
     """The model that a plan names; `PlanError` with what there is otherwise.
 
-    `tube` is a file with the tube of the assisted heart.
+    `tube` is a file with the tube of the assisted heart, `plant` what a model.json is of that is no shipped plant's.
     """
     if tube is not None:
         if given != "AssistedHeart" or not isinstance(tube, str):
             raise PlanError(f'tube: expected a model.json beside model = "AssistedHeart" but was given {tube!r}')
         return assisted_heart(with_effects(calibrated(folder / tube)[0], effects))
     if isinstance(given, Model | ExternalFmu):
-        return given
+        return added(plant.model, effects, plant.catalogue) if plant and given is plant.model else given
     if not isinstance(given, str):
         raise PlanError(f"model: expected a name or a file but was given {given!r}")
     if given in MODELS:
@@ -71,16 +74,21 @@ def resolve(given: object, effects: tuple[str, ...], folder: Path, tube: object 
     if ".py" in path.name:
         return _of_plant(str(path), effects)
     if path.suffix == ".json":
-        return with_effects(calibrated(path)[0], effects)
+        model, _ = calibrated(path, plant)
+        return added(model, effects, plant.catalogue) if plant else with_effects(model, effects)
     if path.suffix == ".fmu":
         if effects:
             raise PlanError(f"effects: {given} is an FMU made elsewhere; effects go into the package's own models")
-        try:
-            return ExternalFmu(path.name, read_whole(path))
-        except FileError as problem:
-            raise PlanError(f"model: {problem}") from None
+        return _external(path)
     also = "or a model.json, FILE.py[:NAME] or .fmu file"
     raise PlanError(f"model: there is no {given!r}{nearest(given, MODELS)}, {also}")
+
+
+def _external(path: Path) -> ExternalFmu:
+    try:
+        return ExternalFmu(path.name, read_whole(path))
+    except FileError as problem:
+        raise PlanError(f"model: {problem}") from None
 
 
 def _of_plant(file: str, effects: tuple[str, ...]) -> Model:
@@ -92,10 +100,23 @@ def _of_plant(file: str, effects: tuple[str, ...]) -> Model:
     return added(plant.model, effects, plant.catalogue)
 
 
-def calibrated(path: Path) -> tuple[Model, Joint | None]:
-    """The model of a `model.json` at its identified values, and their joint distribution if it has a covariance."""
+def of_file(given: object, folder: Path) -> Plant | None:
+    """The plant that a plan's entry names, FILE.py[:NAME]; None without an entry."""
+    if given is None:
+        return None
+    if not isinstance(given, str) or ".py" not in given:
+        raise PlanError(f"plant: expected FILE.py[:NAME] but was given {given!r}")
     try:
-        model = load(path)
+        return load_plant(str(folder / given))
+    except PlantError as problem:
+        raise PlanError(str(problem)) from None
+
+
+def calibrated(path: Path, plant: Plant | None = None) -> tuple[Model, Joint | None]:
+    """The model of a `model.json` (of `plant`) at its identified values, and their joint distribution if it has a
+    covariance."""
+    try:
+        model = load(path, plant)
         given = json.loads(read_whole(path)).get("covariance")
     except (ModelFileError, FileError) as problem:
         raise PlanError(str(problem)) from None

@@ -4,6 +4,7 @@
 
     name = "Displacement over pressure and voltage"
     model = "TubularDEA"                    # AssistedHeart, AorticWindkessel, model.json, tanks.py[:NAME], any FMU
+    plant = "tanks.py"                      # of a model.json, where it is one of your own
     tube = "closed/model.json"              # of an AssistedHeart, where it is not the paper's
     study = "rest"                          # or "trajectory"
     outputs = ["radial_displacement", "snap_through_margin"]
@@ -44,16 +45,17 @@ from ..emit.variables import guid
 from ..errors import UserError
 from ..files import FileError, read_whole
 from ..model.declare import Model, nearest
+from ..plants.plant import Plant
 from .axes import units
 from .axis_tables import axis
 from .design import KINDS, Design, design
 from .expression import Number, PlanError, number
 from .inputs import Template, template
-from .models import ExternalFmu, resolve
+from .models import ExternalFmu, of_file, resolve
 from .quantities import Quantities
 from .wanted import Wanted, spelled_out, wanted
 
-TABLES = ("name", "model", "tube", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
+TABLES = ("name", "model", "plant", "tube", "effects", "study", "outputs", "design", "run", "set", "inputs", "vary")
 RESERVED = ("row", "status", "message")
 
 
@@ -85,7 +87,7 @@ class Plan:
         return found | {w.column: w.unit for w in self.outputs} | {"status": "1", "message": ""}
 
 
-def read_plan(path: Path) -> Plan:
+def read_plan(path: Path, plant: Plant | None = None) -> Plan:
     """The plan in a TOML file; files it names are taken relative to it. `PlanError` says what to correct."""
     try:
         content = tomllib.loads(read_whole(path).decode())
@@ -98,19 +100,24 @@ def read_plan(path: Path) -> Plan:
     except (ValueError, RecursionError) as problem:
         raise PlanError(f"{path}: cannot be read as TOML; expected a plan: {problem}") from None
     try:
-        return make_plan(content, path.parent)
+        return make_plan(content, path.parent, plant)
     except UserError as problem:
         raise PlanError(f"{path}: {problem}") from None
 
 
-def make_plan(content: Mapping[str, Any], folder: Path = Path()) -> Plan:
-    """A plan from the tables of the TOML form; `model` may also be a `Model`. Raises `PlanError`."""
+def make_plan(content: Mapping[str, Any], folder: Path = Path(), plant: Plant | None = None) -> Plan:
+    """A plan from the tables of the TOML form; `model` may also be a `Model`. Raises `PlanError`.
+
+    `plant` is the one that a model.json is of, in the place of the plan's own entry.
+    """
     _known("the plan", content, TABLES)
-    model = resolve(content.get("model", "TubularDEA"), tuple(content.get("effects", ())), folder, content.get("tube"))
+    plant = plant or of_file(content.get("plant"), folder)
+    given_model = content.get("model", plant.model if plant else "TubularDEA")
+    model = resolve(given_model, tuple(content.get("effects", ())), folder, content.get("tube"), plant)
     quantities = Quantities.of(model)
     study = _one_of("study", content.get("study", "trajectory"), ("trajectory", "rest"))
     run, scheme = _table(content, "run", ("stop", "tolerance")), _table(content, "design", ("kind", "points", "seed"))
-    axes = [axis(name, given, quantities, folder) for name, given in _table(content, "vary").items()]
+    axes = [axis(name, given, quantities, folder, plant) for name, given in _table(content, "vary").items()]
     kind = _one_of("[design] kind", scheme.get("kind", "grid"), KINDS)
     made = design(kind, axes, _whole(scheme, "points", 0), _whole(scheme, "seed", 1))
     given = {
