@@ -151,7 +151,7 @@ class Build:
             )
             self._parameters.append(Parameter(unknown, start="each" if start == "free" else "shared"))
             start = unknown.symbol
-        self._check_unit(f"the start of {name}", sympy.sympify(start), unit)
+        self._check_unit(f"the start of {name}", self._known(f"the start of {name}", start), unit)
         self._states[name] = (q, start, equilibrium)
         return q.symbol
 
@@ -204,7 +204,13 @@ class Build:
         return symbol
 
     def equilibrium_curve(self, curve: EquilibriumCurve) -> None:
-        """The balance at rest of a model with a fold (see `EquilibriumCurve`); states then have an `equilibrium`."""
+        """The balance at rest of a model with a fold (see `EquilibriumCurve`); states then have an `equilibrium`.
+
+        Its `start_switch` becomes a Boolean parameter, which is false.
+        """
+        text = "Start at rest under the first inputs instead of at the start values"
+        switch = self._quantity(curve.start_switch, "1", text, value=0.0, nominal=1.0, type="Boolean")
+        self._parameters.append(Parameter(switch, tunable=False))
         self._curve = curve
 
     def model(self) -> Model:
@@ -216,6 +222,8 @@ class Build:
                 )
         if not self._outputs:
             raise DeclarationError(f"{_here()}: {self.name} puts out nothing; add m.output(name, unit, expression)")
+        for name, (q, _, rest) in self._states.items():
+            self._check_equilibrium(name, rest, q.unit)
         states = tuple(
             State(q, self._derivatives[name], sympy.sympify(start), None if rest is None else sympy.sympify(rest))
             for name, (q, start, rest) in self._states.items()
@@ -292,6 +300,15 @@ class Build:
         wrong = fault(name, expression, unit, known)
         if wrong:
             raise DeclarationError(f"{_here()}: {wrong}")
+
+    def _check_equilibrium(self, name: str, rest: Expression | None, unit: str) -> None:
+        """That a value at rest is an expression of what is declared, in its state's unit, once all is declared."""
+        if isinstance(rest, str):
+            raise DeclarationError(
+                f"{self._lines[name]}: state {name!r}: equilibrium: expected an expression but was given {rest!r}"
+            )
+        if rest is not None:
+            self._check_unit(f"the equilibrium of {name}", self._known(f"the equilibrium of {name}", rest), unit)
 
     def _sizes(self) -> dict[sympy.Symbol, sympy.Expr | float]:
         """Usual values: parameters have theirs, inputs and states their nominal ones; definitions stand for theirs."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from ..laws import Balance, Coefficient, Path, Place
 from ..model.build import Build
 from ..model.change import added, at_rest, at_start, filtered, scaled
-from ..model.declare import DeclarationError, Definition, Model, Parameter, Quantity, State, rate
+from ..model.declare import DeclarationError, Definition, EquilibriumCurve, Model, Parameter, Quantity, State, rate
 from ..model.effect import Effect
 from ..model.smooth import magnitude, positive_part, ramp, root, step
 from .plant import Exchange, Input, Output, Plant, Stage
@@ -22,6 +22,7 @@ __all__ = [
     "DeclarationError",
     "Definition",
     "Effect",
+    "EquilibriumCurve",
     "Exchange",
     "Input",
     "Model",
