@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-INK, GRID, QUIET = "#1b2733", "#dde3e8", "#5b6b7a"
+GRID, QUIET = "#dde3e8", "#5b6b7a"
 FONT = 12.0  # px, as are all lengths here
 
 
