@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tubular_dea.discover.options import Option
-from tubular_dea.discover.residuals import LackOfFit
-from tubular_dea.discover.revision import Search
-from tubular_dea.identify.fit import Fit
-from tubular_dea.identify.problem import Free
+from tubular_dea.discover.options.options import Option
+from tubular_dea.discover.options.residuals import LackOfFit
+from tubular_dea.discover.search.revision import Search
+from tubular_dea.identify.fitting.fit import Fit
+from tubular_dea.identify.fitting.problem import Free
 
 SAMPLES = 10_000
 

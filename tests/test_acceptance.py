@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from made_up import BASE, LARGE, SAMPLES, found, option
-from tubular_dea.discover import acceptance, engine, equivalence, held_out, parameters, power
-from tubular_dea.discover.bank import Candidate, scores
-from tubular_dea.discover.bootstrap import null_scores
-from tubular_dea.discover.options import Option
-from tubular_dea.identify import noise_bound
-from tubular_dea.identify.colour import Colour
-from tubular_dea.identify.intervals import interval
-from tubular_dea.identify.noise import Noise
-from tubular_dea.identify.problem import Free
+from tubular_dea.discover import engine
+from tubular_dea.discover.options import acceptance
+from tubular_dea.discover.options.options import Option
+from tubular_dea.discover.scores import held_out, parameters, power
+from tubular_dea.discover.scores.bank import Candidate, scores
+from tubular_dea.discover.scores.bootstrap import null_scores
+from tubular_dea.discover.search import equivalence
+from tubular_dea.identify.fitting.intervals import interval
+from tubular_dea.identify.fitting.problem import Free
+from tubular_dea.identify.signals import noise_bound
+from tubular_dea.identify.signals.colour import Colour
+from tubular_dea.identify.signals.noise import Noise
 
 
 @pytest.mark.parametrize(

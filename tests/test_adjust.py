@@ -9,16 +9,16 @@ import pytest
 import sympy
 
 from test_plain_models import one_state
-from tubular_dea.identify import adjust, nuisances, spreads
-from tubular_dea.identify.adjust import adjusted
-from tubular_dea.identify.data import Experiment, Recordings
-from tubular_dea.identify.drive import joined
-from tubular_dea.identify.fit import fit, rmse
-from tubular_dea.identify.monitor_uncertainty import constant_gains, shifted
-from tubular_dea.identify.noise import Noise
-from tubular_dea.identify.nuisances import with_nuisances
-from tubular_dea.identify.problem import Free, whitened
-from tubular_dea.identify.study import Piece, Study, study
+from tubular_dea.identify.fitting.fit import fit, rmse
+from tubular_dea.identify.fitting.problem import Free, whitened
+from tubular_dea.identify.inputs.drive import joined
+from tubular_dea.identify.records.data import Experiment, Recordings
+from tubular_dea.identify.signals.noise import Noise
+from tubular_dea.identify.study import adjust, nuisances, spreads
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.identify.study.monitor_uncertainty import constant_gains, shifted
+from tubular_dea.identify.study.nuisances import with_nuisances
+from tubular_dea.identify.study.study import Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws.places import Path
 from tubular_dea.model.declare import Quantity

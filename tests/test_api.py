@@ -95,11 +95,12 @@ def test_one_list_of_names() -> None:
 
 
 IMPORTS = """
-import tubular_dea.identify.fit, tubular_dea.sweep.plan, tubular_dea.discover.engine
+import tubular_dea.identify.fitting.fit, tubular_dea.sweep.plan, tubular_dea.discover.engine
 import tubular_dea as td
-from tubular_dea.identify import fit
+from tubular_dea.identify.fitting import fit
 from tubular_dea.sweep import plan
-import tubular_dea.identify.fit as fit_too, tubular_dea.sweep.plan as plan_too, tubular_dea.discover.engine as engine
+import tubular_dea.identify.fitting.fit as fit_too, tubular_dea.sweep.plan as plan_too
+import tubular_dea.discover.engine as engine
 """.strip().splitlines()
 
 
@@ -109,7 +110,7 @@ def test_a_name_stays_a_function_whatever_is_imported(order: int) -> None:
 assert [f.__name__ for f in (td.identify, td.sweep, td.discover)] == ["identify", "sweep", "discover"]
 assert [f.__module__ for f in (td.identify, td.sweep)] == ["tubular_dea.api.identify", "tubular_dea.api.sweep"]
 assert "Parameters" in td.identify.__doc__
-assert fit_too is fit and fit.__name__ == "tubular_dea.identify.fit"
+assert fit_too is fit and fit.__name__ == "tubular_dea.identify.fitting.fit"
 assert plan_too is plan and plan.__name__ == "tubular_dea.sweep.plan"
 assert engine.__name__ == "tubular_dea.discover.engine"
 """

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tubular_dea.cli import main
-from tubular_dea.discover import atlas as room
-from tubular_dea.discover.atlas import Atlas, Signature
-from tubular_dea.identify.response import Response
+from tubular_dea.discover.experiments import atlas as room
+from tubular_dea.discover.experiments.atlas import Atlas, Signature
+from tubular_dea.identify.fitting.response import Response
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.effect import equations, with_effects
 from tubular_dea.plants.load import load_plant

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tubular_dea.discover import base
-from tubular_dea.identify.fit import FitError
+from tubular_dea.discover.options import base
+from tubular_dea.identify.fitting.fit import FitError
 
 DECLARED = {"stiffness": 1.0, "branch": 2.0}
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tubular_dea as td
-from tubular_dea.identify.cases import Case, Reading, runs
-from tubular_dea.identify.response import Response
+from tubular_dea.identify.fitting.cases import Case, Reading, runs
+from tubular_dea.identify.fitting.response import Response
 from tubular_dea.kernel import Driven, Kernel, KernelError
 from tubular_dea.protocol import Protocol
 

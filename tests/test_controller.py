@@ -18,14 +18,13 @@ from hosts.compile import compile_host, run_host
 from tubular_dea.cli import main
 from tubular_dea.control.design import gains, linearised
 from tubular_dea.control.peers import PI, Constant
-from tubular_dea.control.reduced import reduced
-from tubular_dea.control.region import holdable
 from tubular_dea.control.rig import Bench, Record, TubeController, experiment, fmu, rest_voltage
-from tubular_dea.control.tube_controller import INPUTS, tube_controller
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, simulate
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
+from tubular_dea.model.reduced import holdable, reduced
+from tubular_dea.model.tube_controller import INPUTS, tube_controller
 from tubular_dea.model.windkessel import patient
 
 MMHG = 133.322

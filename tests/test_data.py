@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tubular_dea.cli import main
-from tubular_dea.identify.data import DataError, Experiment, Recordings
-from tubular_dea.identify.data import read_experiment as read_of
-from tubular_dea.identify.data import read_folder as folder_of
-from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.monitors import noise_level, polyline
-from tubular_dea.identify.noise import Noise, estimate
+from tubular_dea.identify.inputs.drive import drive, drives
+from tubular_dea.identify.records.data import DataError, Experiment, Recordings
+from tubular_dea.identify.records.data import read_experiment as read_of
+from tubular_dea.identify.records.data import read_folder as folder_of
+from tubular_dea.identify.signals.monitors import noise_level, polyline
+from tubular_dea.identify.signals.noise import Noise, estimate
 from tubular_dea.plants.tube import PLANT
 
 HEADER = "time [s],pressure [Pa],voltage [V],radius [m]"

@@ -17,15 +17,19 @@ from fmpy import simulate_fmu
 from blind import bench
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.discover import acceptance, bank, base, engine, input_noise, outcome
-from tubular_dea.discover.bootstrap import null_scores
+from tubular_dea.discover import engine
+from tubular_dea.discover.alternatives import input_noise
+from tubular_dea.discover.answer import outcome
+from tubular_dea.discover.answer.oscillations import oscillations
 from tubular_dea.discover.engine import Discovery
-from tubular_dea.discover.oscillations import oscillations
-from tubular_dea.discover.parameters import base_parameters
-from tubular_dea.identify.adjust import adjusted
-from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.drive import drive
-from tubular_dea.identify.study import PRIOR, choose_held_out, study
+from tubular_dea.discover.options import acceptance, base
+from tubular_dea.discover.scores import bank
+from tubular_dea.discover.scores.bootstrap import null_scores
+from tubular_dea.discover.scores.parameters import base_parameters
+from tubular_dea.identify.inputs.drive import drive
+from tubular_dea.identify.records.data import read_folder
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.identify.study.study import PRIOR, choose_held_out, study
 from tubular_dea.plants.saved import load
 from tubular_dea.plants.tube import PLANT
 

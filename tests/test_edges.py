@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cheby1, firwin, lfilter
 
-from tubular_dea.identify.data import Experiment
-from tubular_dea.identify.drive import drive, drives
-from tubular_dea.identify.edges import BENDING, EXPONENTIAL, RISEN, _EdgeSamples, _together
-from tubular_dea.identify.transitions import Transitions, few, transitions
+from tubular_dea.identify.inputs.drive import drive, drives
+from tubular_dea.identify.inputs.edges import BENDING, EXPONENTIAL, RISEN, _EdgeSamples, _together
+from tubular_dea.identify.inputs.transitions import Transitions, few, transitions
+from tubular_dea.identify.records.data import Experiment
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V

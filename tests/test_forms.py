@@ -8,9 +8,9 @@ import numpy as np
 
 import tubular_dea as td
 from test_plain_models import one_state
-from tubular_dea.discover.forms import explained_by_form
-from tubular_dea.discover.options import Option, fitted_option
-from tubular_dea.identify.study import PRIOR, Study, study
+from tubular_dea.discover.alternatives.forms import explained_by_form
+from tubular_dea.discover.options.options import Option, fitted_option
+from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.laws.places import Path
 from tubular_dea.plants.plant import Input, Output, Plant
 

@@ -15,13 +15,13 @@ import tubular_dea as td
 from blind import bench, coverage
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
-from tubular_dea.identify import procedure
-from tubular_dea.identify.adjust import adjusted
-from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.fit import fit, goodness, inverse
-from tubular_dea.identify.intervals import interval, profile_interval
-from tubular_dea.identify.misfit import misfit
-from tubular_dea.identify.study import Study, study
+from tubular_dea.identify.fitting.fit import fit, goodness, inverse
+from tubular_dea.identify.fitting.intervals import interval, profile_interval
+from tubular_dea.identify.fitting.misfit import misfit
+from tubular_dea.identify.records.data import read_folder
+from tubular_dea.identify.study import procedure
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.identify.study.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED, tubular_dea
 from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.saved import ModelFileError, as_json, load

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from laboratory import numbers
-from tubular_dea.identify.columns import choices
-from tubular_dea.identify.data import DataError, read_experiment, read_folder
+from tubular_dea.identify.records.columns import choices
+from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
 from tubular_dea.plants.tube import PLANT
 
 OUTPUT = PLANT.outputs[0].name

@@ -5,9 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from tubular_dea.identify.fit import NORMAL_95, described, fit
-from tubular_dea.identify.intervals import interval, intervals, profile_interval, vanishing, with_coarse_residuals
-from tubular_dea.identify.problem import Free, Problem
+from tubular_dea.identify.fitting.fit import NORMAL_95, described, fit
+from tubular_dea.identify.fitting.intervals import (
+    interval,
+    intervals,
+    profile_interval,
+    vanishing,
+    with_coarse_residuals,
+)
+from tubular_dea.identify.fitting.problem import Free, Problem
 
 X = np.linspace(0.0, 1.0, 200)
 

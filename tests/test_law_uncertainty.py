@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover.law_uncertainty import still_there, with_law, with_rivals
-from tubular_dea.identify.fit import Fit, described
-from tubular_dea.identify.problem import Free
+from tubular_dea.discover.search.law_uncertainty import still_there, with_law, with_rivals
+from tubular_dea.identify.fitting.fit import Fit, described
+from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.plants.effects import catalogue
 
 TIMES = np.linspace(0, 10, 2000)

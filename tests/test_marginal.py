@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tubular_dea.identify.marginal import Marginal, marginal
+from tubular_dea.identify.fitting.marginal import Marginal, marginal
 
 N = 60
 RANDOM = np.random.default_rng(4)

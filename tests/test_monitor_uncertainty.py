@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tubular_dea.identify.cases import Case, Reading
-from tubular_dea.identify.monitor_uncertainty import INPUT_STEP, shifted
-from tubular_dea.identify.start import FIRST_SAMPLES
+from tubular_dea.identify.fitting.cases import Case, Reading
+from tubular_dea.identify.records.start import FIRST_SAMPLES
+from tubular_dea.identify.study.monitor_uncertainty import INPUT_STEP, shifted
 from tubular_dea.protocol import Protocol
 
 TIME = 0.01 * np.arange(100)

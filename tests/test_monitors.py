@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, lsim, lti, sosfilt
 
-from tubular_dea.identify import monitors
-from tubular_dea.identify.band import band_limited, noise_floor
-from tubular_dea.identify.data import DataError, Experiment
-from tubular_dea.identify.drive import Drive, drive, drives
-from tubular_dea.identify.edges import Edge
-from tubular_dea.identify.monitors import NO_MEMORY, level, memory, polyline
-from tubular_dea.identify.trigger import triggered
+from tubular_dea.identify.inputs.band import band_limited, noise_floor
+from tubular_dea.identify.inputs.drive import Drive, drive, drives
+from tubular_dea.identify.inputs.edges import Edge
+from tubular_dea.identify.inputs.trigger import triggered
+from tubular_dea.identify.records.data import DataError, Experiment
+from tubular_dea.identify.signals import monitors
+from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline
 from tubular_dea.plants.plant import Input
 
 TIME = np.arange(0, 16, 0.004)

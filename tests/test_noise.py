@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tubular_dea.identify import noise
-from tubular_dea.identify.colour import Colour
-from tubular_dea.identify.hum import is_hum
-from tubular_dea.identify.noise import Noise, estimate, rounded
-from tubular_dea.identify.quiet import Clock, calm, stretches
+from tubular_dea.identify.signals import noise
+from tubular_dea.identify.signals.colour import Colour
+from tubular_dea.identify.signals.hum import is_hum
+from tubular_dea.identify.signals.noise import Noise, estimate, rounded
+from tubular_dea.identify.signals.quiet import Clock, calm, stretches
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import equivalence
-from tubular_dea.discover.operating_point import repeats
-from tubular_dea.identify.cases import Case, Reading
+from tubular_dea.discover.alternatives.operating_point import repeats
+from tubular_dea.discover.search import equivalence
+from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.protocol import Protocol
 
 TIME = np.arange(0.0, 20.0, 0.01)

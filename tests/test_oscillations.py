@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover import oscillations
-from tubular_dea.identify.noise import Noise
+from tubular_dea.discover.answer import oscillations
+from tubular_dea.identify.signals.noise import Noise
 
 TIME = np.arange(0, 4000, 1.0)
 STEADY = 1e-3 * np.sin(2 * np.pi * 0.2 * TIME)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from test_laws import DRIVES, PLACES, at
-from tubular_dea.discover.own_curve import Excitation, IsolatedEffect, own_curve
-from tubular_dea.discover.parameters import effect_parameters
-from tubular_dea.identify.fit import Fit
+from tubular_dea.discover.answer.own_curve import Excitation, IsolatedEffect, own_curve
+from tubular_dea.discover.scores.parameters import effect_parameters
+from tubular_dea.identify.fitting.fit import Fit
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.alone import alone
 from tubular_dea.model.declare import DeclarationError, Model

@@ -11,8 +11,14 @@ import pytest
 from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.identify.patient import fit_patient
-from tubular_dea.identify.recorded_beat import BEAT_POINTS, PatientRecordError, RecordedBeat, average, read_signals
+from tubular_dea.identify.patients.patient import fit_patient
+from tubular_dea.identify.patients.recorded_beat import (
+    BEAT_POINTS,
+    PatientRecordError,
+    RecordedBeat,
+    average,
+    read_signals,
+)
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubular_dea.discover.next_experiment import Proposal, at_channel, kind, sweeps
-from tubular_dea.discover.outcome import advice
+from tubular_dea.discover.answer.outcome import advice
+from tubular_dea.discover.experiments.next_experiment import Proposal, at_channel, kind, sweeps
 from tubular_dea.laws.places import Balance, Coefficient, Path
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError

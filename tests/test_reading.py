@@ -12,11 +12,11 @@ import pytest
 
 from laboratory import drawn, numbers
 from tubular_dea.cli import main
-from tubular_dea.discover import remarks
-from tubular_dea.identify import scales
-from tubular_dea.identify.data import DataError, read_experiment, read_folder
-from tubular_dea.identify.start import RESTED, UNKNOWN, detected
-from tubular_dea.identify.study import study
+from tubular_dea.discover.answer import remarks
+from tubular_dea.identify.fitting import scales
+from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
+from tubular_dea.identify.records.start import RESTED, UNKNOWN, detected
+from tubular_dea.identify.study.study import study
 from tubular_dea.plants.tube import PLANT
 
 EXAMPLE = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"

@@ -14,8 +14,8 @@ from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
-from tubular_dea.identify.data import DataError, read_experiment
-from tubular_dea.identify.spikes import spikes
+from tubular_dea.identify.records.data import DataError, read_experiment
+from tubular_dea.identify.records.spikes import spikes
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT

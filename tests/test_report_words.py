@@ -13,11 +13,12 @@ import made_up
 from tubular_dea import add_effects
 from tubular_dea.api import identify, simulate
 from tubular_dea.cosim import course
-from tubular_dea.discover import outcome, remarks, residuals
-from tubular_dea.discover.channels import Isolation
-from tubular_dea.discover.options import Option
-from tubular_dea.discover.zeros import Shift
-from tubular_dea.identify.cases import Case, Reading
+from tubular_dea.discover.alternatives.zeros import Shift
+from tubular_dea.discover.answer import outcome, remarks
+from tubular_dea.discover.options import residuals
+from tubular_dea.discover.options.options import Option
+from tubular_dea.discover.scores.channels import Isolation
+from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.model.units import in_words, three
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from made_up import BASE, LARGE, STUDY, found, option
-from tubular_dea.discover import engine, revision, selection
-from tubular_dea.discover.options import Option
-from tubular_dea.discover.revision import Search
-from tubular_dea.discover.rounds import Round
+from tubular_dea.discover import engine
+from tubular_dea.discover.options.options import Option
+from tubular_dea.discover.search import revision, selection
+from tubular_dea.discover.search.revision import Search
+from tubular_dea.discover.search.rounds import Round
 
 
 def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> list[tuple]:

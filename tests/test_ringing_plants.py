@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import tubular_dea as td
-from tubular_dea.identify import adjust
-from tubular_dea.identify.study import Study, study
+from tubular_dea.identify.study import adjust
+from tubular_dea.identify.study.study import Study, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Balance, Build, Coefficient, Input, Output, Path, Plant
 from tubular_dea.protocol import Protocol

@@ -9,9 +9,9 @@ import pytest
 
 import tubular_dea as td
 from test_plain_models import one_state
-from tubular_dea.discover.options import Option, fitted_option
-from tubular_dea.discover.rounding import explained_by_rounding, sawtooth
-from tubular_dea.identify.study import PRIOR, Study, study
+from tubular_dea.discover.alternatives.rounding import explained_by_rounding, sawtooth
+from tubular_dea.discover.options.options import Option, fitted_option
+from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.plants.plant import Input, Output, Plant
 
 PLANT = Plant(one_state(), [Input("load")], [Output("reading")])

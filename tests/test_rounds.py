@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from made_up import option
-from tubular_dea.discover import held_out, options, power, rounds
-from tubular_dea.discover.bank import Score
+from tubular_dea.discover.options import options
+from tubular_dea.discover.scores import held_out, power
+from tubular_dea.discover.scores.bank import Score
+from tubular_dea.discover.search import rounds
 
 
 def scored(*statistics: float) -> list[Score]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import tubular_dea as td
-from tubular_dea.discover.options import fitted_option
-from tubular_dea.discover.parameters import lost
-from tubular_dea.discover.settle import iterated, own_nuisances
-from tubular_dea.identify.study import PRIOR, study
+from tubular_dea.discover.options.options import fitted_option
+from tubular_dea.discover.scores.parameters import lost
+from tubular_dea.discover.search.settle import iterated, own_nuisances
+from tubular_dea.identify.study.study import PRIOR, study
 from tubular_dea.plants.tube import PLANT
 
 LOST = {"eta_o": 1.1e4, "k_1": 255e6, "eta_1": 7.4e5, "k_2": 3e6, "eta_2": 9.5e6, "C_2": -35e3, "C_3": 1e3}

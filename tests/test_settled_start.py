@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tubular_dea as td
-from tubular_dea.identify.start import UNKNOWN
+from tubular_dea.identify.records.start import UNKNOWN
 from tubular_dea.plants.tube import PLANT
 
 RATE, LONG = 100.0, 40.0  # samples per second, s

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shared_data import shared, shared_files
-from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.records.data import read_folder
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.recordings import read
 

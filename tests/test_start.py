@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubular_dea.identify.data import Experiment
-from tubular_dea.identify.drive import Drive, drives
-from tubular_dea.identify.start import _begins_off, zeroed
+from tubular_dea.identify.inputs.drive import Drive, drives
+from tubular_dea.identify.records.data import Experiment
+from tubular_dea.identify.records.start import _begins_off, zeroed
 from tubular_dea.plants.tube import PLANT
 
 TIME = 0.004 * np.arange(100)

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from shared_data import shared
-from tubular_dea.identify.cases import Case, Reading
-from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.marginal import Marginal
-from tubular_dea.identify.response import ROUGH, TOLERANCE
-from tubular_dea.identify.study import LONG, study
+from tubular_dea.identify.fitting.cases import Case, Reading
+from tubular_dea.identify.fitting.marginal import Marginal
+from tubular_dea.identify.fitting.response import ROUGH, TOLERANCE
+from tubular_dea.identify.records.data import read_folder
+from tubular_dea.identify.study.study import LONG, study
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 

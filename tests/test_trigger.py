@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tubular_dea.identify.edges import Edge
-from tubular_dea.identify.trigger import _delay, triggered
+from tubular_dea.identify.inputs.edges import Edge
+from tubular_dea.identify.inputs.trigger import _delay, triggered
 
 TIME = 0.01 * np.arange(1000)
 TURNS = (100, 300, 500)  # samples before the trigger rises

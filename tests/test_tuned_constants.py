@@ -22,7 +22,7 @@ from tubular_dea.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "fmu_src" / "tubular_dea"
-FILES = sorted(path for room in ("discover", "identify") for path in (PACKAGE / room).glob("*.py"))
+FILES = sorted(path for room in ("discover", "identify") for path in (PACKAGE / room).rglob("*.py"))
 WAYS = ("judgement", "measurement", "theory", "convention")
 RECORD = re.compile(rf"# Set by ({'|'.join(WAYS)})\b[^`]*\. Check: (`[^`]+`(, `[^`]+`)*)$")
 

@@ -8,10 +8,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from tubular_dea.discover import engine
 from tubular_dea.discover.engine import discover
-from tubular_dea.identify.data import Experiment, Recordings
-from tubular_dea.identify.noise_bound import TOO_MUCH
-from tubular_dea.identify.procedure import settled
-from tubular_dea.identify.study import study
+from tubular_dea.identify.records.data import Experiment, Recordings
+from tubular_dea.identify.signals.noise_bound import TOO_MUCH
+from tubular_dea.identify.study.procedure import settled
+from tubular_dea.identify.study.study import study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Build, Input, Output, Path, Plant
 from tubular_dea.protocol import Protocol

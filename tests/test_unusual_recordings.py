@@ -13,14 +13,18 @@ from blind.conventions import draw
 from blind.laboratory import laboratory, write
 from tubular_dea import discover
 from tubular_dea.cli import main
-from tubular_dea.discover import base, engine, input_noise, outcome, residuals
-from tubular_dea.identify import checks, procedure
-from tubular_dea.identify.adjust import adjusted
-from tubular_dea.identify.checks import mislabelled
-from tubular_dea.identify.data import Experiment, Recordings, read_experiment
-from tubular_dea.identify.drive import drive, joined
-from tubular_dea.identify.fit import AGREE, fit, goodness
-from tubular_dea.identify.study import PRIOR, Study, sensor_noise, study
+from tubular_dea.discover import engine
+from tubular_dea.discover.alternatives import input_noise
+from tubular_dea.discover.answer import outcome
+from tubular_dea.discover.options import base, residuals
+from tubular_dea.identify.fitting.fit import AGREE, fit, goodness
+from tubular_dea.identify.inputs.drive import drive, joined
+from tubular_dea.identify.records import checks
+from tubular_dea.identify.records.checks import mislabelled
+from tubular_dea.identify.records.data import Experiment, Recordings, read_experiment
+from tubular_dea.identify.study import procedure
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.identify.study.study import PRIOR, Study, sensor_noise, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
 

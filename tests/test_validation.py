@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from made_up import BASE, option
-from tubular_dea.discover.validation import foretold
-from tubular_dea.identify.fit import Fit
-from tubular_dea.identify.problem import Free
+from tubular_dea.discover.options.validation import foretold
+from tubular_dea.identify.fitting.fit import Fit
+from tubular_dea.identify.fitting.problem import Free
 
 WIDTH = 3.0  # standard deviation of the prior of every parameter
 

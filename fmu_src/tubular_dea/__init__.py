@@ -138,7 +138,7 @@ class _Package(ModuleType):
     """The package, which keeps a public name for its function where a folder of it is called the same.
 
     When `tubular_dea.identify` (a folder of modules) is imported, Python binds it here; the name stays the function's.
-    `import tubular_dea.identify.fit as fit` looks for `fit` at that name: the function has the folder's attributes.
+    `import tubular_dea.sweep.plan as plan` looks for `plan` at that name: the function has the folder's attributes.
     """
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 
-from tubular_dea.discover.parameters import switched_off
-from tubular_dea.identify.compiled import Compiled
+from tubular_dea.discover.scores.parameters import switched_off
+from tubular_dea.identify.fitting.compiled import Compiled
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from blind import bench
-from tubular_dea.identify import procedure
-from tubular_dea.identify.adjust import adjusted
-from tubular_dea.identify.data import read_folder
-from tubular_dea.identify.fit import described
-from tubular_dea.identify.intervals import interval
-from tubular_dea.identify.monitor_uncertainty import with_monitor_noise
-from tubular_dea.identify.study import Study, study
+from tubular_dea.identify.fitting.fit import described
+from tubular_dea.identify.fitting.intervals import interval
+from tubular_dea.identify.records.data import read_folder
+from tubular_dea.identify.study import procedure
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.identify.study.monitor_uncertainty import with_monitor_noise
+from tubular_dea.identify.study.study import Study, study
 from tubular_dea.model.dea import IDENTIFIED
 from tubular_dea.plants.tube import PLANT, TABLE_II
 

@@ -9,7 +9,7 @@ import pytest
 from lab_page import BENCH, Page
 
 from tubular_dea.cli import main
-from tubular_dea.identify.data import read_folder
+from tubular_dea.identify.records.data import read_folder
 from tubular_dea.lab.opened import closed_loop
 from tubular_dea.lab.page import write
 from tubular_dea.model.effect import with_effects

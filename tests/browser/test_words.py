@@ -11,8 +11,8 @@ from lab_page import BENCH, Page
 
 from laboratory import drawn
 from tubular_dea.errors import UserError
-from tubular_dea.identify.data import read_experiment
-from tubular_dea.identify.start import detected
+from tubular_dea.identify.records.data import read_experiment
+from tubular_dea.identify.records.start import detected
 from tubular_dea.plants.tube import PLANT
 
 SEEDS = 80

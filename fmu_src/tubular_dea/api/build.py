@@ -141,8 +141,8 @@ def build_fmus(
 
 def _companions() -> list[Model]:
     """The tube's companions, which come as native FMUs only."""
-    from ..control.tube_controller import tube_controller
     from ..model.scheduler import heartbeat_scheduler
+    from ..model.tube_controller import tube_controller
     from ..model.windkessel import aortic_windkessel
 
     return [aortic_windkessel(), heartbeat_scheduler(), tube_controller()]

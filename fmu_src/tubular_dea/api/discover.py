@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..discover import engine, outcome
+from ..discover import engine
+from ..discover.answer import outcome
 from ..files import working_folder, write_atomically
-from ..identify.fit import uncertainty
-from ..identify.study import Piece
+from ..identify.fitting.fit import uncertainty
+from ..identify.study.study import Piece
 from ..model.declare import Model
 from ..plants.saved import as_json
 from . import tables

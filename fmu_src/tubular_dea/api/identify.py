@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..discover.input_noise import weighted
-from ..discover.parameters import is_share
+from ..discover.alternatives.input_noise import weighted
+from ..discover.scores.parameters import is_share
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify import procedure
-from ..identify.adjust import adjusted
-from ..identify.fit import Fit, goodness, rmse, uncertainty
-from ..identify.intervals import intervals, vanishing, with_coarse_residuals
-from ..identify.misfit import Misfit, misfit
-from ..identify.monitor_uncertainty import with_monitor_noise
-from ..identify.nuisances import with_nuisances
-from ..identify.problem import Problem
-from ..identify.study import PRIOR, Study, study
+from ..identify.fitting.fit import Fit, goodness, rmse, uncertainty
+from ..identify.fitting.intervals import intervals, vanishing, with_coarse_residuals
+from ..identify.fitting.misfit import Misfit, misfit
+from ..identify.fitting.problem import Problem
+from ..identify.study import procedure
+from ..identify.study.adjust import adjusted
+from ..identify.study.monitor_uncertainty import with_monitor_noise
+from ..identify.study.nuisances import with_nuisances
+from ..identify.study.study import PRIOR, Study, study
 from ..model.declare import Model, nearest
 from ..model.units import in_words, readable
 from ..plants.plant import Plant

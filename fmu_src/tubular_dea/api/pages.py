@@ -15,7 +15,7 @@ from .recordings import Data, folder_of, recordings_of
 from .work import steps
 
 if TYPE_CHECKING:
-    from ..discover.atlas import Atlas
+    from ..discover.experiments.atlas import Atlas
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def atlas_page(plant: AnyPlant = "tube", *, progress: bool = False) -> AtlasPage
     >>> sorted(left.effect.id for left in page.atlas.effects)
     ['inertance', 'outflow_pressure', 'parallel_inertance']
     """
-    from ..discover.atlas import atlas
+    from ..discover.experiments.atlas import atlas
     from ..report.atlas import page
 
     chosen, called = plant_of(plant), _called(plant)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify.patient import OUTPUT_UNCERTAINTY, Patient
-from ..identify.patient import fit_patient as fitted
-from ..identify.recorded_beat import RecordedBeat, average, read_signals
+from ..identify.patients.patient import OUTPUT_UNCERTAINTY, Patient
+from ..identify.patients.patient import fit_patient as fitted
+from ..identify.patients.recorded_beat import RecordedBeat, average, read_signals
 from ..model.units import factor
 from ..model.windkessel import PARAMETERS
 from ..progress import progress_bar

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify import scales
-from ..identify.bench_file import BenchFile
-from ..identify.data import Experiment, Recordings, of_tables, read_folder
+from ..identify.fitting import scales
+from ..identify.records.bench_file import BenchFile
+from ..identify.records.data import Experiment, Recordings, of_tables, read_folder
 from ..protocol import Protocol
 from ..recordings import Column, Table
 from ..recordings.heading import parts

@@ -221,7 +221,7 @@ def _protocol(
 
 def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
     """Columns that seem to have another unit; a small signal may be intended."""
-    from ..identify.checks import mislabelled  # half a second, which a run without a file need not wait for
+    from ..identify.records.checks import mislabelled  # half a second, which a run without a file need not wait for
 
     said = []
     for signal in plant.inputs:

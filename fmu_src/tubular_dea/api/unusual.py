@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..identify.data import Experiment, Recordings
-from ..identify.monitors import noise_level
-from ..identify.spikes import spikes
+from ..identify.records.data import Experiment, Recordings
+from ..identify.records.spikes import spikes
+from ..identify.signals.monitors import noise_level
 from ..model.units import converted
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest

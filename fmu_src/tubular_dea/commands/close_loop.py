@@ -16,7 +16,7 @@ from importlib import import_module
 import tubular_dea as td
 
 from ..export.compile import PLATFORMS
-from ..identify.study import compiled_for
+from ..identify.study.study import compiled_for
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import tubular_dea as td
 
 from ..errors import UserError
-from ..identify import bench_file
+from ..identify.records import bench_file
 from ..model.declare import nearest
 
 FORMATS = f"""files:

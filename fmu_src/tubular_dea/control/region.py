@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.dea import tubular_dea
+from ..model.reduced import holdable
 from ..progress import progress_bar
-from .reduced import reduced
 from .rig import Bench, TubeController, experiment
 
 MMHG = 133.322
@@ -33,17 +32,6 @@ class Attraction:
     def surprises(self) -> int:
         """Points at which the two differ."""
         return int(np.sum(self.reached != self.expected))
-
-
-def holdable(radius: float, field: float) -> tuple[float, float]:
-    """Least and largest pressure [Pa] under which the tube can be held at `radius` [m] below `field` [V/m]."""
-    values = tubular_dea().parameter_values()
-    at = {**values, "lambda_2": radius / values["r_o"]}
-    elastic, electric, share = (
-        float(reduced()[n].subs({s: at[str(s)] for s in reduced()[n].free_symbols}))
-        for n in ("elastic", "electric", "field_share")
-    )
-    return elastic - electric * (field / share) ** 2, elastic
 
 
 def attraction(reference: float, field: float) -> Attraction:

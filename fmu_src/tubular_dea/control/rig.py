@@ -24,7 +24,7 @@ from ..export.cache import cache_folder
 from ..export.package import native_fmu
 from ..model.dea import tubular_dea
 from ..model.declare import Model
-from .tube_controller import tube_controller
+from ..model.tube_controller import tube_controller
 
 STEP = 1e-3  # s
 
@@ -187,7 +187,7 @@ class TubeController:
 @cache
 def rest_voltage(radius: float, pressure: float) -> float:
     """The voltage [V] at which the tube rests at `radius` under `pressure`, stably or not; NaN where none does."""
-    from .reduced import reduced
+    from ..model.reduced import reduced
 
     values = tubular_dea().parameter_values()
     at = {"lambda_2": radius / values["r_o"], **values}

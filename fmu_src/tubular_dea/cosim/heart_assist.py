@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..control.tube_controller import tube_controller
 from ..emit.variables import guid
 from ..export.cache import cache_folder
 from ..export.package import native_fmu
@@ -23,6 +22,7 @@ from ..export.ssp import ssp
 from ..model.dea import tubular_dea
 from ..model.declare import Model
 from ..model.scheduler import heartbeat_scheduler
+from ..model.tube_controller import tube_controller
 from ..model.windkessel import aortic_windkessel, paced_windkessel
 from ..protocol import Protocol
 from .system import Connection, System

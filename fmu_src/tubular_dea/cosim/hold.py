@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..control.region import holdable
-from ..control.tube_controller import REFERENCE
 from ..errors import ArgumentError
+from ..model.reduced import holdable
+from ..model.tube_controller import REFERENCE
 from ..model.units import factor
 from .heart_assist import controller_field
 from .master import Run

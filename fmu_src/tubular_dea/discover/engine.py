@@ -8,40 +8,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import ArgumentError, UserError
-from ..identify.adjust import MOST_SETTLES, SETTLES, adjusted
-from ..identify.data import Recordings
-from ..identify.fit import AGREE, Fit
-from ..identify.monitor_uncertainty import with_monitor_noise
-from ..identify.noise_limit import quieter, with_noise_of
-from ..identify.problem import Problem
-from ..identify.procedure import ordered_fit
-from ..identify.study import PRIOR, Piece, Study, study
+from ..identify.fitting.fit import AGREE, Fit
+from ..identify.fitting.problem import Problem
+from ..identify.records.data import Recordings
+from ..identify.study.adjust import MOST_SETTLES, SETTLES, adjusted
+from ..identify.study.monitor_uncertainty import with_monitor_noise
+from ..identify.study.noise_limit import quieter, with_noise_of
+from ..identify.study.procedure import ordered_fit
+from ..identify.study.study import PRIOR, Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
-from . import (
-    acceptance,
-    base,
-    channels,
-    equivalence,
-    input_noise,
-    next_experiment,
-    numerics,
-    residuals,
-    second_output,
-    selection,
-    wander,
-    zeros,
-)
-from .channels import Isolation
-from .held_out import with_held_out
-from .law_uncertainty import still_there, with_law, with_rivals
-from .next_experiment import Proposal
-from .operating_point import repeats
-from .options import Option, fitted_option, option
-from .parameters import base_parameters
-from .revision import Search
-from .rounds import take_round
-from .settle import iterated
-from .settled_start import settled
+from .alternatives import input_noise, numerics, wander, zeros
+from .alternatives.operating_point import repeats
+from .alternatives.settled_start import settled
+from .experiments import next_experiment
+from .experiments.next_experiment import Proposal
+from .options import acceptance, base, residuals
+from .options.options import Option, fitted_option, option
+from .scores import channels
+from .scores.channels import Isolation
+from .scores.held_out import with_held_out
+from .scores.parameters import base_parameters
+from .search import equivalence, second_output, selection
+from .search.law_uncertainty import still_there, with_law, with_rivals
+from .search.revision import Search
+from .search.rounds import take_round
+from .search.settle import iterated
 
 # Set by convention. Check: `pytest tests/test_discover.py::test_the_same_recordings_and_seed_give_the_same_result`
 SEED = 20240  # [1] of all random numbers: the same recordings give the same answer

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..identify import checks, columns, monitors, sampling, start
+from ..identify.records import checks, columns, start
+from ..identify.signals import monitors, sampling
 from ..model import units
 from ..recordings import cells, layout, text
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..discover.atlas import Atlas, Signature
+from ..discover.experiments.atlas import Atlas, Signature
 from ..model.effect import equations
 from ..model.units import in_words
 from .colours import COLOURS

@@ -7,13 +7,13 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from ..discover.acceptance import clean
+from ..discover.answer.outcome import beyond_noise, contested, floor, remainder
+from ..discover.answer.remarks import shifted, still, thin
 from ..discover.engine import Discovery
-from ..discover.law_uncertainty import LAW
-from ..discover.outcome import beyond_noise, contested, floor, remainder
-from ..discover.remarks import shifted, still, thin
-from ..discover.rounds import Round
-from ..identify.misfit import BLOCK, SLOW_CHANCE
+from ..discover.options.acceptance import clean
+from ..discover.search.law_uncertainty import LAW
+from ..discover.search.rounds import Round
+from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects

@@ -1,6 +1,6 @@
 """The section on a found effect: what it is, how large, its own characteristic, and the residual over its variables.
 
-Nothing here depends on a particular effect. Its own curve is made from its declaration (`discover.own_curve`). The
+Nothing here depends on a particular effect. Its own curve is made from its declaration (`own_curve`). The
 residual is drawn over whichever quantity of its equation, or of its own states, explains most of it.
 """
 
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..discover.answer.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..discover.engine import Discovery
-from ..discover.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
 from ..model.units import factor, readable, three

@@ -7,9 +7,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..identify.fit import Fit
-from ..identify.nuisances import with_nuisances
-from ..identify.study import Study
+from ..identify.fitting.fit import Fit
+from ..identify.study.nuisances import with_nuisances
+from ..identify.study.study import Study
 from .figures import panels_figure
 from .parts import shown_unit
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..discover.acceptance import noise_alone
+from ..discover.answer.outcome import beyond_noise
 from ..discover.engine import Discovery
-from ..discover.outcome import beyond_noise
+from ..discover.options.acceptance import noise_alone
 from ..model.effect import Effect
 from ..model.units import in_words
 from .effects import size_words

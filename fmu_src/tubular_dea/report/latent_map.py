@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..discover.engine import Discovery
-from ..identify.nuisances import with_nuisances
+from ..identify.study.nuisances import with_nuisances
 from .parts import shown_unit, thinned
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..identify.patient import Patient
-from ..identify.recorded_beat import RecordedBeat
+from ..identify.patients.patient import Patient
+from ..identify.patients.recorded_beat import RecordedBeat
 from ..model.units import factor
 from .colours import COLOURS
 from .figures import sized

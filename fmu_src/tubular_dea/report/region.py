@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..control.region import MMHG, PRESSURES, RADII, Attraction, holdable
+from ..control.region import MMHG, PRESSURES, RADII, Attraction
+from ..model.reduced import holdable
 from .figures import png
 
 

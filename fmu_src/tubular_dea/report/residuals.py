@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..discover.engine import Discovery
-from ..identify.nuisances import with_nuisances
-from ..identify.study import Piece
+from ..identify.study.nuisances import with_nuisances
+from ..identify.study.study import Piece
 from ..kernel import KernelError
 from ..model.declare import Quantity
 from .colours import COLOURS

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..identify.data import Experiment, Recordings, Source
-from ..identify.drive import Drive, drives
-from ..identify.sampling import usual_step
-from ..identify.study import sensor_noise
+from ..identify.inputs.drive import Drive, drives
+from ..identify.records.data import Experiment, Recordings, Source
+from ..identify.signals.sampling import usual_step
+from ..identify.study.study import sensor_noise
 from ..model.declare import Quantity
 from ..model.units import Amount, converted, readable
 from ..plants.plant import Output, Plant

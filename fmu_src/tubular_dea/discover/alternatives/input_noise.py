@@ -1,0 +1,127 @@
+"""The monitors' noise: it drives the model, and must not be mistaken for an effect.
+
+The part of a monitor's noise that cannot be separated from its signal moves the model's output slowly (a few um on a
+bench). So samples at which the output is sensitive to the inputs weigh less: their variance is that of the sensor plus
+that of the monitors times the squared static gain, both at low frequencies, where effects are sought.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from ...identify.study.monitor_uncertainty import constant_gains
+from ...identify.study.study import Piece, Study
+from ...protocol import Protocol
+
+# Set by theory. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
+STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
+BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
+
+
+def weighted(study: Study, values: Mapping[str, float]) -> Study:
+    """The study with every sample weighted by the sensor's share of its standard deviation.
+
+    A sensor whose noise is slow has little that is new in a sample: there the monitors' fast noise counts by itself.
+    """
+    gains = input_gains(study, values)
+    driven = _fast_rms(study, gains)
+    noise = {name: replace(n, driven=driven[name] if n.quiet and n.tau > 0 else 0.0) for name, n in study.noise.items()}
+    return replace(study, noise=noise).weighted(weights(study, gains))
+
+
+def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:
+    """The weight of every sample (N,), one array a piece: the sensor's share of its standard deviation."""
+    result = []
+    for i, piece in enumerate(study.pieces):
+        slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
+        added = sum(
+            (study.monitor_noise[name] ** 2 + _between_samples(study, piece, name) ** 2) * gain[i] ** 2
+            for name, gain in gains.items()
+        )
+        result.append(1 / np.sqrt(1 + added / slow**2))
+    return result
+
+
+def allowed_rms(study: Study) -> dict[str, float]:
+    """The rms of what every output [SI] is allowed to be off: its noise, and what the weights of its samples add."""
+    squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
+    for piece in study.pieces:
+        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            squares[reading.output].append((study.noise[reading.output].slow / piece.weight[rows]) ** 2)
+    return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items() if parts}
+
+
+def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
+    """How far an input may be from its line between two samples (N,), at and beside every sample.
+
+    A sixth of the fourth differences: half of a step that fell between two samples, and nothing of a curve that many
+    samples show. Switchings of held inputs are known better.
+    """
+    signal = next(s for s in study.plant.inputs if s.name == name)
+    if signal.held or signal.band_limited:
+        return np.zeros(piece.record.size)
+    found = []
+    for reading in piece.case.readings:
+        line = piece.case.protocol.at(reading.times)[name]
+        jerk = np.abs(np.convolve(np.pad(line, 2, mode="edge"), FOURTH, mode="valid")) / 6
+        found.append(maximum_filter1d(np.where(jerk > STEPS * study.monitor_noise[name], jerk, 0.0), BESIDE_STEP))
+    return np.concatenate(found)
+
+
+def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict[str, float]:
+    """The rms that the monitors' noise causes in every output [SI]: what one draw of it moves the base model.
+
+    A line follows of white noise what its corners do.
+    """
+    random, cases = np.random.default_rng(seed), []
+    for piece in study.pieces:
+        protocol = piece.case.protocol
+        share = float(np.sqrt(min(1.0, np.unique(protocol.time).size / piece.record.size)))
+        noise = {
+            n: share * level * random.standard_normal(protocol.time.size) for n, level in study.monitor_noise.items()
+        }
+        inputs = {n: v + noise.get(n, 0.0) for n, v in protocol.inputs.items()}
+        cases += [piece.case, replace(piece.case, protocol=Protocol(protocol.time, inputs))]
+    answers = study.asked((), cases).possible(study.shared(values))
+    moved: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
+    for piece, still, noisy in zip(study.pieces, answers[::2], answers[1::2], strict=True):
+        if still is not None and noisy is not None:
+            for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+                moved[reading.output].append((noisy - still)[rows])
+    return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
+
+
+def _fast_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
+    """The rms in every output [SI] of noise that changes from sample to sample, up to the plant's own bandwidth.
+
+    Lines with few corners follow little of it.
+    """
+    total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
+    for i, piece in enumerate(study.pieces):
+        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            step = reading.clock.step
+            share = min(1.0, 2 * study.plant.bandwidth * step)
+            squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
+            total[reading.output][0] += share * squares
+            total[reading.output][1] += reading.times.size
+    return {name: float(np.sqrt(squares / max(count, 1))) for name, (squares, count) in total.items()}
+
+
+def _followed(piece: Piece, name: str) -> float:
+    """The noise of a monitor that its line follows."""
+    corners = piece.driven.corners.get(name, np.empty(0)).size
+    return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
+
+
+def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.ndarray]]:
+    """The static gains of every piece: output over a constant added to each monitor, each (N,)."""
+    response = study.response((), study.pieces)
+    noisy = [name for name, level in study.monitor_noise.items() if level > 0]
+    return {name: constant_gains(response, values, name) for name in noisy}

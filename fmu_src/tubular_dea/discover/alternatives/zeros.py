@@ -1,0 +1,41 @@
+"""A check of zeros: are those that the files seem to have such as sensors have?
+
+Zeros are taken off each file before errors are told, so a plant that differs between files, or an effect that shifts an
+output, can pass for one. Where a zero would have to be far larger than the plant declares, the model does not explain
+that file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...identify.study.nuisances import likeliest
+from ...identify.study.study import Study
+from ..options.options import Option
+
+# Set by judgement. Check: `pytest tests/test_zeros.py`,
+# `python -m blind.score --nulls 12 --conventions laser_zero monitor_zeros --seed 1000`
+IMPOSSIBLE = 20.0  # [1] times the usual zero of an output beyond which a file's is none
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What a file's `output` would have to be off by, `value` [SI], in the piece of this name."""
+
+    output: str
+    piece: str
+    value: float
+
+
+def impossible(study: Study, chosen: Option) -> Shift | None:
+    """The zero of an output, in any piece, that is farthest beyond what zeros are; None where all are possible."""
+    found: dict[float, Shift] = {}
+    answers = study.response(chosen.ids, study.pieces).possible(study.shared(chosen.fitted.values))
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        if answer is None:
+            continue
+        for name, value in zip(piece.nuisances.names, likeliest(study, piece, answer), strict=True):
+            if name in study.noise and study.zero(name) > 0:
+                found[abs(value) / study.zero(name)] = Shift(name, piece.name, float(value))
+    most = max(found, default=0.0)
+    return found[most] if most > IMPOSSIBLE else None

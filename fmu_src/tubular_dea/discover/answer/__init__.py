@@ -1,0 +1,1 @@
+"""The answer: result.json, remarks, and the curve of each effect."""

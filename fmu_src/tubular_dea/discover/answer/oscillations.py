@@ -1,0 +1,96 @@
+"""Oscillations that no recorded input drives: lines in the sensor's spectrum that are not mains hum.
+
+The noise estimate finds them in quiet parts of the records and removes them (`Noise.lines`). Here their frequency is
+refined over all records, and their amplitude is determined in the residual of each. Where the model oscillates more
+with it, an input drives it, and the residual is what the model misses of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...identify.signals.sampling import usual_step
+from ...identify.study.nuisances import with_nuisances
+from ..engine import Discovery
+
+# Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/signals/hum.py).
+# Check: `pytest tests/test_discover.py::test_an_oscillation_that_no_input_drives_is_told`
+LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer
+LINE_PLACES = 61  # [1] places there that are compared
+LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
+
+# Set by theory: white noise in a mean with the weights of Hann, two phases. Check: `pytest tests/test_oscillations.py`
+WINDOW = 3.0  # [1] over the number of samples: squared error of an amplitude, in units of the noise
+
+# Set by judgement. Check: `pytest tests/test_oscillations.py`
+PARTS = 8  # [1] equal parts of a record in most of which a line is, or it is the trace of a few events
+STEADY = 0.5  # [1] of its amplitude in the whole record that it has there at least
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """An oscillation of `frequency` [Hz] in the output `output`; its amplitude (SI) by the names of the pieces."""
+
+    output: str
+    frequency: float
+    amplitudes: dict[str, float]
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """The piece in which it is largest, and its amplitude there (SI)."""
+        name = max(self.amplitudes, key=lambda n: self.amplitudes[n])
+        return name, self.amplitudes[name]
+
+
+def oscillations(found: Discovery) -> list[Oscillation]:
+    """The significant oscillations in the residual of the named model."""
+    study, named = found.study, found.named
+    if not any(noise.lines for noise in study.noise.values()):
+        return []
+    answers = study.response(named.ids, study.pieces).outputs(named.fitted.values)
+    left: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
+    driven: dict[tuple[str, str], np.ndarray] = {}
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        residual = piece.record - with_nuisances(study, piece, answer)
+        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+            left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
+            driven[reading.output, piece.name] = answer[part]
+    told: list[Oscillation] = []
+    for output, records in left.items():
+        noise = study.noise[output]
+        for line in noise.lines:
+            fine = _finest(line, records)
+            if any(w.output == output and abs(w.frequency - fine) < LINE_NEAR for w in told):
+                continue
+            amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
+            errors = {
+                name: noise.slow_at(usual_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records
+            }
+            follows = {name: abs(_wave(fine, times, driven[output, name])) for name, times, _ in records}
+            seen = [r for r in records if amplitudes[r[0]] > max(LINE_TOLD * errors[r[0]], follows[r[0]])]
+            if any(_steady(fine, times, residual) for _, times, residual in seen):
+                told.append(Oscillation(output, fine, amplitudes))
+    return told
+
+
+def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> float:
+    """The frequency near a line with the largest amplitude in the records, each with its own phase."""
+    grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
+    power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
+    return float(grid[int(np.argmax(power))])
+
+
+def _steady(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a wave is in most parts of a record, not only where something has just happened."""
+    parts = zip(np.array_split(times, PARTS), np.array_split(values, PARTS), strict=True)
+    usual = float(np.median([abs(_wave(frequency, t, v)) for t, v in parts]))
+    return usual >= STEADY * abs(_wave(frequency, times, values))
+
+
+def _wave(frequency: float, times: np.ndarray, values: np.ndarray) -> complex:
+    """The complex amplitude of a wave in some values, their mean taken out; their ends count least (Hann), as what a
+    model misses slowly would otherwise look like a wave of any frequency."""
+    turns, weight = np.exp(-2j * np.pi * frequency * (times - times[0])), np.hanning(times.size)
+    return complex(2 * np.sum(weight * turns * (values - np.average(values, weights=weight))) / weight.sum())

@@ -1,0 +1,387 @@
+"""result.json: the verdict, the effects with their parameters, and the errors before and after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...identify.fitting.compiled import Ids
+from ...identify.fitting.fit import Fit, goodness, rmse
+from ...identify.fitting.intervals import interval
+from ...identify.study.nuisances import with_nuisances, zero_spread
+from ...identify.study.study import Piece, Study
+from ...kernel import KernelError
+from ...model.declare import Model
+from ..alternatives.input_noise import allowed_rms
+from ..engine import Discovery
+from ..experiments.next_experiment import DIFFER, at_channel, kind
+from ..options import residuals
+from ..options.acceptance import noise_alone, size_interval
+from ..options.options import Option
+from ..options.residuals import LackOfFit
+from ..scores.channels import Isolation
+from ..scores.parameters import switched_on
+from ..search import second_output
+from . import remarks
+from .oscillations import Oscillation, oscillations
+
+WHY = {
+    "no_effect": "At this level of noise nothing is missing",
+    "effect_found": "The effects are distinguished from every rival",
+    "ambiguous": "The recordings cannot distinguish these effects",
+    "partly_explained": "The named effects improve the prediction of held-out data, and a significant residual remains",
+    "unexplained": "No effect of the catalogue explains the residual",
+}
+# Set by judgement: an error is by a few percent smaller than the noise, as parameters are fitted.
+# Check: `pytest tests/test_discover.py -k floor`
+TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
+
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
+
+
+def result(found: Discovery) -> dict[str, Any]:
+    """The content of result.json (design.md section 3), numbers in SI units."""
+    study, chosen, waves = found.study, found.named, oscillations(found)
+    published = {q: v for q, v in study.plant.model.parameter_values().items() if q not in study.geometry}
+    after = errors(found.named_study, chosen.ids, chosen.fitted.values)
+    return {
+        "verdict": found.verdict,
+        "plant": study.plant.name,
+        "effects": [_effect(found, name) for name in chosen.ids],
+        "error": {
+            "published": errors(found.search.base_study, (), published),
+            "recalibrated": errors(found.search.base_study, (), found.base.fitted.values),
+            "after": after,
+        },
+        "noise_floor": floor(study, after["rmse"]),
+        "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
+        "invisible": found.search.rounds[0].limits if found.search.rounds else {},
+        "remarks": remarks.remarks(found, waves),
+        "next_experiment": advice(found),
+        "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
+        "undetermined": chosen.fitted.undetermined(),
+        "noise": _noise(found, waves),
+        "held_out": [p.name for p in study.held_out],
+        "ranking": ranking(found),
+    }
+
+
+def floor(study: Study, error: float | None) -> float:
+    """The noise of the first output (SI, rms). What is slower than any quiet stretch is not told by these: no more than
+    the error of the model."""
+    noise = study.noise[study.plant.outputs[0].name]
+    sure = error is None or np.isinf(noise.freedom) or noise.rms < TOO_NOISY * error
+    return noise.rms if sure or error is None else error
+
+
+def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
+    """The noise of every sensor and monitor, oscillations, and the spread of zeros between files."""
+    study = found.study
+    allowed = allowed_rms(found.study)
+    sensors = {
+        name: {
+            "rms": noise.rms,
+            "correlation": noise.correlation,
+            "hum_hz": list(noise.hum),
+            "oscillations": [
+                {"hz": w.frequency, "amplitude": w.largest[1], "largest_in": w.largest[0]}
+                for w in waves
+                if w.output == name
+            ],
+            "from_monitors": found.caused[name],
+            "allowed": allowed.get(name, noise.rms),
+            "unit": _unit(found, name),
+        }
+        for name, noise in study.noise.items()
+    }
+    monitors = {name: {"rms": level, "unit": _unit(found, name)} for name, level in study.monitor_noise.items()}
+    known = [name for name in study.spread if study.zero(name) > 0]
+    zeros = {name: {"spread": zero_spread(study, name), "unit": _unit(found, name)} for name in known}
+    return {"sensors": sensors, "monitors": monitors, "zeros": zeros}
+
+
+def remainder(found: Discovery) -> dict[str, Any] | None:
+    """The significant residual where not everything is explained: its size, share and channel."""
+    if found.verdict not in ("partly_explained", "unexplained"):
+        return None
+    state = found.named.lack_of_fit
+    if found.shifted and noise_alone(state):
+        shift = found.shifted
+        unit = _unit(found, shift.output)
+        return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
+    if found.named.ids and noise_alone(state):
+        return _unpredicted(found)
+    error = errors(found.named_study, found.named.ids, found.named.fitted.values)
+    return {
+        "rms": beyond_noise(state, error, floor(found.study, error["rmse"])),
+        "unit": _unit(found, found.study.plant.outputs[0].name),
+        "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
+        "channel": channel(found),
+    }
+
+
+def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> float:
+    """What a model leaves beyond noise (SI, rms): of samples weighted as in fits, at most what the `noise` (SI, rms)
+    does not explain of the error of all of them; where the error is below the noise, at most the error."""
+    if error["rmse"] is None:
+        return state.structure
+    squares = float(error["rmse"]) ** 2
+    return min(state.structure, (squares - noise**2 if noise**2 < squares else squares) ** 0.5)
+
+
+def _unpredicted(found: Discovery) -> dict[str, Any]:
+    """What is left on the held-out experiments alone."""
+    first = found.study.plant.outputs[0].name
+
+    def beyond(study: Study, option: Option) -> float:
+        error = errors(study, option.ids, option.fitted.values)["held_out_rmse"] or 0.0
+        return float(max(error**2 - study.noise[first].rms ** 2, 0.0))
+
+    left = beyond(found.named_study, found.named)
+    share = left / max(beyond(found.search.base_study, found.base), 1e-300)
+    return {"rms": left**0.5, "unit": _unit(found, first), "share": min(1.0, share), "channel": channel(found)}
+
+
+def channel(found: Discovery) -> str | None:
+    """The channel in which the residual arises; None without a residual."""
+    return None if found.verdict == "no_effect" else _told_channel(found)[0]
+
+
+def _told_channel(found: Discovery) -> tuple[str | None, str]:
+    """The channel in which a residual arises, and why it is that one.
+
+    That of the first effect, also where the effect explains nearly all and only its form is not quite right; else that
+    of the isolation, unless a zero or a parameter that cannot be right tells another.
+    """
+    if _by_effect(found):
+        return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
+    if found.shifted:
+        own = next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
+    known = found.study.plant.own_channels
+    moved = {n: known[n] for n in remarks.implausible(found, found.base.fitted) if n in known}
+    if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks
+        own = max(moved.values(), key=list(moved.values()).count)
+        names = " and ".join(n for n, channel in moved.items() if channel == own)
+        return own, f"the fit needs implausible values of {names}, which belong to it"
+    return (found.isolated.channel, isolated_words(found.isolated)) if found.isolated else (None, "")
+
+
+def isolated_words(isolation: Isolation, channel: str = "this") -> str:
+    """Why the isolation tells a channel; `channel` is how the sentence calls it."""
+    if isolation.disturbance:
+        return f"the residual is largest where {channel} channel acts"
+    return f"{channel} channel explains most of it"
+
+
+def contested(found: Discovery) -> str:
+    """Why the summary names another channel than the isolation does; "" where it is the same, or that of an effect."""
+    told, why = _told_channel(found)
+    if _by_effect(found) or found.isolated is None or told == found.isolated.channel:
+        return ""
+    return why
+
+
+def _by_effect(found: Discovery) -> bool:
+    """Whether the first effect explains the residual, or nearly all of it."""
+    explained = 1 - found.chosen.lack_of_fit.excess / max(found.base.lack_of_fit.excess, 1.0)
+    return bool(found.chosen.ids) and (found.verdict != "unexplained" or explained > MOSTLY)
+
+
+def final_model(found: Discovery) -> Model:
+    """The model with the effects that are named and the identified values as its defaults."""
+    chosen, catalogue = found.named, found.study.catalogue
+    values = found.study.geometry | chosen.fitted.values
+    for name in chosen.ids:
+        values = switched_on(catalogue[name]) | values
+    model = found.study.compiled.model(chosen.ids)
+    names = set(model.parameter_values())
+    return model.with_values({n: float(v) for n, v in values.items() if n in names})
+
+
+def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any]:
+    """Errors of every output on training and held-out experiments, and for each experiment; None without an answer.
+
+    A record's own zeros and switching instants are taken at their most likely values.
+    """
+    names = list(dict.fromkeys([*study.noise, *(r.output for p in study.pieces for r, _ in p.beside)]))
+    try:
+        answers = study.response(ids, study.pieces).outputs(values)
+        rows = [
+            row for p, y in zip(study.pieces, answers, strict=True) for row in _rows(p, with_nuisances(study, p, y))
+        ]
+        rows += [(r.piece, r.output, r.record, r.answer) for r in second_output.predicted(study, ids, values)]
+    except KernelError:
+        return _by_output(study, {name: None for name in names})
+    return _by_output(study, {name: [(p, r, y) for p, n, r, y in rows if n == name] for name in names})
+
+
+def _rows(piece: Piece, answer: np.ndarray) -> list[tuple[Piece, str, np.ndarray, np.ndarray]]:
+    """Each output of a piece that takes part in fits: its name, the record and the answer."""
+    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    return [(piece, reading.output, piece.record[part], answer[part]) for reading, part in parts]
+
+
+def _by_output(
+    study: Study, rows: Mapping[str, Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None]
+) -> dict[str, Any]:
+    """The errors of the first output, and of all where there are several."""
+    outputs = {name: _output_errors(study.plant.quantity(name).unit, pairs) for name, pairs in rows.items()}
+    return outputs[study.plant.outputs[0].name] | ({"outputs": outputs} if len(outputs) > 1 else {})
+
+
+def _output_errors(unit: str, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None) -> dict[str, Any]:
+    """The errors of one output, given the record and the answer of every piece; None without an answer."""
+    summary: dict[str, Any] = {"rmse": None, "fit_percent": None, "held_out_rmse": None, "held_out_fit_percent": None}
+    if pairs is None:
+        return summary | {"unit": unit, "per_experiment": {}}
+    each = {
+        p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}
+        for p, r, y in pairs
+    }
+    for prefix, held in (("", False), ("held_out_", True)):
+        part = [(r, y) for p, r, y in pairs if p.held_out == held]
+        if part:
+            summary[f"{prefix}rmse"] = rmse(*zip(*part, strict=True))
+            summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True)))
+    return summary | {"unit": unit, "per_experiment": each}
+
+
+def ranking(found: Discovery) -> list[dict[str, Any]]:
+    """Every refitted option with its evidence over the base, best first."""
+    options = {
+        o.ids: o
+        for o in [*(o for r in found.search.rounds for o in r.options), found.chosen, *found.search.rivals]
+        if o.ids
+    }
+    ordered = sorted(options.values(), key=lambda o: -o.evidence)
+    return [
+        {"effects": list(o.ids), "evidence": _finite(o.evidence - found.base.evidence), "ratio": o.lack_of_fit.ratio}
+        for o in ordered
+    ]
+
+
+def advice(found: Discovery) -> str:
+    """One sentence: what to measure next, and why."""
+    why, proposal = WHY[found.verdict], found.proposal
+    little = found.verdict == "no_effect" and (remarks.thin(found) or remarks.still(found))
+    if little:
+        words = proposal.words if proposal else "an experiment of another kind"
+        return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
+    if found.verdict == "no_effect":
+        return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
+    if found.verdict in ("unexplained", "partly_explained"):
+        return f"{why}: {_beside(found)}."
+    return f"{why}: {_apart(found)}."
+
+
+def _apart(found: Discovery) -> str:
+    """Which experiment tells the named effects from others, or that there is none."""
+    proposal = found.proposal
+    alike = [f"{name} from {' or '.join(others)}" for name, others in found.equivalent.items() if others]
+    names = " and ".join(alike or found.chosen.ids)
+    if proposal is None or proposal.deviations < DIFFER:
+        if found.verdict == "ambiguous":
+            return f"no experiment {kind(found.study.plant)} tells {names}; a second sensor may"
+        return "repeat the experiments on another specimen to see whether the effect is the same"
+    apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
+    if found.verdict == "ambiguous":
+        return f"record {proposal.words}, which tells {names} {apart} or more"
+    return f"to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}"
+
+
+def _beside(found: Discovery) -> str:
+    """What to record where a residual remains, and why."""
+    alike = [f"{name} and {len(others)} others" for name, others in found.equivalent.items() if others]
+    if found.repeated and found.verdict == "partly_explained" and alike:
+        moved = " and ".join(s.name for s in found.study.plant.inputs)
+        return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
+    told, why = _told_channel(found)
+    said = f"{at_channel(found.study.plant, told or '')}, because {why}"
+    if not contested(found) or found.isolated is None:
+        return said
+    other = isolated_words(found.isolated, f"the {found.isolated.channel}")
+    return f"{said}; the channel is uncertain, as {other}"
+
+
+def _effect(found: Discovery, name: str) -> dict[str, Any]:
+    effect, fitted = found.study.catalogue[name], found.chosen.fitted
+    names = [q.name for q in effect.parameters if q.name in fitted.names]
+    units = {q.name: q.unit for q in effect.parameters}
+    return {
+        "id": name,
+        "channel": effect.channel,
+        "equivalent": found.equivalent.get(name, []),
+        "evidence": evidence(found, name),
+        "explained": _explained(found, name),
+        "parameters": {n: _parameter(fitted, n, units[n], size_interval(effect, fitted, n)) for n in names},
+    }
+
+
+def _explained(found: Discovery, name: str) -> float:
+    """The share of the misfit beyond noise that an effect explains, given the other named effects."""
+    gained = found.chosen_gains.get(name, 0.0)
+    return float(np.clip(gained / _at_first(found), 0.0, 1.0))
+
+
+def _unexplained(study: Study, option: Option) -> float:
+    """The misfit of all recordings, held-out ones too, beyond what noise leaves."""
+    return max(option.squares - residuals.expected_squares(study, study.pieces), 0.0)
+
+
+def _at_first(found: Discovery) -> float:
+    """That of the base model, not less than 1."""
+    return max(_unexplained(found.search.base_study, found.base), 1.0)
+
+
+def evidence(found: Discovery, name: str) -> float:
+    """Log evidence of an effect: that of the model with it less that of the best model without it."""
+    without = [o for r in found.search.rounds for o in r.options if name not in o.ids]
+    rest = set(found.chosen.ids) - {name}
+    allowed = [found.base, *(o for o in without if set(o.ids) <= rest)]
+    return float(found.chosen.evidence - max(o.evidence for o in allowed))
+
+
+def _parameter(fitted: Fit, name: str, unit: str, ends: tuple[float, float] | None = None) -> dict[str, Any]:
+    low, high = ends or interval(fitted, name)
+    return {
+        "value": float(fitted.values[name]),
+        "stderr": _finite(fitted.stderr[name]),
+        "ci95": [_finite(low), _finite(high)],
+        "unit": unit,
+    }
+
+
+def _plant(found: Discovery) -> str:
+    return found.study.plant.name
+
+
+def _unit(found: Discovery, name: str) -> str:
+    return found.study.plant.quantity(name).unit
+
+
+def _tests(found: Discovery) -> dict[str, Any]:
+    sides = {
+        "before": (found.tests_before, found.base.lack_of_fit),
+        "after": (found.tests_after, found.chosen.lack_of_fit),
+    }
+    first = found.search.rounds[0]
+    return {
+        name: {k: _finite(v) for k, v in tests.items()}
+        | {"z_slow": state.z_slow, "z_total": state.z_total, "structure": state.structure}
+        for name, (tests, state) in sides.items()
+    } | {
+        "latent_evidence": {k: _finite(v) for k, v in found.isolated.evidence.items()} if found.isolated else {},
+        "disturbance": bool(found.isolated and found.isolated.disturbance),
+        "largest_score": float(first.scores[0].statistic) if first.scores else 0.0,
+        "threshold": float(first.threshold),
+        "numeric_gain": found.numeric,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) and not isinstance(value, bool) and not np.isnan(value) else None

@@ -1,0 +1,220 @@
+"""Remarks beside the verdict: implausible parameters, oscillations, starts, too few recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...identify.fitting.fit import Fit
+from ...identify.fitting.intervals import interval
+from ...identify.records.start import UNKNOWN
+from ...identify.study.nuisances import zero_spread
+from ...model.declare import Quantity
+from ...model.effect import Effect
+from ...model.units import factor, in_words
+from ..engine import Discovery
+from ..options.acceptance import clean, noise_alone, size_interval
+from ..scores.parameters import at_bounds
+from .oscillations import Oscillation
+
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
+FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
+MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
+
+
+def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
+    """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
+    swinging = [_swinging(found, w) for w in waves]
+    said = [*shifted(found), *_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
+    said += [*_partly(found), *_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
+    little = thin(found)
+    return [*said, f"The result is based on little data: {little}."] if little else said
+
+
+def implausible(found: Discovery, fitted: Fit) -> list[str]:
+    """The plant's own parameters that are implausible all over their intervals, by name."""
+    declared = found.study.plant.model.parameter_values()
+    judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
+    times = {n: sorted(end / declared[n] for end in interval(fitted, n)) for n in judged}
+    return [n for n, (low, high) in times.items() if low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE]
+
+
+def _one_point(found: Discovery) -> list[str]:
+    """A remark if all records repeat one course and effects are named from them."""
+    if not found.repeated or not found.named.ids:
+        return []
+    said = "All recordings repeat one course at one operating point: the model is validated only there."
+    held = " Held-out data repeat the data of the fits, and cannot show which law is right."
+    return [said + held * bool(found.study.held_out)]
+
+
+def _ended(found: Discovery) -> list[str]:
+    """Parameters of the named effects that ended at a bound: their intervals are open there."""
+    said = []
+    for name in found.named.ids:
+        effect = found.study.catalogue[name]
+        for parameter, side in at_bounds(effect, found.named.fitted).items():
+            low, high = size_interval(effect, found.named.fitted, parameter)
+            end, least = ("largest", f"at least {low:.3g}") if side > 0 else ("least", f"at most {high:.3g}")
+            said.append(
+                f"The fit of {parameter} ended at its {end} allowed value: these recordings only show that it is "
+                f"{least}{_unit(effect, parameter)}."
+            )
+    return said
+
+
+def _beyond(found: Discovery) -> list[str]:
+    """Effects that explained more than the accepted ones, but only with an implausible strength."""
+    said = []
+    for step in found.search.rounds:
+        best = max(step.options, key=lambda o: o.evidence, default=found.base)
+        for name in best.pinned:
+            effect = found.study.catalogue[name]
+            for parameter in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
+                end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
+                said.append(
+                    f"{name} would explain more, but its {parameter} would have to go beyond {end}, where its range "
+                    "ends. So something else acts there, or the usual size (nominal) declared in the plant is wrong."
+                )
+    return list(dict.fromkeys(said))
+
+
+def _told(value: float, q: Quantity) -> str:
+    """A value [SI] in the unit in which its quantity is shown, or one that makes a short number."""
+    if not q.display_unit:
+        return in_words(value, q.unit)
+    return f"{value / factor(q.display_unit, q.unit):.3g} {q.display_unit}".removesuffix(" 1")
+
+
+def _unit(effect: Effect, parameter: str) -> str:
+    """The unit of an effect's parameter behind a number."""
+    unit = next(q.unit for q in effect.parameters if q.name == parameter)
+    return "" if unit == "1" else f" {unit}"
+
+
+def _swinging(found: Discovery, wave: Oscillation) -> str:
+    q, (name, amplitude) = found.study.plant.quantity(wave.output), wave.largest
+    reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output).replace("_", " ")
+    return (
+        f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
+        f"{_told(amplitude, q)}, most in {name}. Look for something that runs at this "
+        "frequency near the plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
+    )
+
+
+def _implausible(found: Discovery) -> list[str]:
+    said = []
+    for name in implausible(found, found.named.fitted):
+        value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
+        q = found.study.plant.quantity(name)
+        lacks = "unless that was a first guess, it compensates for something that the model lacks"
+        why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
+        said.append(f"{name} was fitted to {_told(value, q)} (declared: {_told(usual, q)}): {why}.")
+    return said
+
+
+def thin(found: Discovery) -> str:
+    """Why these recordings can show little; "" where they are many."""
+    files = {p.source for p in found.study.pieces}
+    if len(files) < FEW_EXPERIMENTS:
+        what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
+        return f"there {'is' if len(files) == 1 else 'are'} only {what}"
+    return ""
+
+
+def still(found: Discovery) -> str:
+    """Which inputs barely move in any experiment; "" where all do."""
+    names = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
+    return f"{' and '.join(names)} barely move{'s' if len(names) == 1 else ''} in any experiment" if names else ""
+
+
+def _moves(found: Discovery, name: str) -> bool:
+    spans = [float(np.ptp(p.case.protocol.inputs[name])) for p in found.study.pieces]
+    return max(spans) > MOVES * found.study.monitor_noise.get(name, 0.0)
+
+
+def _partly(found: Discovery) -> list[str]:
+    """What is left where it is more than noise is in no interval."""
+    if found.verdict != "partly_explained":
+        return []
+    return [
+        "Intervals of parameters hold if the named effects are all that is missing. As more is, parameters may have "
+        "made up for it and lie outside."
+    ]
+
+
+def _starts(found: Discovery) -> list[str]:
+    """Files that do not begin at rest, and files that follow others."""
+    own, starts = {p.source for p in found.study.pieces if p.loose}, found.recordings.starts
+    after = [e for e in found.recordings.experiments if e.follows]
+    loaded = [e.name for e in found.recordings.experiments if starts[e.name] == UNKNOWN and not e.follows]
+    free, settled = ([n for n in loaded if (n in own) == is_free] for is_free in (True, False))
+    said = []
+    if after:
+        pairs = ", ".join(f"{e.name} follows {e.follows}" for e in after)
+        said.append(f"As bench.toml says ([order]), {pairs}: each is computed from where the one before it ends.")
+    if free:
+        said.append(
+            f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
+            "estimated from the record, and a slow effect may hide in them. A file that began at rest under its first "
+            'load shows smaller ones if bench.toml says so: [start] and NAME = "equilibrium".'
+        )
+    if settled:
+        effects = " and ".join(found.search.chosen.ids) or "an effect"
+        said.append(
+            f"{', '.join(settled)} begin{'s' if len(settled) == 1 else ''} under load, and at equilibrium with it: "
+            f"together with {effects} that explains more than states of its own for every start. If it was not so, say "
+            'it in bench.toml: [start] and NAME = "unknown".'
+        )
+    return said
+
+
+def _spread(found: Discovery) -> list[str]:
+    """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
+    said = []
+    for name in found.study.spread:
+        told_before = found.shifted is not None and found.shifted.output == name
+        if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
+            told = _told(spread, found.study.plant.quantity(name))
+            said.append(f"The zero of {name} differs by {told} from file to file.")
+    return said
+
+
+def shifted(found: Discovery) -> list[str]:
+    """A zero that no sensor has."""
+    if found.shifted is None:
+        return []
+    shift = found.shifted
+    q = found.study.plant.quantity(shift.output)
+    off, usual = (_told(v, q) for v in (shift.value, found.study.zero(shift.output)))
+    return [
+        f"In {shift.piece} {shift.output} would have to read {off} too much, where its zero is usually {usual}: the "
+        "plant differs between the files, or what shifts it is missing. Errors are told with this taken off."
+    ]
+
+
+def _wandering(found: Discovery) -> list[str]:
+    """A sensor whose zero wanders within files, where that is all that is left."""
+    if found.wandering is None:
+        return []
+    output, (name, rms) = found.study.plant.outputs[0], found.wandering
+    q = found.study.plant.quantity(output.name)
+    reading = output.headings[0].replace("_", " ")
+    return [
+        f"The zero of the {reading} drifts slowly within files, most in {name} ({_told(rms, q)} "
+        "rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
+    ]
+
+
+def _coloured(found: Discovery) -> list[str]:
+    """A remark where the residual is noise only if noise is slow, which no record shows."""
+    state = found.named.lack_of_fit
+    if clean(state) or not noise_alone(state):
+        return []
+    return [
+        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that is known. No part of "
+        "the recordings is quiet for seconds, so that it may be slow noise or a weak effect: record some seconds in "
+        "which nothing moves."
+    ]

@@ -1,0 +1,165 @@
+"""Design of the next experiment: the feasible protocol on which the competing models differ most.
+
+The expected discrimination is half the squared distance between the models' outputs in units of the sensor's noise.
+Feasible protocols are those of the plant (`Plant.experiments`), or steps and sweeps of every input within the recorded
+range, on which the output stays near the range where it was recorded (a push to one side runs a slide into its end).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...identify.fitting.cases import Case, Reading
+from ...identify.fitting.problem import whitened
+from ...identify.signals.sampling import usual_step
+from ...identify.study.study import Study
+from ...kernel import KernelError
+from ...laws.places import Balance, Coefficient
+from ...model.units import factor
+from ...plants.plant import Plant
+from ...protocol import Protocol
+from ..options.options import Option
+
+# Set by judgement. Check: `pytest tests/test_plants.py -k sweeps`
+WITHIN = 0.85  # [1] of the largest inputs recorded
+OTHERS = 0.5  # [1] of the way to their largest values: where the inputs stay that are not moved
+BEYOND = 0.5  # [1] of an output's recorded range that a proposed experiment may leave it by
+DIFFER = 3.0  # [standard deviations] of the noise by which models differ at least where an experiment tells them apart
+STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A protocol in words, and its discrimination between the two closest models (log likelihood)."""
+
+    words: str
+    discrimination: float
+
+    @property
+    def deviations(self) -> float:
+        """The distance of the two closest models in standard deviations of the noise."""
+        return float(np.sqrt(2 * self.discrimination))
+
+
+def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
+    """The protocol that best discriminates the two closest of `options`; None where fewer than two are given."""
+    best: Proposal | None = None
+    reading = study.pieces[0].case.readings[0]
+    step = reading.clock.step
+    for words, protocol in feasible(study).items():
+        times = np.arange(protocol.time[0], protocol.time[-1], step)
+        case = Case(protocol, (Reading(reading.output, times),))
+        try:
+            answers = [study.asked(o.ids, [case]).outputs_alone(o.fitted.values)[0] for o in options]
+        except KernelError:
+            continue
+        if study.plant.experiments is None and not _within(study, reading.output, answers):
+            continue
+        apart = [
+            float(np.sum(whitened(case, a - b, study.noise) ** 2)) / 2
+            for i, a in enumerate(answers)
+            for b in answers[:i]
+        ]
+        if apart and (best is None or min(apart) > best.discrimination):
+            best = Proposal(words, min(apart))
+    return best
+
+
+def at_channel(plant: Plant, channel: str) -> str:
+    """What to do in a channel in which something acts that no effect explains, so that it can be followed."""
+    place = next((p for p in plant.places if (p.channel or p.name) == channel), None)
+    if isinstance(place, Coefficient):
+        others = " and ".join(s.name for s in plant.inputs)
+        if place.of in {s.name for s in plant.inputs}:
+            return f"record steps of {place.of} of several heights, as {channel} may depend on more than {place.of}"
+        if not place.of:
+            return f"repeat one course of {others} around several levels, as what acts there may depend on more"
+        return f"repeat one course of {others} at several levels of {place.of}, as {channel} may depend on more than it"
+    if isinstance(place, Balance):
+        itself = "" if place.name in _measured(plant) else f"{place.name} itself too, or "
+        return f"repeat an experiment and measure {itself}what else acts on {'it' if itself else place.name}"
+    return f"repeat an experiment with a second sensor in the {channel} channel"
+
+
+def _measured(plant: Plant) -> set[str]:
+    """The quantities that an output reads as they are."""
+    read = {o.name for o in plant.outputs}
+    return {str(d.expression) for d in plant.model.definitions if d.quantity.name in read}
+
+
+def _within(study: Study, output: str, answers: Sequence[np.ndarray]) -> bool:
+    """Whether an output stays about where it was recorded."""
+    parts = [
+        p.record[rows]
+        for p in study.pieces
+        for r, rows in zip(p.case.readings, p.case.parts(), strict=True)
+        if r.output == output
+    ]
+    low, high = min(float(part.min()) for part in parts), max(float(part.max()) for part in parts)
+    room = BEYOND * (high - low)
+    return all(bool(np.all((a > low - room) & (a < high + room))) for a in answers)
+
+
+def kind(plant: Plant) -> str:
+    """Which experiments are feasible, in words."""
+    if plant.experiments is not None:
+        return f"of those declared for the {plant.name}"
+    return f"of steps and sweeps of {' and '.join(s.name for s in plant.inputs)} within the recorded range"
+
+
+def feasible(study: Study) -> dict[str, Protocol]:
+    """Protocols within the recorded range, by their description."""
+    protocols = [p.case.protocol for p in study.pieces]
+    largest = study.plant.nominal_inputs(protocols)
+    if study.plant.experiments is not None:
+        return study.plant.experiments(largest)
+    times = study.pieces[0].case.times
+    step, span = usual_step(np.unique(times)), float(times.max() - times.min())
+    least = {name: _least(np.concatenate([d.inputs[name] for d in protocols])) for name in largest}
+    return sweeps(study.plant, largest, span, step, least)
+
+
+def _least(values: np.ndarray) -> float:
+    """The smallest value on the way to the largest: 0 where a record comes to it, as a stretch never does."""
+    return 0.0 if values.min() <= 0 <= values.max() else float(values[np.argmin(np.abs(values))])
+
+
+def sweeps(
+    plant: Plant, largest: Mapping[str, float], span: float, step: float, least: Mapping[str, float] | None = None
+) -> dict[str, Protocol]:
+    """For every input in turn, steps of growing height and a sweep from its `least` value (default: 0), with the others
+    half way to their largest values."""
+    found = {}
+    least = least or dict.fromkeys(largest, 0.0)
+    for name, top in largest.items():
+        q = plant.quantity(name)
+        unit = q.display_unit or q.unit
+        rise = WITHIN * (top - least[name])
+        end = f"{(least[name] + rise) / factor(unit, q.unit):.3g} {unit}".removesuffix(" 1")
+        others = {n: least[n] + OTHERS * (v - least[n]) for n, v in largest.items() if n != name}
+        for words, wave in {
+            f"steps of {name} up to {end}": _staircase(span),
+            f"a sweep of {name} up to {end}": _chirp(span, step),
+        }.items():
+            grid, shape = wave
+            inputs = {n: np.full(grid.size, v) for n, v in others.items()} | {name: least[name] + rise * shape}
+            found[words] = Protocol(grid, inputs)
+    return found
+
+
+def _staircase(span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Steps to growing heights and back, each held for a tenth of the time."""
+    levels = np.array(STAIRS)
+    marks = np.linspace(0.0, span, levels.size + 1)
+    return np.repeat(marks, 2)[1:-1], np.repeat(levels, 2)
+
+
+def _chirp(span: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """A wave between 0 and 1 whose period falls from a third of the time to ten samples."""
+    time = np.arange(0.0, span, 2 * step)
+    low, high = 3 / span, 1 / (10 * step)
+    phase = 2 * np.pi * low * span / np.log(high / low) * ((high / low) ** (time / span) - 1)
+    return time, 0.5 - 0.5 * np.cos(phase)

@@ -1,0 +1,1 @@
+"""Options: sets of effects, fitted and validated, and when one is accepted."""

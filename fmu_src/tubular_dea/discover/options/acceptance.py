@@ -1,0 +1,233 @@
+"""When an effect is accepted, and when the residual is noise.
+
+A first effect must gain more than the largest score of nulls and more than numerical errors can, and must improve the
+prediction of blocks left out, unless it gains much and foretells the held-out experiments: what shows in one block
+alone, the others do not predict. What it foretells of the held-out experiments counts too. A further one must also
+remove most of the residual that the earlier ones leave, and more than another functional form of those would: no law of
+the catalogue is exactly that of the plant, and a candidate may explain part of the difference.
+
+An effect whose strength ends at a bound is refused: the records ask for more of it than there can be, so it stands in
+for something else. Where another of its parameters does, its interval is open there.
+
+Where the evidence is weak, the held-out experiments are checked at once. Where it is strong they are checked at the
+end: one of two effects alone may predict them worse than none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...identify.fitting.fit import NORMAL_95, Fit
+from ...identify.fitting.intervals import interval
+from ...identify.fitting.misfit import SLOW_CHANCE
+from ...model.effect import Effect
+from ..scores.parameters import at_bounds
+from .options import Option
+from .residuals import LackOfFit
+
+# Set by convention: one in a thousand. Check: `python -m blind.score --nulls 60 --seed 1000`
+FALSE_ALARMS = 0.001  # [1] share of records with nothing missing whose largest score passes
+
+# Set by judgement: no law of a catalogue is quite the plant's, and a further effect may be no more than what
+# the first one's law leaves. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --pairs 20 --seed 1000`
+SECOND_SHARE = 0.5  # [1] share of what is left that a further effect has to explain
+SECOND_PART = 0.004  # [1] share of the first effect's gain that a further one has to bring
+FORM_PART = 0.03  # [1] the same, where what is left is so little that another form of the first may be all there is
+NOISE_GAIN = 70.0  # [squared standard deviations] that it has to gain where what is left is noise: twice nulls' most
+CLEARED = 0.8  # [1] share of what is left: another form of the first would hardly look so much like one other effect
+NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
+NEARLY_EXPLAINED = 0.95  # [1] share explained from which on little is left
+ALMOST_RATIO = 1.2  # [1] residual over noise that is little where nearly all of a large effect is explained
+FORETOLD = 1.5  # [1] error on held-out experiments over noise up to which a model with effects predicts them
+ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+FURTHER = 0.25  # [1] share of what is left that a further effect has to explain where models are that far
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
+STRONG = 3.0  # [1] times the threshold from which on the held-out experiments are asked at the end only
+LITTLE = 100.0  # [squared standard deviations] that an effect gains which has to be supported by both
+INVISIBLE = 1.0  # [1] the same up to which they tell nothing, since chance alone decides
+VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
+DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
+PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
+
+# Set by convention: a range of twenty decades and more is none. Check: `pytest tests/test_acceptance.py -k interval`
+UNKNOWN_SIZE = 50.0  # [1] logarithm of an interval's end over its middle, at most
+
+# Set by theory: chances of a normal number (2 ln 20 = 6.0; 3.3 standard deviations, squared, are 10.8).
+# Check: `pytest tests/test_acceptance.py`
+DENIAL = 6.0  # [squared standard deviations] rise on held-out experiments: odds of 20 to 1 against an effect
+EARNS = 10.8  # [squared standard deviations] that an effect gains, over what the misfit makes of noise: 1 in 1000
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
+CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess is noise
+MOST_COLOURED = 16.0  # [1] times the variance of white noise that slow noise may have where no stretch tells
+
+
+def far(option: Option) -> bool:
+    """Whether the residual of an option is dominated by the error of the model's form, not by noise."""
+    return option.lack_of_fit.ratio > option.lack_of_fit.far
+
+
+def clean(state: LackOfFit) -> bool:
+    """Whether the residual is consistent with noise."""
+    return state.z_slow < SLOW_CHANCE and state.z_total < CLEAN_TOTAL
+
+
+def noise_alone(state: LackOfFit) -> bool:
+    """Whether the residual may be noise alone: where no stretch shows slow noise, noise with a colour too."""
+    return clean(state) or (1 < state.coloured < MOST_COLOURED and state.z_total < CLEAN_TOTAL)
+
+
+def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
+    """Whether the excess over noise is small, also relative to that of `before`."""
+    explained = 1 - max(state.excess, 0.0) / max(before.excess, 1.0)
+    allowed = ALMOST_RATIO if explained >= ALMOST_EXPLAINED else NEARLY_RATIO
+    return explained >= NEARLY_EXPLAINED and max(state.ratio, held_ratio) <= allowed
+
+
+def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
+    """Whether `best` is accepted over `before`, and why (not), in words."""
+    gain, name = before.cost - best.cost, best.ids[-1]
+    chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
+    if gain < chance and _with_held_out(before, best) < threshold + DENIAL:
+        return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
+    if name in best.impossible:
+        needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
+        return False, f"{name} would {needed}"
+    strong = gain >= STRONG * threshold
+    foretells = strong and before.held_out - best.held_out > DENIAL
+    blocks_tell = not foretells and not far(before)  # so far off, linear models predict nothing
+    if blocks_tell and best.cross_validated >= before.cross_validated:
+        return False, f"{name} does not improve the prediction of blocks left out"
+    if (not strong or far(best)) and not confirmed(before, best):
+        return False, f"{name} does not improve the prediction of the held-out experiments"
+    refusal = no_further_effect(base, before, gain, name, best) if before.ids else ""
+    if refusal:
+        return False, refusal
+    return (
+        True,
+        f"{name} gains {gain:.1f}, on blocks {before.cross_validated - best.cross_validated:.1f}, "
+        f"held out {before.held_out - best.held_out:.1f}",
+    )
+
+
+def _with_held_out(before: Option, after: Option) -> float:
+    """What an effect gains with what it foretells of the held-out experiments, which counts as much at most.
+
+    Where there may be slow noise, it foretells that too, and nothing is gained.
+    """
+    if far(after) or after.lack_of_fit.coloured > 1:
+        return 0.0
+    gain = before.cost - after.cost
+    return gain + float(np.clip(before.held_out - after.held_out, 0.0, gain))
+
+
+def confirmed(before: Option, after: Option) -> bool:
+    """Whether data that no fit used support `after`: the held-out experiments or, where these hardly distinguish the
+    two, experiments left out in turn. An effect that gains little has to be supported by both."""
+    if not np.all(np.isfinite(after.unseen)):
+        return False
+    difference = after.unseen - before.unseen
+    apart, held = float(difference @ difference), before.held_out - after.held_out
+    if apart >= VISIBLE:
+        return held > 0
+    little = before.cost - after.cost < LITTLE
+    if little and apart >= INVISIBLE and held <= 0:
+        return False
+    return held > DENIAL or after.across < before.across
+
+
+def size_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of a parameter of an effect (SI), open where it ended at a bound.
+
+    For a size that cannot be negative the interval is logarithmic: whether it is zero is decided by its gain.
+    """
+    low, high = _inside_interval(effect, fitted, name)
+    side = at_bounds(effect, fitted).get(name, 0)
+    return (-np.inf if side < 0 else low), (np.inf if side > 0 else high)
+
+
+def _inside_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, float]:
+    low, high = interval(fitted, name)
+    quantity = next(q for q in effect.parameters if q.name == name)
+    off = effect.off.get(name)
+    if off is None:  # no size: how the effect acts, within its range
+        least, most = quantity.minimum, quantity.maximum
+        return low if least is None else max(low, least), high if most is None else min(high, most)
+    above = fitted.values[name] - off if quantity.minimum == off else 0.0
+    if above <= 0:
+        return low, high
+    factor = float(np.exp(min(NORMAL_95 * fitted.stderr[name] / above, UNKNOWN_SIZE)))
+    return off + above / factor, off + above * factor
+
+
+def bounded_away(effect: Effect, fitted: Fit) -> bool:
+    """Whether the 95 % interval of a size of the effect excludes the value at which it is off."""
+    sizes = [n for n in effect.off if n in fitted.names]
+    for name in sizes:
+        low, high = size_interval(effect, fitted, name)
+        if not low <= effect.off[name] <= high:
+            return True
+    lengths = [n for n in effect.fit if n in fitted.names and not sizes]  # a lag is off where it is short
+    return any(NORMAL_95 * fitted.stderr[n] < abs(fitted.values[n]) for n in lengths)
+
+
+def denied(before: Option, after: Option) -> bool:
+    """Whether the held-out experiments contradict `after` by more than chance explains."""
+    gain = before.cost - after.cost
+    return after.held_out > before.held_out + max(DENIAL, DENIED_PART * gain)
+
+
+def earned(base: Option, chosen: Option) -> bool:
+    """Whether effects that leave a significant remainder may be named: they improve the prediction of held-out data."""
+    before = max(base.lack_of_fit.excess, 1.0)
+    held = base.held_out - chosen.held_out
+    return held > DENIAL and 1 - chosen.lack_of_fit.excess / before >= PARTLY
+
+
+def settled(base: Option, accepted: list[Option]) -> Option:
+    """The last of the options accepted in turn that the held-out experiments do not contradict."""
+    best = base
+    for one in accepted:
+        if not denied(best, one):
+            best = one
+    return best
+
+
+def no_further_effect(base: Option, before: Option, gain: float, name: str, after: Option | None = None) -> str:
+    """Why an effect that gains `gain` in addition to those of `before` is no further effect; "" if it may be one.
+
+    Where the slow part of the residual of `after` is noise, the rest is the uncertainty of the noise's level.
+    """
+    form = f"{name} gains {gain:.1f}, which another form of {', '.join(before.ids)} could explain"
+    if far(before):
+        least = min(SECOND_PART * (base.cost - before.cost), CLEARED * before.lack_of_fit.excess)
+        return form if gain < least else _little(before, gain, name, after)
+    if gain < _least_gain(base, before, gain):
+        return form
+    settles = after is not None and after.lack_of_fit.z_slow < SLOW_CHANCE
+    if gain < SECOND_SHARE * max(before.lack_of_fit.excess, 0.0) and not settles:
+        return f"{name} removes less than half of the remaining residual"
+    return ""
+
+
+def _little(before: Option, gain: float, name: str, after: Option | None) -> str:
+    """Why an effect explains too little of what a model leaves that is far from the plant; "" if it does not."""
+    if gain < FURTHER * before.lack_of_fit.excess:
+        return f"{name} explains less than {FURTHER:.0%} of the remaining residual"
+    if after is not None and after.unseen_squares > (1 - FURTHER) * before.unseen_squares:
+        return f"{name} explains less than {FURTHER:.0%} of what the held-out experiments leave"
+    return ""
+
+
+def _least_gain(base: Option, before: Option, gain: float) -> float:
+    """The gain that a further effect needs: more where another form of the effects of `before` could reach `gain`."""
+    first = base.cost - before.cost
+    if before.exact:
+        return SECOND_PART * first
+    if clean(before.lack_of_fit):
+        return max(SECOND_PART * first, NOISE_GAIN)
+    clears = gain > CLEARED * before.lack_of_fit.excess
+    return first * (FORM_PART if nearly(before.lack_of_fit, base.lack_of_fit) and not clears else SECOND_PART)

@@ -1,0 +1,121 @@
+"""Options, which the search compares: sets of effects, fitted and validated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...identify.fitting.compiled import Ids
+from ...identify.fitting.fit import Fit, FitError
+from ...identify.study.study import Study, log_determinant
+from ..scores.levels import passed
+from ..scores.parameters import at_bounds
+from .refit import fit_effects
+from .residuals import LackOfFit, lack_of_fit
+from .validation import folds, foretold, held_out_residual, left_out
+
+
+@dataclass(frozen=True)
+class Option:
+    """Effects `ids` fitted: the fit, and its residuals on data that took no part in it.
+
+    `blocks` and `experiments` are what fits without them foretell of blocks, and of experiments, left out in turn
+    (`validation`), `unseen` (N,) the white residual of the held-out experiments. `widths` are the logarithms of the
+    determinants that the records' own numbers give the likelihood, in training and held out: sums of squares compare
+    with these alone, where options have records with other numbers of their own. `exact` is True where all the effects
+    have only one form, so that any remaining residual has another cause. `pinned` are effects whose strength ended at a
+    bound: the records ask for more than they can be. `unreached` are those with a level that no record passes.
+    """
+
+    ids: Ids
+    fitted: Fit
+    blocks: float
+    experiments: float
+    unseen: np.ndarray
+    lack_of_fit: LackOfFit
+    refined: Ids = ()
+    exact: bool = False
+    pinned: Ids = ()
+    unreached: Ids = ()
+    widths: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def impossible(self) -> Ids:
+        """The effects that cannot be as they were fitted."""
+        return (*self.pinned, *self.unreached)
+
+    @property
+    def cost(self) -> float:
+        """Minus twice the logarithm of the likelihood of the training, up to a constant."""
+        return self.fitted.cost + self.widths[0]
+
+    @property
+    def cross_validated(self) -> float:
+        """The same of blocks left out in turn."""
+        return self.blocks + self.widths[0]
+
+    @property
+    def across(self) -> float:
+        """The same of experiments left out in turn."""
+        return self.experiments + self.widths[0]
+
+    @property
+    def held_out(self) -> float:
+        """The same of the held-out experiments; 0 where there are none."""
+        return self.unseen_squares + self.widths[1]
+
+    @property
+    def misfit(self) -> float:
+        """The same of all experiments, in training and held out."""
+        return self.cost + self.held_out
+
+    @property
+    def unseen_squares(self) -> float:
+        """The sum of squares of the held-out experiments, in units of the noise."""
+        return float(self.unseen @ self.unseen)
+
+    @property
+    def squares(self) -> float:
+        """The sum of squares of all experiments, in units of the noise."""
+        return self.fitted.cost + self.unseen_squares
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence by BIC: minus half of the misfit and of the penalty, log(samples) for each parameter."""
+        return -0.5 * (self.misfit + len(self.fitted.names) * float(np.log(self.fitted.residual.size)))
+
+
+def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: Sequence[str]) -> Option | None:
+    """Effects `ids` fitted from `start` (SI), those in `refined` in their finer form; None where that fails."""
+    finer = tuple(i for i in ids if i in refined)
+    try:
+        return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)
+    except FitError:
+        return None
+
+
+def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
+    """A fit with its validation."""
+    blocks, experiments = folds(study.training, fitted.residual.size)
+    return Option(
+        ids,
+        fitted,
+        left_out(fitted, blocks),
+        foretold(fitted, experiments),
+        held_out_residual(study, ids, fitted),
+        lack_of_fit(study, fitted),
+        refined,
+        all(study.catalogue[i].exact for i in ids),
+        tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
+        _unreached(study, ids, fitted),
+        (log_determinant(study.training), log_determinant(study.held_out)),
+    )
+
+
+def _unreached(study: Study, ids: Ids, fitted: Fit) -> Ids:
+    """The effects with a level that its state never passes in training."""
+    ranges = passed(study, ids, fitted.values, [study.catalogue[i] for i in ids])
+    watched = [(i, level, state) for i in ids for level, state in study.catalogue[i].levels.items() if state in ranges]
+    return tuple(i for i, level, state in watched if not ranges[state][0] < fitted.values[level] < ranges[state][1])

@@ -1,0 +1,79 @@
+"""The choice of held-out experiments: they should confirm effects, and leave enough data to find them.
+
+Every effect's columns, at the declared parameters and the middle of its shapes, show how its change is distributed over
+the experiments. The held-out experiments should contain about a share HELD of it, for as many candidates as possible,
+and the training data most of it. Without them, the uncertainty of the base's own parameters should increase only
+little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...identify.study.study import HELD_SHARE, Study
+from ...kernel import KernelError
+from . import bank
+from .parameters import base_parameters
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py tests/test_rounds.py`,
+# `python -m blind.score --singles 2 --seed 1000`
+HELD = 0.2  # [1] share of what a candidate changes: enough to confirm it, and more is missed where it is to be found
+HELD_MOST = 0.3  # [1] share of all samples that may be held out together
+HELD_LONG = 0.2  # [1] share of all samples that may be held out in one experiment: long ones are kept for fits
+DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate that is confirmed
+
+
+@dataclass(frozen=True)
+class _Information:
+    """The share of each candidate's change that lies in each piece (m, pieces); Fisher information (pieces, k, k)."""
+
+    shares: np.ndarray
+    information: np.ndarray
+
+    def worth(self, chosen: list[int]) -> float:
+        """The value of holding out the pieces `chosen`: candidates confirmed, less candidates and information lost."""
+        seen = self.shares[:, chosen].sum(axis=1)
+        confirmed = np.mean(np.minimum(seen, HELD) / HELD - np.maximum(seen - HELD, 0) / (1 - HELD))
+        rest = [i for i in range(len(self.information)) if i not in chosen]
+        return float(confirmed - np.mean(self._errors(rest) - self._errors(range(len(self.information)))) / DEAR)
+
+    def _errors(self, pieces: list[int] | range) -> np.ndarray:
+        """Logarithms of the parameters' standard errors from some pieces (with a prior of 1)."""
+        total = self.information[list(pieces)].sum(axis=0) + np.eye(self.information.shape[1])
+        return 0.5 * np.log(np.diag(np.linalg.inv(total)))
+
+
+def with_held_out(study: Study) -> Study:
+    """The study with held-out pieces chosen by their information; unchanged where the model cannot be solved yet."""
+    if len(study.pieces) < 3:
+        return study
+    try:
+        information = _information(study)
+    except KernelError:
+        return study
+    chosen: list[int] = []
+    sizes = [p.record.size for p in study.pieces]
+    for _ in range(max(1, len(study.pieces) // HELD_SHARE)):
+        room = HELD_MOST * sum(sizes) - sum(sizes[i] for i in chosen)
+        rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, HELD_LONG * sum(sizes))]
+        if not rest:
+            break
+        chosen.append(max(rest, key=lambda i: (information.worth([*chosen, i]), -i)))
+    if not chosen:
+        return study
+    return replace(study, pieces=[replace(p, held_out=i in chosen) for i, p in enumerate(study.pieces)])
+
+
+def _information(study: Study) -> _Information:
+    everyone = replace(study, pieces=[replace(p, held_out=False) for p in study.pieces])
+    values = study.plant.model.parameter_values()
+    problem = everyone.problem((), base_parameters(study.plant), {})
+    residual, jacobian = problem.linearised(problem.scaled(values))
+    ends = np.cumsum([p.record.size for p in study.pieces])
+    parts = np.split(jacobian[: ends[-1]], ends[:-1])
+    listed = bank.candidates_at(everyone, values, residual.size, points=bank.middle_point)
+    squares = np.array([[np.sum(part**2) for part in np.split(c.columns[: ends[-1]], ends[:-1])] for c in listed])
+    shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), 1e-300)
+    return _Information(shares, np.array([part.T @ part for part in parts]))

@@ -1,0 +1,110 @@
+"""A second output that depends on rates, such as a current: it can distinguish otherwise equivalent effects.
+
+It takes no part in fits: where an input moves fast, a current of some mA decays within a sample, and its monitor has
+its own zero, gain and delay. But it shows which of two equally good explanations predicts it better. Their squared
+residuals are compared stretch by stretch (a paired test), so its noise need not be known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...identify.fitting.compiled import Ids
+from ...identify.study.study import Piece, Study
+from ...kernel import KernelError
+from ..options.options import Option
+from .revision import Search
+
+# Set by judgement. Check: `python -m blind.current --seed 4000`
+STRETCHES = 40  # [1] parts of a record whose squares are compared
+BEYOND_CHANCE = 4.0  # [standard errors] by which an explanation has to leave more squares than another to be given up
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """The record of an output that takes no part in fits, and a model's prediction of it, each (n,)."""
+
+    piece: Piece
+    output: str
+    record: np.ndarray
+    answer: np.ndarray
+
+
+def predicted(study: Study, ids: Ids, values: Mapping[str, float]) -> list[Predicted]:
+    """The outputs that take no part in fits, predicted by the model with effects `ids` (`KernelError` where it cannot
+    be solved).
+
+    The zero, the gain and the delay of each file's monitor are at their most likely values.
+    """
+    asked = [(p, *one) for p in study.pieces for one in p.beside]
+    answers = study.asked(ids, [replace(p.case, readings=(r,)) for p, r, _ in asked]).outputs(values)
+    return [
+        Predicted(p, r.output, record, _as_read(record, answer))
+        for (p, r, record), answer in zip(asked, answers, strict=True)
+    ]
+
+
+def _as_read(record: np.ndarray, answer: np.ndarray) -> np.ndarray:
+    """The prediction with the zero, gain and (first-order) delay that fit the record best."""
+    columns = np.column_stack([np.ones(answer.size), answer, np.gradient(answer)])
+    return columns @ np.linalg.lstsq(columns, record, rcond=None)[0]
+
+
+def distinguished(study: Study, found: Search, equivalent: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The sets of equivalent effects without those that predict the second outputs worse than another.
+
+    The best of a set takes the first one's place in the choice.
+    """
+    kept = {name: list(others) for name, others in equivalent.items()}
+    if not any(p.beside for p in study.pieces):
+        return kept
+    for name, others in equivalent.items():
+        squares = {n: _squares(study, _with(found, name, n)) for n in (name, *others)}
+        known = {n: s for n, s in squares.items() if s is not None}
+        if len(known) < 2:
+            continue
+        best = min(known, key=lambda n: float(known[n].sum()))
+        left = [n for n in (name, *others) if n not in known or _as_good(known[n] - known[best])]
+        if name not in left:
+            _exchange(found, name, best)
+            kept = {best if n == name else n: o for n, o in kept.items()}
+        first = name if name in left else best
+        kept[first] = [n for n in left if n != first]
+    return kept
+
+
+def _as_good(more: np.ndarray) -> bool:
+    """Whether the excess of squares over the best's, by stretch (k,), may be chance."""
+    error = float(np.std(more, ddof=1)) / np.sqrt(more.size)
+    return float(more.mean()) <= BEYOND_CHANCE * error
+
+
+def _squares(study: Study, option: Option | None) -> np.ndarray | None:
+    """The squared residuals of an option on the second outputs, by stretch (k,); None where it cannot be solved."""
+    if option is None:
+        return None
+    try:
+        rows = predicted(study, option.ids, option.fitted.values)
+    except KernelError:
+        return None
+    each = [np.array_split((r.record - r.answer) ** 2 / float(np.mean(r.record**2)), STRETCHES) for r in rows]
+    return np.array([float(part.sum()) for parts in each for part in parts])
+
+
+def _with(found: Search, name: str, other: str) -> Option | None:
+    """The fitted option that has another effect in place of one of the choice."""
+    ids = {other if i == name else i for i in found.chosen.ids}
+    return next((o for o in (found.chosen, *found.rivals) if set(o.ids) == ids), None)
+
+
+def _exchange(found: Search, name: str, best: str) -> None:
+    """Replace an effect of the choice by the better one; the previous choice becomes a rival."""
+    option, before = _with(found, name, best), found.chosen
+    if option is None:
+        return
+    found.chosen = option
+    found.rivals = [before, *(o for o in found.rivals if o is not option)]
+    found.gains = {best if n == name else n: gain for n, gain in found.gains.items()}

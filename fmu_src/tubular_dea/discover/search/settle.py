@@ -1,0 +1,65 @@
+"""Options with the nuisance parameters that they make likely themselves: starts, zeros, switching instants, delays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ...identify.fitting.compiled import Ids
+from ...identify.fitting.fit import AGREE
+from ...identify.study.adjust import MOST_SETTLES, adjusted
+from ...identify.study.study import Study
+from ..options.acceptance import clean
+from ..options.options import Option, fitted_option
+from ..scores.parameters import declared_values, lost
+
+
+def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
+    """An option with nuisance parameters as it makes them likely itself, and the study that has these.
+
+    A start under load and the parameters that it is estimated with change together, in several steps. Where more than
+    noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values; where
+    some are far from these, all begin there: two branches may have taken each other's place, and that of a viscosity.
+    """
+    tried = [iterated(study, one)]
+    study, one = tried[0]
+    if not clean(one.lack_of_fit) and study.plant.restart:
+        tried += _begun(study, one, study.plant.restarts)
+    if lost(study.plant, one.fitted):
+        declared = declared_values(study.plant, one.fitted)
+        values, begun = one.fitted.values | declared, _as_read(study, one.ids)
+        tried += _begun(adjusted(begun, one.ids, values, one.fitted.free, started=False), one, declared)
+    return min(tried, key=lambda settled: settled[1].misfit)
+
+
+def _as_read(study: Study, ids: Ids) -> Study:
+    """The study without the starts that were estimated: they belong to other parameters."""
+    declared = study.plant.model.parameter_values()
+    first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
+    cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
+    return replace(study, pieces=[replace(p, case=case) for p, case in zip(study.pieces, cases, strict=True)])
+
+
+def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:
+    """The option fitted once more from other `values` (SI) of some parameters; nothing where that fails."""
+    again = fitted_option(study, one.ids, one.fitted.values | dict(values), one.refined)
+    return [] if again is None else [iterated(study, again)]
+
+
+def iterated(study: Study, one: Option) -> tuple[Study, Option]:
+    """An option and its nuisance parameters, each taken anew until the option gains no more.
+
+    The first time they become its own, whatever that costs; after that, none are taken that fit it worse.
+    """
+    for turn in range(MOST_SETTLES):
+        moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
+        again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
+        if again is None:
+            break
+        gained = one.misfit - again.misfit
+        if turn and gained < 0:
+            break
+        study, one = moved, again
+        if abs(gained) < AGREE:
+            break
+    return study, one

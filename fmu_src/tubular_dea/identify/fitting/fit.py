@@ -1,0 +1,203 @@
+"""Bounded least squares from several starts, and the covariance of the parameters at the optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from scipy.optimize import OptimizeResult, least_squares
+
+from ...errors import UserError
+from ...kernel import KernelError
+from ...model.declare import Model
+from ..threads import one_blas_thread
+from .problem import Free, Problem
+
+# Set by theory: 95 %. Check: `pytest tests/test_intervals.py`
+NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that hold it
+
+# Set by judgement. Check: `pytest tests/test_identify.py::test_joint_fit_finds_the_tube_and_its_intervals_hold`
+PRECISION = 1e-5  # [1] relative change of cost or parameters at which a search ends, less than chance changes them
+EVALUATIONS = 60  # [evaluations] after which it ends
+AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
+LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and yet turn out to be the better
+ELSEWHERE = 1.0  # [standard deviations] of a parameter between optima that are two
+UNMOVED = 0.1  # [standard deviations] of every parameter between fits that are one
+AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
+
+# Set by judgement: far less than any interval, far more than the searches' precision. Check:
+# `pytest tests/test_acceptance.py tests/test_identify.py -k bound`
+AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
+
+# Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
+UNDETERMINED = 0.5  # [1] relative standard error above which a parameter is not determined by the data
+
+
+class FitError(UserError, RuntimeError):
+    """No start led to parameters at which the model answers; the text says what to change."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """An optimum: parameters in SI units, minus twice the log likelihood `cost` (but for constants), covariance.
+
+    `jacobian` (N, k) and `residual` (N,) are whitened and at the optimum; `covariance` (k, k) is in scaled numbers.
+    """
+
+    values: dict[str, float]
+    scaled: np.ndarray
+    cost: float
+    residual: np.ndarray
+    jacobian: np.ndarray
+    covariance: np.ndarray
+    free: list[Free]
+    stderr: dict[str, float]
+    converged: bool
+
+    @property
+    def names(self) -> list[str]:
+        """The fitted parameters, in the order of the Jacobian's columns."""
+        return [f.name for f in self.free]
+
+    def with_covariance(self, covariance: np.ndarray) -> Fit:
+        """The fit with another covariance (k, k) and the standard errors that go with it."""
+        scale = np.sqrt(np.diag(covariance) / np.diag(self.covariance))
+        stderr = {n: self.stderr[n] * float(s) for n, s in zip(self.names, scale, strict=True)}
+        return replace(self, covariance=covariance, stderr=stderr)
+
+    def undetermined(self) -> list[str]:
+        """The parameters that the recordings do not determine."""
+        return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
+
+    def at_bounds(self) -> dict[str, int]:
+        """The parameters that ended at a bound: -1 at the least value, 1 at the largest."""
+        return {
+            free.name: side
+            for free, scaled in zip(self.free, self.scaled, strict=True)
+            for side, bound in zip((-1, 1), free.bounds(), strict=True)
+            if abs(scaled - bound) < AT_BOUND
+        }
+
+
+@one_blas_thread
+def uncertainty(best: Fit, model: Model) -> dict[str, list[Any]]:
+    """`names` and covariance `matrix` (SI units) of the model's parameters that the record determines."""
+    names, vague = list(model.parameter_values()), best.undetermined()
+    kept = [i for i, f in enumerate(best.free) if f.name in names and f.name not in vague]
+    slopes = np.array([best.free[i].slope(best.values[best.free[i].name]) for i in kept])
+    matrix = best.covariance[np.ix_(kept, kept)] * np.outer(slopes, slopes)
+    return {"names": [best.free[i].name for i in kept], "matrix": matrix.tolist()}
+
+
+def fit(
+    problem: Problem,
+    start: Mapping[str, float],
+    starts: int = 1,
+    spread: float = AROUND,
+    seed: int = 0,
+    evaluations: int = EVALUATIONS,
+    move: float = 0.0,
+    precision: float = PRECISION,
+) -> Fit:
+    """The best of `starts` searches: from `start` (moved by `move`) and from points around it (about `spread`)."""
+    random = np.random.default_rng(seed)
+    first = problem.scaled(start)
+    found = []
+    for number in range(starts):
+        moved = problem.inside(first + (spread if number else move) * random.standard_normal(first.size))
+        solution = search(problem, moved, evaluations, precision)
+        if solution is not None:
+            found.append(solution)
+    if not found:
+        raise FitError(
+            "the model cannot be solved at the starting values: expected parameters under which it can follow the "
+            "recorded inputs; choose others"
+        )
+    best = min(found, key=lambda s: s.cost)
+    return described(problem, best.x, bool(best.status > 0), (best.fun, best.jac))
+
+
+def search(
+    problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
+) -> OptimizeResult | None:
+    """scipy's bounded least squares; None where the model cannot be solved at the start."""
+    first = problem.residuals(start)
+    if not np.all(np.isfinite(first)):
+        return None
+    try:
+        with np.errstate(over="ignore"):  # an infinite cost is that of a step to be refused
+            return least_squares(
+                lambda x: first if np.array_equal(x, start) else problem.residuals(x),
+                start,
+                jac=lambda x: problem.linearised(x)[1],
+                bounds=problem.bounds(),
+                method="trf",
+                x_scale="jac",
+                ftol=precision,
+                xtol=PRECISION,
+                gtol=1e-8,
+                max_nfev=evaluations,
+            )
+    except KernelError:  # an answer there, but no sensitivities
+        return None
+
+
+def may_be_better(other: Fit, fitted: Fit) -> bool:
+    """Whether another optimum of the same problem is the better one or may turn out to be.
+
+    It may cost more as long as the records' own numbers are those that belong to the first.
+    """
+    if other.cost < fitted.cost - AGREE:
+        return True
+    return AGREE < other.cost - fitted.cost < LOST * fitted.cost and apart(other, fitted) > ELSEWHERE
+
+
+def apart(one: Fit, other: Fit) -> float:
+    """The largest distance of a parameter in two fits of the same problem, in standard deviations of the second."""
+    return float(np.max(np.abs(one.scaled - other.scaled) / np.sqrt(np.diag(other.covariance)), initial=0.0))
+
+
+def described(
+    problem: Problem, scaled: np.ndarray, converged: bool = True, known: tuple[np.ndarray, np.ndarray] | None = None
+) -> Fit:
+    """The fit that ends at `scaled` (k,), with its covariance; `known` are residual and Jacobian there."""
+    residual, jacobian = problem.linearised(scaled) if known is None else known
+    covariance = inverse(jacobian.T @ jacobian)
+    values = problem.values(scaled)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
+    stderr = {f.name: float(f.slope(values[f.name]) * d) for f, d in zip(problem.free, deviation, strict=True)}
+    return Fit(
+        values,
+        scaled,
+        float(residual @ residual),
+        residual,
+        jacobian,
+        covariance,
+        list(problem.free),
+        stderr,
+        converged,
+    )
+
+
+def inverse(information: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-200))
+    value, vector = scipy.linalg.eigh(information / np.outer(scale, scale))
+    inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
+    return inverted / np.outer(scale, scale)
+
+
+def goodness(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
+    """The paper's goodness of fit [%], over all samples: 100 (1 - |y - yhat| / |y - mean(y)|); NaN at standstill."""
+    y, yhat = np.concatenate(list(record)), np.concatenate(list(output))
+    if np.ptp(y) == 0:
+        return float("nan")
+    return float(100 * (1 - np.linalg.norm(y - yhat) / np.linalg.norm(y - y.mean())))
+
+
+def rmse(record: Sequence[np.ndarray], output: Sequence[np.ndarray]) -> float:
+    """Root mean square error over all samples, in the output's unit."""
+    return float(np.sqrt(np.mean((np.concatenate(list(record)) - np.concatenate(list(output))) ** 2)))

@@ -1,0 +1,166 @@
+"""Detection of mislabelled units: a factor on one signal that makes the records agree with the declared plant.
+
+The ranges of single signals (`checks`) reveal kV labelled V, but kPa labelled mbar is a plausible pressure too. A plant
+that responds ten times as strongly as declared is less likely than a wrong label. So the factors of usual mistakes are
+tried on every signal. Where one of them alone makes records agree that otherwise do not, it is reported. Nothing is
+changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...kernel import KernelError
+from ...plants.plant import Plant
+from ...protocol import Protocol
+from ..records.data import Experiment, Recordings
+from ..records.start import RESTED
+from .compiled import Compiled
+
+# Set by judgement: enough to tell factors. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
+DRIVEN_SAMPLES = 600  # [samples] of an experiment that drive the plant
+READINGS = 150  # [samples] of it that are looked at
+FEW_TRIED = 3  # [1] experiments that are looked at
+ROUGHLY = 1e-4  # [1] tolerance of the answers
+SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: the plant diverges
+
+# Set by measurement: the bench's and the laboratory's tubes, whatever they hide, are missed by up to 22 %, and no
+# factor leaves a third of that (largest reduction: 1.7 times); with a factor wrong on purpose 26 to 999 % are, and the
+# right one leaves 3 %. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`,
+# `python -m blind.score --nulls 60 --seed 1000`
+MISSED = 0.15  # [1] of a record (rms) that the declared plant misses before anything is said
+LEFT = 1 / 3  # [1] share of that which another factor may leave
+MOST_LEFT = 0.2  # [1] of the record that it may leave: a plant whose model lacks much is no wrong unit
+FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one explains the record as well
+
+# Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
+# [1] by SI unit, how many times too large a number is that was mislabelled so
+FACTORS: Mapping[str, Mapping[float, str]] = {
+    "m": {2.0: "a diameter for a radius", 10.0: "mm labelled cm", 25.4: "mm labelled inch", 1e3: "um labelled mm"},
+    "Pa": {
+        10.0: "mbar labelled kPa",
+        100.0: "Pa labelled mbar or hPa",
+        1e3: "Pa labelled kPa",
+        7.50062: "mmHg labelled kPa",
+        6.89476: "kPa labelled psi",
+        68.9476: "mbar labelled psi",
+        133.322: "Pa labelled mmHg",
+    },
+    "V": {1e3: "V labelled kV", 2.0: "twice the voltage (both electrodes driven, or peak to peak)"},
+    "A": {1e3: "uA labelled mA", 1e6: "uA labelled A"},
+    "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
+}
+OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
+INVERSE = {  # the same, so many times too small
+    "a diameter for a radius": "a radius for a diameter",
+    "mm labelled cm": "cm labelled mm",
+    "twice the voltage (both electrodes driven, or peak to peak)": "half the voltage (one of two electrodes)",
+}
+
+
+@dataclass(frozen=True)
+class Mislabelling:
+    """A signal whose numbers are `factor` times what they should be; `words` describe the mistake."""
+
+    signal: str
+    factor: float
+    words: str
+
+
+def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
+    """All single mistakes."""
+    for name in [*(s.name for s in plant.inputs), *outputs]:
+        for factor, words in FACTORS.get(plant.quantity(name).unit, OTHERWISE).items():
+            yield Mislabelling(name, factor, words)
+            a, _, b = words.partition(" labelled ")
+            yield Mislabelling(name, 1 / factor, INVERSE.get(words, f"{b} labelled {a}" if b else words))
+
+
+def findings(recordings: Recordings) -> list[str]:
+    """Signals whose scale contradicts the declared plant, in words."""
+    plant, chosen = recordings.plant, _informative(recordings.experiments)
+    output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
+    parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
+    kernel = Compiled(plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's, so compiled once
+    experiments = [recordings.experiments[i] for i in chosen]
+    records = [_record(e, output.name) for e in experiments]
+    zero = _zero(plant, experiments[0], parameters)
+
+    def missed(wrong: Mislabelling | None) -> float:
+        """The relative error (rms) of the records under this mistake; infinite where the plant cannot be solved."""
+        try:
+            answers = [
+                kernel.simulate(_rescaled(driven, wrong), times, parameters, ROUGHLY, max_steps=SCALE_STEPS).values[
+                    output.name
+                ]
+                for driven, times, _ in records
+            ]
+        except KernelError:
+            return float("inf")
+        scale = wrong.factor if wrong and wrong.signal == output.name else 1.0
+        seen = [(y + zero) / scale - zero for *_, y in records]
+        left = sum(float(np.sum((y - a) ** 2)) for y, a in zip(seen, answers, strict=True))
+        size = sum(float(np.sum(y**2)) for y in seen)
+        return float(np.sqrt(left / size)) if size > 0 else float("inf")
+
+    def name(signal: str) -> str:
+        """As it stands in the files."""
+        return output.headings[0] if signal == output.name else signal
+
+    base = missed(None)
+    if not base > MISSED:
+        return []
+    tried = sorted(((missed(w), w) for w in mislabellings(plant, [output.name])), key=lambda pair: pair[0])
+    most = min(LEFT * base, MOST_LEFT, FACTOR_ALIKE * tried[0][0])
+    likely = [w for share, w in tried if share < most]
+    if not likely:
+        return []
+    what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)
+    return [
+        f"is {what}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
+        f"(rms), else {_percent(tried[0][0])}; if so, correct the unit in the files, or give it with --columns"
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%}" if share < 10 else "all"
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
+
+
+def _informative(experiments: Sequence[Experiment]) -> list[int]:
+    """The experiments with the largest outputs, of those that start from rest if there are any."""
+    rested = [i for i, e in enumerate(experiments) if e.start == RESTED] or list(range(len(experiments)))
+    first = next(iter(experiments[rested[0]].outputs))
+    with_it = [i for i in rested if first in experiments[i].outputs]
+    return sorted(with_it, key=lambda i: -float(np.nanmax(np.abs(experiments[i].outputs[first]))))[:FEW_TRIED]
+
+
+def _record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, np.ndarray]:
+    """What drove the plant, thinned and with its noise, good enough to tell factors; times and what was read."""
+    seen = np.flatnonzero(experiment.seen(output))
+    taken = seen[:: max(1, seen.size // READINGS)]
+    few = np.unique(np.linspace(0, experiment.time.size - 1, DRIVEN_SAMPLES).astype(int))
+    driven = Protocol(experiment.time[few], {name: values[few] for name, values in experiment.inputs.items()})
+    return driven, experiment.time[taken], experiment.outputs[output][taken]
+
+
+def _rescaled(protocol: Protocol, wrong: Mislabelling | None) -> Protocol:
+    if wrong is None or wrong.signal not in protocol.inputs:
+        return protocol
+    return Protocol(protocol.time, protocol.inputs | {wrong.signal: protocol.inputs[wrong.signal] / wrong.factor})
+
+
+def _zero(plant: Plant, experiment: Experiment, known: Mapping[str, float]) -> float:
+    """What was subtracted from the file's numbers (a radius at rest); 0 for what is relative."""
+    values = plant.model.parameter_values() | dict(known)
+    for output in plant.outputs:
+        for heading, parameter in output.columns.items():
+            if parameter and experiment.source and heading in experiment.source.columns:
+                return values[parameter]
+    return 0.0

@@ -1,0 +1,1 @@
+"""From recorded inputs to what drives the model: switching instants, levels, slopes."""

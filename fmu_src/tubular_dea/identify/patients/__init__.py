@@ -1,0 +1,1 @@
+"""A patient from a recorded beat."""

@@ -1,0 +1,188 @@
+"""Checks of recordings: each yields what is wrong as "line N, column 'name': ..."."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from math import comb
+
+import numpy as np
+
+from ...model.declare import Quantity
+from ...plants.plant import Input, Output, Plant
+from ..signals.monitors import QUIET, changes_by_itself, noise_level, resolution
+
+# Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
+STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
+SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
+COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
+ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
+LIVELY = 0.7  # [1] the same of a record whose noise is some steps of its resolution, where it does not stand still
+HIGH_ORDER = 8  # [1] of the differences that are left of noise, but not of what is smooth, as a commanded sine is
+SMOOTHED_OUT = 0.1  # [1] share of the third differences: 0.04 for a sine of 6 samples, 0.97 for noise of memory 0.97
+STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
+CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
+NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
+BELOW_REST = 0.05  # [1] of its size at rest by which a plant is not smaller
+SMOOTHED = 9  # [samples] over which noise is averaged for that
+
+
+def inputs(
+    recorded: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray, commanded: Collection[str] = ()
+) -> Iterator[str]:
+    """The faults of a recording's inputs (n,) (SI units, NaN where missing), the most obvious first.
+
+    `lines` (n,) are those of the file. What was `commanded` and not measured may rest as long as it likes, as may what
+    is held and changes by more than the noise of a monitor (a heating that is off at night).
+    """
+    for signal in plant.inputs:
+        seen = np.flatnonzero(np.isfinite(recorded[signal.name]))
+        values, there = recorded[signal.name][seen], lines[seen]
+        yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
+        command = signal.name in commanded or (signal.held and changes_by_itself(values))
+        if not command:
+            for finding in _standstill(values, signal.name, there, (np.max,), signal):
+                hint = f"{signal.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured"
+                yield f"{finding}; {hint}"
+
+
+def output(
+    recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float, rests: bool = False
+) -> Iterator[str]:
+    """The faults of an output (n,), as in the file's column `name`, NaN where missing.
+
+    `rest` is what it reads at rest, and `rests` whether it may do so all the time, as another output moves.
+    """
+    seen = np.flatnonzero(np.isfinite(recorded))
+    if seen.size < plant.least_samples:
+        yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {plant.least_samples}"
+        return
+    values, there = recorded[seen], lines[seen]
+    yield from _wrong_unit(values, name, signal, plant.quantity(signal.name).unit, there)
+    if not rests:
+        yield from constant(values, name, there, "the output moves")
+    if not rests and not _may_stand_still(plant, signal):
+        yield from _standstill(values, name, there)
+    parameter = next((p for p in signal.columns.values() if p), "")
+    if signal.rest is not None and parameter:
+        yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter))
+
+
+def _may_stand_still(plant: Plant, signal: Output) -> bool:
+    """Whether an effect at the plant's places may explain that the output stands still."""
+    return any(place.name == signal.name and place.asks("saturation") for place in plant.places)
+
+
+def _wrong_unit(values: np.ndarray, name: str, signal: Input | Output, unit: str, lines: np.ndarray) -> Iterator[str]:
+    problem = mislabelled(values, signal, unit)
+    if problem:
+        yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {name!r}: {problem}"
+
+
+def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
+    """Why the largest value of a signal that is more than noise contradicts its unit; "" if it does not."""
+    largest = float(values[int(np.argmax(np.abs(values)))])
+    top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
+    if np.count_nonzero(np.diff(values)) >= STANDSTILL or _flickers(values):  # a monitor, no steps of a set point
+        noise = max(noise, resolution(values))
+    what = f"the largest value is {largest:g} {unit}"
+    if top > signal.most:
+        return f"{what}; expected at most {signal.most:g} {unit}: {signal.mislabelled[1]}?"
+    if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
+        return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
+    return ""
+
+
+def _flickers(values: np.ndarray) -> bool:
+    """Whether what is off the commonest value is so for single samples, as the last bit of a coarse monitor is."""
+    known, counts = np.unique(values, return_counts=True)
+    off = values != known[int(np.argmax(counts))]
+    return values.size >= STANDSTILL and not np.any(off[1:] & off[:-1])
+
+
+def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
+    """A finding where `values` (n,) are only noise; `wanted` describes what was expected."""
+    noise = noise_level(values)
+    if np.ptp(values) <= CONSTANT * noise or np.ptp(values) == 0:
+        beside = f" beside noise of {noise:.3g}" if noise > 0 else ""
+        yield (
+            f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}{beside}) contains "
+            f"no information; expected one in which {wanted}"
+        )
+
+
+def _standstill(
+    values: np.ndarray,
+    name: str,
+    lines: np.ndarray,
+    stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min),
+    driven: Input | None = None,
+) -> Iterator[str]:
+    """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
+
+    A signal written by a computer may stand still. An input is 0 before and after a plant is `driven`, and one that is
+    held may be 0 in between.
+    """
+    if not _noisy(values):
+        return
+    for extreme in (stop(values) for stop in stops):
+        there = np.flatnonzero(values == extreme)
+        if there.size >= max(STANDSTILL, SATURATED * values.size):
+            yield (
+                f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
+                f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
+            )
+    if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
+        return
+    for begin, end in _still(values):
+        off = driven is not None and (driven.held or begin == 0 or end == values.size - 1)
+        if values[begin] != 0 or not off:
+            yield (
+                f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
+                f"values {values[begin] + 0.0:g}; empty these cells or leave the experiment out"
+            )
+
+
+def _still(values: np.ndarray) -> list[tuple[int, int]]:
+    """The first and the last sample of every run of STANDSTILL equal values or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
+    return [(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True) if b - a + 1 >= STANDSTILL]
+
+
+def _noisy(values: np.ndarray) -> bool:
+    """Neighbouring values differ by noise, some steps of their resolution and a share of the span; nearly all of them
+    do, but where the sensor stands still or has run into a stop. What is smooth where it moves is no noise."""
+    step = np.abs(np.diff(values))
+    free = (step > 0) | ((values[1:] != values.min()) & (values[1:] != values.max()))
+    for begin, end in _still(values):
+        free[begin:end] = False
+    if np.count_nonzero(step[free]) < LIVELY * np.count_nonzero(free):
+        return False
+    noise, left = (_differing(values, order) for order in (3, HIGH_ORDER))
+    if left < SMOOTHED_OUT * noise:
+        return False
+    return noise > max(QUIET * float(np.ptp(values)), COARSE_SENSOR * resolution(values))
+
+
+def _differing(values: np.ndarray, order: int) -> float:
+    """The noise of which differences of that order speak, over samples that all differ; 0 where these are few."""
+    moving = np.convolve(np.diff(values) != 0, np.ones(order), mode="valid") == order
+    if moving.sum() < STANDSTILL:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(values, order)[moving]))) / float(np.sqrt(comb(2 * order, order)))
+
+
+def _below_rest(
+    values: np.ndarray, name: str, lines: np.ndarray, rest: float, signal: Output, size: Quantity
+) -> Iterator[str]:
+    """Smoothed over a few samples, so that noise about rest is no finding; `size` is the plant's."""
+    smooth = np.convolve(values, np.ones(SMOOTHED) / SMOOTHED, mode="valid")
+    lowest = int(np.argmin(smooth))
+    if smooth[lowest] < rest - BELOW_REST * float(size.value or 0.0):
+        wanted = " or ".join(
+            f"a {heading!r} that starts at {size.name if parameter else 0}"
+            for heading, parameter in list(signal.columns.items())[:2]
+        )
+        yield (
+            f"line {lines[lowest + SMOOTHED // 2]}, column {name!r}: {smooth[lowest]:.4g} {size.unit} is below the "
+            f"{name} at rest, {rest:g} {size.unit}; expected {wanted}, or set {size.name} in bench.toml"
+        )

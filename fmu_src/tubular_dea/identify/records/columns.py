@@ -1,0 +1,237 @@
+"""Which column of a file is which signal: by its heading, or by `--columns radius=laser_2[um] voltage=AI3`."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import ArgumentError
+from ...model.declare import nearest
+from ...model.units import NUMBER, UnitError, converted, is_unit
+from ...plants.plant import Output, Plant
+from ...recordings import Column, ReadError, Table
+from ...recordings.heading import name as plain
+
+TRIGGER = "trigger"
+ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value", "datetime", "date_time", "zeit")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The column that a user names for a signal, by heading or number, with its unit ("": as the file says).
+
+    A reading of 1 is `factor` units: 0.5 mm for a diameter in mm, 2500 Pa for a sensor's volts.
+    """
+
+    column: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """The `values` (n,) of a signal in SI units, from a `column` in this `unit`."""
+
+    column: Column
+    unit: str
+    values: np.ndarray
+
+
+def signals(plant: Plant) -> dict[str, str]:
+    """The SI unit of everything that a file may hold, by heading; the trigger has any."""
+    units = {"time": "s"} | {s.name: plant.quantity(s.name).unit for s in plant.inputs}
+    units |= {name: plant.quantity(o.name).unit for o in plant.outputs for name in o.headings}
+    return units | {TRIGGER: ""}
+
+
+def choices(settings: Sequence[str], plant: Plant, source: str = "columns") -> dict[str, Choice]:
+    """What `radius=laser_2`, `voltage=3` or `radius=laser_2[um]` say; `ArgumentError` for what they cannot mean.
+
+    `source` is what the error names: the argument, or a file and its table.
+    """
+    known, found = signals(plant), dict[str, Choice]()
+    spelt = {plain(n): n for n in known} | {n: n for n in known}
+    for setting in settings:
+        name, _, rest = (part.strip() for part in setting.partition("="))
+        match = re.fullmatch(r"(?P<column>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?", rest)
+        if not name or match is None or not match["column"]:
+            raise ArgumentError(
+                source,
+                f" {setting}: expected SIGNAL=COLUMN, the column by its heading or number, as in radius=laser_2 or "
+                "radius=3[um]",
+            )
+        signal = spelt.get(name) or spelt.get(plain(name))
+        if signal is None:
+            raise ArgumentError(source, f" {setting}: there is no signal {name!r}{nearest(name, known)}")
+        if signal in found:
+            raise ArgumentError(source, f" {setting}: {name} is given twice; give it once")
+        number, unit = _factored(match["unit"] or "")
+        if unit and not is_unit(unit):
+            expected = known[signal] or "V"
+            raise ArgumentError(source, f" {setting}: expected a unit like {expected!r} but found {unit!r}")
+        found[signal] = Choice(match["column"], unit, number)
+    return found
+
+
+def _factored(unit: str) -> tuple[float, str]:
+    """A unit with a number before it, as in "0.5 mm"; the number is 1 where there is none."""
+    match = re.fullmatch(rf"\s*({NUMBER})\s*([^\d\s].*)", unit)
+    return (float(match[1]), match[2].strip()) if match and float(match[1]) != 0 else (1.0, unit.strip())
+
+
+def assigned(
+    table: Table, plant: Plant, chosen: Mapping[str, Choice], rate: float | None = None
+) -> dict[str, Assigned]:
+    """Time, inputs, the outputs and the trigger of a file, in SI units; `ReadError` for what is missing or unclear.
+
+    `rate` [Hz] makes the time of a file that has none.
+    """
+    units = signals(plant)
+    columns = {name: _named(table, name, choice) for name, choice in chosen.items()}
+    for name in units:
+        if name in columns or _otherwise(name, plant, columns):
+            continue
+        column = _headed(table, name, units[name], [c.number for c in columns.values()])
+        if column is not None:
+            columns[name] = column
+    for signal in plant.inputs:
+        if signal.name not in columns and (column := _only(table, units[signal.name], columns)):
+            columns[signal.name] = column
+    for output in plant.outputs:
+        if columns.keys().isdisjoint(output.headings) and (found := _worded(table, output, units, columns)):
+            columns |= dict([found])
+    if "time" not in columns and rate is not None:
+        columns["time"] = Column("time", "s", f"{rate:g} Hz (bench.toml)", np.arange(table.lines.size) / rate, 0)
+    _complete(table, plant, columns, units)
+    return {name: _in_si(table, name, column, chosen.get(name), units[name]) for name, column in columns.items()}
+
+
+def unused(table: Table, used: Mapping[str, Assigned]) -> list[str]:
+    """The headings of the columns that were not used."""
+    numbers = {a.column.number for a in used.values()}
+    return [
+        c.heading or f"number {c.number}"
+        for c in table.columns
+        if c.number not in numbers and (c.heading or c.missing < c.values.size)
+    ]
+
+
+def _otherwise(name: str, plant: Plant, columns: Mapping[str, Column]) -> bool:
+    """Whether the user has said where an output is, under another of its headings."""
+    return any(name in o.headings and not columns.keys().isdisjoint(o.headings) for o in plant.outputs)
+
+
+def _named(table: Table, name: str, choice: Choice) -> Column:
+    """The column that the user means: a heading as it stands there, its name, or a number from 1."""
+    exact = [c for c in table.columns if choice.column in (c.heading, c.name)]
+    found = exact or [c for c in table.columns if c.name and c.name == plain(choice.column)]
+    if not found and choice.column.isdecimal():
+        found = [c for c in table.columns if c.number == int(choice.column)]
+    if len(found) != 1:
+        there = "is there more than once: give its number" if found else "is not there"
+        headings = [c.heading for c in table.columns if c.heading]
+        close = difflib.get_close_matches(choice.column, headings, n=1, cutoff=0.5)
+        hint = f"did you mean {close[0]!r}?" if close and not found else f"found {table.headings}"
+        raise ReadError(f"{table.heading_place}: column {choice.column!r} for {name} {there}; {hint}")
+    return found[0]
+
+
+def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column | None:
+    """The column headed with a signal's name, if there is one, in small letters or not; time has other names too."""
+    free = [c for c in table.columns if c.number not in taken]
+    found = [c for c in free if c.name == plain(name)]
+    if len(found) > 1:  # as f and F
+        found = [c for c in found if c.heading.strip("\"' ").startswith(name)] or found
+    if not found and name == "time":
+        found = _times(free)
+    if len(found) > 1:
+        raise ReadError(
+            f"{table.heading_place}: column {name!r} appears twice; expected it once: say which with "
+            f"--columns {name}={found[1].number}"
+        )
+    return found[0] if found else None
+
+
+def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | None:
+    """The only column left that is in a unit of an input's kind, whatever its heading."""
+    taken = {c.number for c in columns.values()}
+    alike = [c for c in table.columns if c.number not in taken and _measured(c) and is_in(c.unit, unit)]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _worded(
+    table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column]
+) -> tuple[str, Column] | None:
+    """The heading of an output that is part of one column's alone, as radius in "Laser radius (mm)", and the column."""
+    taken = {c.number for c in columns.values()}
+    free = [c for c in table.columns if c.number not in taken and _measured(c)]
+    inside = [(h, c) for c in free for h in output.headings if {*plain(h).split("_")} <= {*c.name.split("_")}]
+    fitting = sorted((one for one in inside if is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
+    return fitting[0] if len({c.number for _, c in fitting}) == 1 else None
+
+
+def _measured(column: Column) -> bool:
+    """Whether a column is one of numbers in a unit; some bad cells do not make it text, and are told on reading."""
+    return bool(column.unit) and (not column.problem or 2 * column.missing < column.values.size)
+
+
+def is_in(unit: str, expected: str) -> bool:
+    """Whether a unit can be converted to the expected one."""
+    try:
+        converted(np.ones(1), unit, expected)
+    except UnitError:
+        return False
+    return True
+
+
+def _times(columns: Sequence[Column]) -> list[Column]:
+    """The column that must be the time: by another usual name, as the only one with it in its name, or a clock's."""
+    for also in ALSO_TIME:
+        if any(c.name == also for c in columns):
+            return [c for c in columns if c.name == also]
+    for wanted in ([c for c in columns if {"time", "zeit"} & set(c.name.split("_"))], [c for c in columns if c.clock]):
+        if len(wanted) == 1:
+            return wanted
+    return []
+
+
+def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Refuse a file without time, an input or a required output, or with an output under two headings."""
+    for name in ["time", *(s.name for s in plant.inputs)]:
+        if name not in columns:
+            likely = [c for c in table.columns if plain(name) in c.name.split("_") and not c.problem]
+            which = f"{name}={likely[0].number}" if len(likely) == 1 else f"{name}=ITS_NAME_OR_NUMBER"
+            which += ", or give [sampling] rate in bench.toml" if name == "time" else ""
+            raise ReadError(
+                f"{table.heading_place}: column '{name} [{units[name]}]' is missing; found {table.headings}; if it "
+                f"has another name, say --columns {which}"
+            )
+    for output in plant.outputs:
+        there = [name for name in output.headings if name in columns]
+        if len(there) > 1 or (output.required and not there):
+            wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
+            raise ReadError(
+                f"{table.heading_place}: expected one column {wanted} but found {table.headings}; say which with "
+                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER"
+            )
+
+
+def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:
+    unit = (choice.unit if choice else "") or column.unit
+    if column.problem:
+        raise ReadError(f"{table.path}, {column.problem}")
+    if name == TRIGGER:
+        return Assigned(column, unit, column.values)
+    if not unit:
+        raise ReadError(
+            f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]' or say "
+            f"--columns '{name}={column.number}[{expected}]'"
+        )
+    try:
+        return Assigned(column, unit, converted(column.values * (choice.factor if choice else 1.0), unit, expected))
+    except UnitError as problem:
+        raise ReadError(f"{table.heading_place}, column {column.shown}: {problem}") from None

@@ -1,0 +1,379 @@
+"""Recordings: a folder of files, one experiment each, in any format that `recordings` reads, checked and in SI units.
+
+An implausible recording is refused with file, line and column: time that decreases, mmHg labelled Pa, kV labelled V,
+a frozen or saturated sensor, a radius below that of the tube at rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ...model.units import converted
+from ...plants.plant import Input, Output, Plant
+from ...recordings import NoTableError, ReadError, Table, is_recording, is_spreadsheet, read
+from ...recordings.heading import name as plain
+from ...recordings.table import some
+from ..signals.sampling import sampling, usual_step
+from . import checks
+from .bench_file import BenchFile, read_bench
+from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
+from .spikes import spikes
+from .start import RESTED, detected
+
+DataError = ReadError  # recordings that cannot be used: as files, or for what they say
+NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
+
+# Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
+DAY = 86_400.0  # [s] beyond which a time is one of the calendar, as since 1970: it counts from the first sample
+
+# Set by judgement: 200 Pa and 200 V for the tube. Check: `pytest tests/test_reading.py -k nothing_moves`
+AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest
+
+
+@dataclass(frozen=True)
+class Source:
+    """How a file was understood: its `format`, the column of every signal (`heading [unit]`), those not used, remarks.
+
+    `missing` counts the cells of each signal that hold no number; `units` are those of the file's columns, by signal.
+    """
+
+    path: Path
+    format: str
+    columns: dict[str, str]
+    unused: tuple[str, ...]
+    remarks: tuple[str, ...]
+    missing: dict[str, int]
+    units: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording in SI units: `time` (n,), `inputs` and `outputs` by name, each (n,), outputs NaN where missing.
+
+    Outputs are as the model puts them out (a radius less its rest). `lines` are the numbers of the samples' lines in
+    the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
+    starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
+    where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
+    understood.
+    """
+
+    name: str
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    outputs: dict[str, np.ndarray]
+    lines: np.ndarray
+    trigger: np.ndarray | None = None
+    start: str = RESTED
+    start_said: bool = False
+    begins: float | None = None
+    follows: str = ""
+    source: Source | None = None
+
+    def seen(self, output: str) -> np.ndarray:
+        """Where an output was recorded, shape (n,); all False if it is not in the file."""
+        return np.isfinite(self.outputs[output]) if output in self.outputs else np.zeros(self.time.size, bool)
+
+
+class StillError(DataError):
+    """A file in which nothing moves: it says nothing, and harms nothing."""
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """All experiments of a folder and what its bench.toml says: `geometry` by parameter name, noise by signal name.
+
+    `left_out` names files that hold no table, such as somebody's notes, `still` those in which nothing moves.
+    """
+
+    plant: Plant
+    experiments: list[Experiment]
+    geometry: dict[str, float] = field(default_factory=dict)
+    noise: dict[str, float] = field(default_factory=dict)
+    source: str = ""
+    left_out: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
+
+    @property
+    def starts(self) -> dict[str, str]:
+        """How each experiment starts, by name: one that follows another as that does, unless bench.toml says it."""
+        return {e.name: self.begun_by(e).start for e in self.experiments}
+
+    def begun_by(self, experiment: Experiment) -> Experiment:
+        """The experiment whose start decides how another one begins: itself, or the first of those that it follows."""
+        own = {e.name: e for e in self.experiments}
+        while experiment.follows in own and not experiment.start_said:
+            experiment = own[experiment.follows]
+        return experiment
+
+    @property
+    def fitted_outputs(self) -> list[Output]:
+        """The outputs that take part in fits: recorded in some file, and not driven by the rate of an input."""
+        there = [o for o in self.plant.outputs if any(e.seen(o.name).any() for e in self.experiments)]
+        return [o for o in there if not o.feels_rates]
+
+
+def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Recordings:
+    """Every recording of a folder, in the order of their names, and its optional bench.toml.
+
+    `columns` say which column is which signal where headings do not, as in "radius=laser_2[um]".
+    """
+    files = _files(folder, plant)
+    said = read_bench(folder / "bench.toml", plant, [path.stem for path in files])
+    chosen = said.columns | choices(columns, plant)
+    experiments, left_out, still = [], [], {}
+    for path in files:
+        try:
+            read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, _commanded(said))
+            experiments.append(_placed(read_one, said, plant))
+        except NoTableError:
+            if path.suffix.lower() not in NOTES:
+                raise
+            left_out.append(path.name)
+        except StillError as finding:
+            still[path.name] = finding
+    if still and not experiments:
+        raise next(iter(still.values()))
+    if not experiments:
+        raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
+    ordered = _ordered(experiments)
+    return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
+
+
+def of_tables(
+    tables: Sequence[Table], plant: Plant, columns: Sequence[str] = (), said: BenchFile | None = None
+) -> Recordings:
+    """Recordings that are in memory, each named by its table's path; `said` is what bench.toml would say of them."""
+    if not tables:
+        raise DataError("recordings: expected at least one table but was given none")
+    said = said or BenchFile()
+    chosen = said.columns | choices(columns, plant)
+    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, _commanded(said)) for t in tables}
+    experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
+    return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
+
+
+def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:
+    """The experiment with its kind of start, from bench.toml or from its first samples, and its start time."""
+    start = said.start.get(experiment.name, said.start.get("default", ""))
+    placed = replace(experiment, start_said=bool(start), begins=said.order.get(experiment.name))
+    return replace(placed, start=start or detected(experiment, plant))
+
+
+def _ordered(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The experiments, each with the name of the one that it follows; `DataError` where two overlap."""
+    row = sorted((e.begins, e.name, float(np.ptp(e.time))) for e in experiments if e.begins is not None)
+    follows = {}
+    for (begins, first, lasts), (then, name, _) in pairwise(row):
+        if begins + lasts >= then:
+            raise DataError(
+                f"bench.toml: [order] {first} begins at {begins:g} s and lasts {lasts:.4g} s, but {name} begins at "
+                f"{then:g} s; expected start times one after the other"
+            )
+        follows[name] = first
+    return [replace(e, follows=follows.get(e.name, "")) for e in experiments]
+
+
+def _commanded(said: BenchFile) -> list[str]:
+    """The signals without noise: they were not measured."""
+    return [name for name, level in said.noise.items() if level == 0]
+
+
+def _files(folder: Path, plant: Plant) -> list[Path]:
+    """The files of a folder that may be recordings; each name once."""
+    if not folder.is_dir():
+        raise DataError(
+            f"{folder}: expected a folder of recordings but there is {'a file' if folder.exists() else 'nothing'}"
+        )
+    files = sorted(path for path in folder.iterdir() if is_recording(path))
+    stems = {path.stem for path in files}  # the recording itself, where somebody has saved the sheet beside it
+    unread = sorted(path.name for path in folder.iterdir() if is_spreadsheet(path) and path.stem not in stems)
+    if unread:
+        raise DataError(
+            f"{folder}: {some(unread)}: expected recordings as text (such as CSV), MATLAB, HDF5, TDMS or Parquet files "
+            "but found spreadsheets, which are not read; save each as CSV beside it, or move away what is no recording"
+        )
+    if not files:
+        raise DataError(f"{folder}: no experiment usable: expected files headed {plant.headers()!r} but found none")
+    by_name: dict[str, Path] = {}
+    for path in files:
+        if path.stem in by_name:
+            raise DataError(
+                f"{folder}: expected one file an experiment but found {by_name[path.stem].name} and "
+                f"{path.name}; move one away"
+            )
+        by_name[path.stem] = path
+    return files
+
+
+def read_experiment(
+    path: Path,
+    plant: Plant,
+    geometry: Mapping[str, float] | None = None,
+    chosen: Mapping[str, Choice] | None = None,
+    rate: float | None = None,
+    commanded: Collection[str] = (),
+) -> Experiment:
+    """One file, checked. `geometry` has the values of parameters that are subtracted from a column (a radius).
+
+    `chosen` says which column a signal is, `rate` [Hz] how a file without a time was sampled, `commanded` which inputs
+    were not measured. `DataError` for what cannot be used.
+    """
+    return experiment_of(read(path, signals(plant)), plant, geometry, chosen, rate, commanded)
+
+
+def experiment_of(
+    table: Table,
+    plant: Plant,
+    geometry: Mapping[str, float] | None = None,
+    chosen: Mapping[str, Choice] | None = None,
+    rate: float | None = None,
+    commanded: Collection[str] = (),
+) -> Experiment:
+    """One table of numbers, checked; the arguments are those of `read_experiment`."""
+    path, chosen = table.path, chosen or {}
+    columns = assigned(table, plant, chosen, rate)
+    if table.lines.size < plant.least_samples:
+        raise DataError(
+            f"{path}: too few samples: {table.lines.size} {table.row}s of numbers; expected at least "
+            f"{plant.least_samples}"
+        )
+    taken = sampling(table, columns["time"].values, np.array([a.values for n, a in columns.items() if n != "time"]))
+    values, lines = {name: a.values[taken.kept] for name, a in columns.items()}, table.lines[taken.kept]
+    time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
+    _check_time(table, lines, time, plant)
+    inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
+    for finding in checks.inputs(values, plant, lines, commanded):
+        raise DataError(f"{path}, {finding}")
+    known = plant.model.parameter_values() | dict(geometry or {})
+    outputs, idle = _outputs(table, plant, columns, values, lines, _nothing_moves(inputs, plant), known)
+    told = [
+        f"{s.name} is read from {columns[s.name].column.shown}, the only column in a unit of its kind"
+        for s in plant.inputs
+        if s.name not in chosen and columns[s.name].column.name != plain(s.name)
+    ]
+    told += [
+        f"{name} is read from {columns[name].column.shown}, the only column with that in its heading"
+        for output in plant.outputs
+        for name in output.headings
+        if name in values and name not in chosen and columns[name].column.name != plain(name)
+    ]
+    source = _source(table, columns, [*told, *taken.remarks, *idle])
+    return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _outputs(
+    table: Table,
+    plant: Plant,
+    columns: Mapping[str, Assigned],
+    values: Mapping[str, np.ndarray],
+    lines: np.ndarray,
+    undriven: bool,
+    known: Mapping[str, float],
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The outputs by name (n,) in SI, as the model puts them out, and remarks on them; `DataError` where they are none.
+
+    `undriven` is whether no input moves. One output may stand still where another one moves.
+    """
+    found: dict[str, np.ndarray] = {}
+    said: list[str] = []
+    headings = {o.name: next((name for name in o.headings if name in values), None) for o in plant.outputs}
+    there = [h for h in headings.values() if h is not None and _there(values[h]).size]
+    still = [h for h in there if any(checks.constant(_there(values[h]), h, lines, ""))]
+    for output in plant.outputs:
+        heading = headings[output.name]
+        if heading is None:
+            continue
+        if not output.required and (heading in still or heading not in there):
+            said.append(f"{heading} {'stands still' if heading in still else 'has no number'} here, and is not used")
+            continue
+        if undriven and heading in still:
+            raise StillError(f"{table.path}: neither an input nor {heading!r} moves in it; expected an experiment")
+        read, alone = values[heading], spikes(values[heading])
+        if alone.size and not output.feels_rates:  # a current peaks where its voltage switches
+            unit = plant.quantity(output.name).unit
+            written = columns[heading].unit or unit
+            said.append(_spiky(heading, converted(read, unit, written), written, alone, lines, table.row))
+            read = np.where(np.isin(np.arange(lines.size), alone), np.nan, read)
+        zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
+        rests = heading in still and len(still) < len(there)
+        said += [f"{heading} stands still here"] * rests
+        for finding in checks.output(read, output, plant, lines, heading, zero, rests):
+            raise DataError(f"{table.path}, {finding}")
+        found[output.name] = read - zero
+    return found, said
+
+
+def _spiky(heading: str, values: np.ndarray, unit: str, alone: np.ndarray, lines: np.ndarray, row: str) -> str:
+    """What is said of single samples that stand out."""
+    first, more = int(alone[0]), f", as {alone.size - 1} more do" if alone.size > 1 else ""
+    return (
+        f"{heading} is {values[first]:.4g} {unit} in {row} {lines[first]}, far from the samples beside it{more}: "
+        "left out as a spike"
+    )
+
+
+def _nothing_moves(inputs: Mapping[str, np.ndarray], plant: Plant) -> bool:
+    """Whether every input is a constant and its noise, or moves by next to nothing."""
+
+    def rests(values: np.ndarray, signal: Input) -> bool:
+        little = AT_REST * signal.most if np.isfinite(signal.most) else 0.0
+        return np.ptp(values) <= little or any(
+            checks.constant(values, signal.name, np.zeros(values.size, dtype=int), "")
+        )
+
+    return all(rests(inputs[s.name], s) for s in plant.inputs)
+
+
+def _there(values: np.ndarray) -> np.ndarray:
+    return values[np.isfinite(values)]
+
+
+def _source(table: Table, columns: Mapping[str, Assigned], remarks: Sequence[str]) -> Source:
+    shown = {name: _shown(a) for name, a in columns.items()}
+    missing = {name: a.column.missing for name, a in columns.items() if a.column.missing}
+    units, said = {name: a.unit for name, a in columns.items() if a.unit}, (*table.remarks, *remarks)
+    return Source(table.path, table.format, shown, tuple(unused(table, columns)), said, missing, units)
+
+
+def _shown(a: Assigned) -> str:
+    """A column's heading, with its unit if the heading does not contain it."""
+    text = a.column.heading or f"number {a.column.number}"
+    if a.column.clock:
+        return f"{text} (clock)"
+    said = re.search(rf"(?<![^\W_]){re.escape(a.unit)}(?![^\W_])", text)
+    return text if said or not a.unit else f"{text} in {a.unit}"
+
+
+def _switched(trigger: np.ndarray | None) -> np.ndarray | None:
+    """A trigger as 0 and 1, whatever its levels; None where it never changes."""
+    if trigger is None or not np.any(np.isfinite(trigger)):
+        return None
+    low, high = np.nanmin(trigger), np.nanmax(trigger)
+    return np.where(trigger > 0.5 * (low + high), 1.0, 0.0) if high > low else None
+
+
+def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Input) -> np.ndarray:
+    """An input with its gaps filled: by the last value where the signal is held, else by a straight line."""
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < max(2, values.size // 2):
+        raise DataError(f"{path}, column {signal.name!r}: expected numbers but more than half of the lines have none")
+    if signal.held:
+        last = np.clip(np.searchsorted(there, np.arange(values.size), side="right") - 1, 0, None)
+        return values[there[last]]
+    return np.interp(time, time[there], values[there])
+
+
+def _check_time(table: Table, lines: np.ndarray, time: np.ndarray, plant: Plant) -> None:
+    span, step = float(time[-1] - time[0]), usual_step(time)
+    if span < plant.shortest or step > plant.coarsest:
+        label = "s labelled ms" if span < plant.shortest else "ms labelled s"
+        raise DataError(
+            f"{table.path}, {table.row}s {lines[0]} to {lines[-1]}, column 'time': {span:g} s in steps of {step:g} s; "
+            f"expected at least {plant.shortest:g} s in steps of at most {plant.coarsest:g} s: {label}?"
+        )

@@ -1,0 +1,226 @@
+"""The initial state of a recording: rest, equilibrium under its first inputs, or unknown.
+
+A file that begins with loaded inputs and a moved output was cut from a longer run, or the plant stood under load. Its
+states at the start are then unknown: where the plant has an equilibrium, it starts there, and by how much each state is
+off is one of the record's own numbers (`adjust`), which the record itself determines.
+
+What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
+before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
+the zero describes. A zero that all files have in common may be an effect and stays. What moves from the first sample on
+begins with nothing, for the same reason, up to a sample earlier: a sampling clock seldom begins with the plant. When it
+began is one of the record's own numbers too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import norm as normal
+from scipy.stats import t as student
+
+from ...laws.places import Path
+from ...model.declare import Model, Parameter, Quantity
+from ...plants.plant import Input, Plant
+
+if TYPE_CHECKING:
+    from ..inputs.drive import Drive
+    from ..inputs.held import HeldLine
+    from .data import Experiment
+
+RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
+STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
+# Set by judgement. Check: `pytest tests/test_start.py`,
+# `python -m blind.score --nulls 12 --conventions start --seed 1000`
+FIRST_SAMPLES = 12  # [samples] that tell what a record begins with, and within which what begins is changed
+CLEARLY = 5.0  # [standard errors] of it that are a load
+ZEROS = 3.0  # [1] usual zeros of its signal that are one
+SEVERAL = 3  # [1] files at rest from which on it can be told what their zeros have in common
+MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that rests wanders at most
+SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
+IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
+AT_FIRST = 0.5  # [1] of rigs that begin with a sample; the others do so anywhere between two
+BEGINS = 41  # [1] places between two samples that are compared
+FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
+
+
+def detected(experiment: Experiment, plant: Plant) -> str:
+    """The kind of start of a recording, from its first samples; unknown under a load that has moved the output."""
+    if plant.model.curve is None or not experiment.outputs:
+        return RESTED
+    time = experiment.time
+    loaded = any(_begins_off(time, experiment.inputs[s.name], s.zero) for s in plant.inputs)
+    name = next(iter(experiment.outputs))
+    seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
+    if signal.rest is None or not loaded:
+        return RESTED
+    moved = _begins_off(time[seen], experiment.outputs[name][seen] - signal.rest, signal.zero)
+    return UNKNOWN if moved else RESTED
+
+
+def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
+    """Whether a signal is clearly not zero at its first sample, by the straight line through the first of them."""
+    if time.size < FIRST_SAMPLES:
+        return False
+    line = np.column_stack([np.ones(FIRST_SAMPLES), time[:FIRST_SAMPLES] - time[0]])
+    found, *_ = np.linalg.lstsq(line, values[:FIRST_SAMPLES], rcond=None)
+    variance = float(np.sum((values[:FIRST_SAMPLES] - line @ found) ** 2)) / (FIRST_SAMPLES - 2)
+    error = np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0])
+    least = ZEROS * zero if zero > 0 else FAINT_SIGNAL * float(np.quantile(np.abs(values), 0.99))
+    return bool(abs(found[0]) > max(CLEARLY * error, least))
+
+
+def zeroed(
+    experiments: Sequence[Experiment], drives: Sequence[Drive], plant: Plant, effects: bool = True
+) -> list[Drive]:
+    """The drives without the zeros of monitors, where experiments begin at rest.
+
+    Where `effects` are sought, a zero that they have in common stays.
+    """
+    resting = [i for i, e in enumerate(experiments) if e.start == RESTED]
+    if plant.model.curve is None:
+        return list(drives)
+    zeros: list[dict[str, float]] = [{} for _ in drives]
+    still: list[dict[str, int]] = [{} for _ in drives]
+    levels: dict[str, float] = {}
+    for signal in plant.inputs:
+        shown = {i: _at_rest(experiments[i], drives[i], signal.name) for i in resting}
+        seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.zero}
+        found = np.array([zero for zero, _ in seen.values()])
+        effect = effects and _may_be_off(plant, signal.name)
+        levels[signal.name] = _in_common(found, signal.zero) if effect else 0.0
+        for i, (zero, points) in seen.items():
+            zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
+        for i in resting:
+            if signal.linear and i not in seen and _may_begin_with_nothing(experiments[i], drives[i], signal):
+                still[i][signal.name] = 1  # it moves at once, from nothing
+    shown_at_rest = [{n: z.get(n, 0.0) + level for n, level in levels.items()} for z in zeros]
+    begun = [
+        _from_nothing(e, d, plant, s, r) for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
+    ]
+    return [d.without(z, s, levels) if s else d for d, z, s in zip(begun, zeros, still, strict=True)]
+
+
+def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input) -> bool:
+    """Whether an input may have begun with nothing: with less than a zero and what it moves by in a sample."""
+    line, time = driven.lines[signal.name], experiment.time
+    first, second = np.interp(time[:2], line.time, line.values)
+    moves = 0.0 if line.edge[0] >= 0 or abs(second) < abs(first) else abs(second - first)
+    return bool(abs(first) <= ZEROS * signal.zero + moves)
+
+
+def _from_nothing(
+    experiment: Experiment, driven: Drive, plant: Plant, still: Mapping[str, int], nothing: Mapping[str, float]
+) -> Drive:
+    """The drive with lines that move at once begun at what is `nothing` there, up to a sample before the first one.
+
+    A point some samples from the start sees to it that only up to there they are changed.
+    """
+    at = float(experiment.time[min(FIRST_SAMPLES, experiment.time.size - 1)])
+    lines, begun = dict(driven.lines), {}
+    for signal in plant.inputs:
+        if still.get(signal.name) == 1:
+            line = lines[signal.name].with_time(at)
+            begins = _begun(experiment, driven, signal, line, nothing[signal.name])
+            lines[signal.name], begun[signal.name] = line.begun_at(begins[0]), begins[1]
+    return replace(driven, lines=lines, begun=begun)
+
+
+def _begun(experiment: Experiment, driven: Drive, signal: Input, line: HeldLine, nothing: float) -> tuple[float, float]:
+    """When an input that moves from the first sample on began to, and the standard deviation of that [s].
+
+    It began with the first sample, as where one clock runs both, or anywhere in the interval before. A line through its
+    first samples meets `nothing` there, but for the noise and the zero of its monitor.
+    """
+    time, part = experiment.time, np.linspace(-1.0, 0.0, BEGINS)
+    samples = min(FIRST_SAMPLES, max(int(np.searchsorted(time, line.time[1])), 2), time.size)
+    after = (time[:samples] - time[0]) / (time[1] - time[0])
+    terms = np.vander(after, 3 if samples > FIRST_SAMPLES // 2 else 2, increasing=True)
+    (first, slope, *_), *_ = np.linalg.lstsq(terms, experiment.inputs[signal.name][:samples] - nothing, rcond=None)
+    error = np.hypot(driven.noise[signal.name] * np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0]), signal.zero)
+    if error == 0.0 or slope == 0.0:
+        return float(time[0]), 0.0
+    chance = np.append(np.full(BEGINS - 1, (1 - AT_FIRST) / (BEGINS - 1)), AT_FIRST)
+    chance *= np.exp(-0.5 * ((first + slope * part) / error) ** 2)
+    if not chance.any():
+        return float(time[0]), 0.0
+    mean = float(np.average(part, weights=chance))
+    spread = float(np.sqrt(np.average((part - mean) ** 2, weights=chance)))
+    return float(time[0] + mean * (time[1] - time[0])), spread * float(time[1] - time[0])
+
+
+def _in_common(zeros: np.ndarray, usual: float) -> float:
+    """What zeros (k,) of a monitor have in common, if more than chance gives, or in few files more than `usual`."""
+    if zeros.size < SEVERAL:
+        return float(zeros.mean()) if zeros.size and abs(zeros.mean()) > usual else 0.0
+    error = float(np.std(zeros, ddof=1)) / float(np.sqrt(zeros.size))
+    surely = float(student.isf(normal.sf(IN_COMMON), zeros.size - 1))  # few files tell little of their spread
+    return float(zeros.mean()) if abs(zeros.mean()) > surely * error else 0.0
+
+
+def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, int] | None:
+    """What a monitor shows before anything moves, and how many points its line has there: within noise about it.
+
+    Where it moves at once, that is what it clearly begins with; None where nothing tells.
+    """
+    line = driven.lines[name]
+    off, noise = np.abs(line.values - line.values[0]), driven.noise[name]
+    moved = (off > MOVED * noise) & ((off > SPIKE * noise) | (np.append(off[1:], off[-1]) > MOVED * noise))
+    points = int(np.argmax(moved)) if moved.any() else line.time.size
+    time, values = line.time[:points], line.values[:points]
+    if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:
+        return _clear_begin(experiment, line, name)
+    return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
+
+
+def _clear_begin(experiment: Experiment, line: HeldLine, name: str) -> tuple[float, int] | None:
+    """What a monitor begins with, by a parabola through the samples of its line's first piece, if that is clearly
+    something: more than what it moves by in a sample, as it may have begun to move that much earlier."""
+    if line.time.size < 2 or np.any(line.edge[:2] >= 0):
+        return None
+    samples = int(np.searchsorted(experiment.time, line.time[1]))
+    if samples < FIRST_SAMPLES:
+        return None
+    time = experiment.time[:samples] - experiment.time[0]
+    (_, slope, first), covariance = np.polyfit(time / time[1], experiment.inputs[name][:samples], 2, cov=True)
+    clear = abs(first) > CLEARLY * np.sqrt(covariance[-1, -1]) + abs(slope)
+    return (float(first), 1) if clear else None
+
+
+def _may_be_off(plant: Plant, name: str) -> bool:
+    """Whether an offset of this input is among the effects."""
+    return any(isinstance(p, Path) and p.name == name and p.asks("offset") for p in plant.places)
+
+
+def loosened(model: Model) -> Model:
+    """The model with a parameter for every state by which it may be off at the start, 0 by default.
+
+    The unknown of an equilibrium curve has none: it follows from the first inputs. States that have one keep it.
+    """
+    unknown = model.curve.unknown if model.curve else None
+    known = {p.quantity.name for p in model.parameters}
+    states, parameters = [], []
+    for state in model.states:
+        q = state.quantity
+        if q.name == unknown or off_name(q.name) in known:
+            states.append(state)
+            continue
+        off = Quantity(off_name(q.name), q.unit, f"By how much {q.name} is off at the start", 0.0, nominal=q.nominal)
+        parameters.append(Parameter(off))
+        settled = None if state.equilibrium is None else state.equilibrium + off.symbol
+        states.append(dataclasses.replace(state, start=state.start + off.symbol, equilibrium=settled))
+    return dataclasses.replace(model, states=tuple(states), parameters=(*model.parameters, *parameters))
+
+
+def off_name(state: str) -> str:
+    """The parameter by which a state is off at the start."""
+    return f"{state}_off_at_start"
+
+
+def unknowns(model: Model) -> dict[str, float]:
+    """The parameters of an unknown start, with their usual sizes (SI)."""
+    curve = model.curve.unknown if model.curve else None
+    return {off_name(s.quantity.name): s.quantity.nominal for s in model.states if s.quantity.name != curve}

@@ -1,0 +1,1 @@
+"""A sampled signal by itself: its clock, its levels, its hum and its noise."""

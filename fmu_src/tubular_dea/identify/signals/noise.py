@@ -1,0 +1,483 @@
+"""The sensor's noise, from the record alone: the residual of smooth curves in stretches without events.
+
+The misfit of a model has no part in it, so an effect that the model lacks cannot hide in the noise. Between events a
+plant creeps, so exponentials of all time constants and polynomials are taken out; what slow drift a sensor has goes
+with them. The rest is noise of some colour (`colour`), by restricted maximum likelihood (Patterson and Thompson,
+Biometrika 58 (1971) 545) over stretches long enough to show a correlation that lasts a quarter of them. Lines at mains
+frequency and its harmonics are separated (`hum`). Where events follow so fast that no stretch is quiet, the parts
+between them are used, and the uncertainty is larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from scipy.optimize import minimize, minimize_scalar
+
+from ..threads import one_blas_thread
+from . import hum as hums
+from .colour import Colour
+from .monitors import resolution
+from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches
+from .sampling import usual_step
+
+# Set by judgement. Check: `pytest tests/test_noise.py`,
+# `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
+MOST_LINES = 12  # [1] lines that are looked for
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
+ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which on they tell the noise by themselves
+
+# Set by measurement: with 8 samples a line, stretches of 31 samples without four lines looked calmer than all others.
+# Check: `pytest tests/test_noise.py -k harmonics`
+ROOM_A_LINE = 32  # [samples] that a stretch has for each line of hum that is taken out of it
+
+# Set by judgement: noise that is white and has a colour may be 1/f noise. Check: `pytest tests/test_noise.py -k slow`
+SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not
+SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
+
+# Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
+FORM = 0.012  # [1] relative error of the variance that remains however long the record
+UNQUIET = 0.2  # [1] the same where no stretch is quiet
+
+# Set by judgement. Check: `pytest tests/test_acceptance.py -k quiet`, `python -m measured.table`
+CALM_SHARE = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
+BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal
+
+# Set by judgement. Check: `pytest tests/test_noise.py`
+SLOWEST_COLOUR = 0.996  # [1] correlation between neighbouring samples up to which one is sought
+WHITE = (0.1, 0.5)  # [1] white shares to begin with
+LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, as slow effects are sought there
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions colour --seed 1000`
+EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
+ONE_STRETCH = 0.1  # [1] share of all degrees of freedom up to which a stretch that alone tells of 1/f noise is none
+SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
+SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
+SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
+SLOWEST_POLE = 0.9998  # [1] pole of it up to which one is sought
+NO_WHITE = -6.0  # [1] logit of a white share that is none
+
+# Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
+# Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
+COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of standard deviation `rms` (the output's unit), with `correlation` between neighbours `step` [s] apart.
+
+    A share `white` of its variance is white; the rest has one time constant, so that other steps have other
+    correlations (`step` 0: the same at any). `slower`, the pole and the zero of a filter behind it, makes it 1/f
+    noise. `freedom` is the number of degrees of freedom that `rms` was estimated
+    with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
+    frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
+    `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
+    enough to tell how much of it is slower than what they show, as 1/f noise is. `driven` is white noise on top (the
+    same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain` is the step (the
+    same unit) that readings are rounded to where that is coarse beside the noise, else 0.
+    """
+
+    rms: float
+    correlation: float
+    freedom: float = np.inf
+    hum: tuple[float, ...] = ()
+    lines: tuple[float, ...] = ()
+    step: float = 0.0
+    white: float = 0.0
+    form: float = FORM
+    quiet: bool = True
+    driven: float = 0.0
+    slower: tuple[float, float] = (0.0, 0.0)
+    slow_known: bool = True
+    grain: float = 0.0
+
+    @property
+    def uncertainty(self) -> float:
+        """Relative standard error of the variance: by chance, and as no noise is quite of this form."""
+        return max(self.form, float(np.sqrt(2 / self.freedom)))
+
+    @property
+    def innovation(self) -> float:
+        """Standard deviation of what is new in each sample."""
+        return self.total * float(np.sqrt(self.colour(self.step).innovation))
+
+    @property
+    def own_innovation(self) -> float:
+        """The same without what is driven: that of the sensor alone."""
+        return replace(self, driven=0.0).innovation
+
+    @property
+    def total(self) -> float:
+        """Standard deviation with what is driven."""
+        return float(np.hypot(self.rms, self.driven))
+
+    @property
+    def slow(self) -> float:
+        """Standard deviation per sample of what averages over many samples come from."""
+        return self.slow_at(self.step)
+
+    def slow_at(self, step: float) -> float:
+        """The same for samples `step` [s] apart."""
+        return self.total * float(np.sqrt(self.colour(step).density()))
+
+    @property
+    def phi(self) -> float:
+        """The correlation between neighbouring samples of the coloured part."""
+        return self.correlation / max(1 - self.white, 1e-12)
+
+    @property
+    def tau(self) -> float:
+        """Time constant of the coloured part [s]; 0 where there is none."""
+        return float(-self.step / np.log(self.phi)) if 0 < self.phi < 1 else 0.0
+
+    def colour(self, step: float) -> Colour:
+        """The colour of samples `step` [s] apart."""
+        steps = step / self.step if self.step > 0 and step > 0 else 1.0
+        phi = self.phi**steps if self.phi > 0 else self.phi
+        pole, zero = self.slower
+        if not self.driven:
+            return Colour(float(phi), self.white, pole**steps, zero**steps)
+        before = self.rms**2 / Colour(self.phi, self.white, pole, zero).raised  # the filter raises no driven noise
+        slow, driven = before * Colour(self.phi, self.white).density(), self.driven**2
+        more = float(np.sqrt((slow * ((1 - zero) / (1 - pole)) ** 2 + driven) / (slow + driven)))
+        white = (self.white * before + driven) / (before + driven)
+        return Colour(float(phi), white, pole**steps, (1 - more * (1 - pole)) ** steps)
+
+    def whiten(self, clock: Clock, values: np.ndarray) -> np.ndarray:
+        """Values (n,) or columns (n, k) read at a clock's times, in units of the innovation; a gap starts anew."""
+        colour = self.colour(clock.step)
+        white = np.concatenate([colour.whiten(values[part]) for part in clock.parts])
+        white /= self.total
+        return white
+
+    def sample(self, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Noise of this kind at `time`, for a bootstrap; without hum."""
+        step = usual_step(time) if time.size > 1 else 0.0
+        return self.total * self.colour(step).sample(time.size, random)
+
+
+@one_blas_thread
+def estimate(records: Records) -> Noise:
+    """The noise common to records of (time, output, times of events); outputs without gaps."""
+    chosen, quiet, rings = _chosen(records)
+    found, still = _told(records, chosen, quiet, rings), _before_events(records)
+    if _freedom(still) < CALMEST:
+        return found
+    alike = _left(chosen) < NOT_CALM * max(_left(still), coarseness(records) ** 2)
+    if found.quiet and alike and not (rings and _freedom(still) >= SOME_FREEDOM):
+        return found
+    told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
+    return told if told.quiet else found
+
+
+def _before_events(records: Records) -> list[Stretches]:
+    """The calm stretches before anything happens in their records."""
+    first = [next((e for e in events if time[0] < e < time[-1]), time[0]) for time, _, events in records]
+    kept = []
+    for one in calm(stretches(records), coarseness(records)):
+        ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
+        kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
+    return [k for k in kept if k.record.size]
+
+
+def _left(groups: Sequence[Stretches]) -> float:
+    """The variance of stretches without what creeps."""
+    return sum(float(np.sum(g.left**2)) for g in groups) / max(_freedom(groups), 1)
+
+
+def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -> Noise:
+    """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
+    step = min(s.step for s in chosen)
+    plain, lines = _stripped(chosen, records, Colour(0.0))
+    found = _coloured(plain, step)
+    if found.at_step.correlation:
+        plain, lines = _stripped(chosen, records, found.colour(step))
+        found = _coloured(plain, step) if lines else found
+    colour = found.colour(step)
+    long = colour.phi > np.exp(-1 / BRIEF)
+    quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
+    form = max(FORM, found.uncertainty) if quiet else UNQUIET
+    mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
+    others = tuple(sorted(f for f in lines if f not in mains))
+    return Noise(
+        float(np.sqrt(found.variance)),
+        colour.correlation,
+        found.freedom,
+        mains,
+        others,
+        step,
+        colour.white,
+        form,
+        quiet,
+        slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
+        slow_known=quiet and (not 0 < colour.white < 1 or colour.phi <= 0 or _longest(chosen) >= SLOW_STRETCH),
+    )
+
+
+def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
+    """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
+    coarse, every = coarseness(records), stretches(records)
+    chosen = calm(every, coarse)
+    mains = _mains(chosen, records)
+    if mains:
+        every = _with_room(every, mains)
+        chosen = calm(every, coarse, lines=mains)
+    if _freedom(chosen) < CALMEST:
+        every = stretches(records, short=True)
+        chosen = calm(every, coarse, BARELY_CALM)
+    if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
+        other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
+        if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
+            return other, False, True
+    return chosen, True, _freedom(chosen) < CALM_SHARE * _freedom(every)
+
+
+def _with_room(every: list[Stretches], lines: Sequence[float]) -> list[Stretches]:
+    """The stretches of which lines take little, if these are enough: of short ones they take most of the noise."""
+    long = [s for s in every if len(s.values) >= ROOM_A_LINE * len(lines)]
+    return long if _freedom(long) >= ENOUGH_FREEDOM else every
+
+
+def coarseness(records: Records) -> float:
+    """The step of the sensor's readings."""
+    return float(np.median([resolution(y) for _, y, _ in records]))
+
+
+def _mains(chosen: list[Stretches], records: Records) -> list[float]:
+    """The lines [Hz] of hum in chosen stretches; none where they are too few to tell. No ringing of a plant is hum."""
+    if _freedom(chosen) < CALMEST:
+        return []
+    step = min(s.step for s in chosen)
+    return [f for f in _stripped(chosen, records, Colour(0.0))[1] if hums.is_hum(f, step)]
+
+
+def _variance(records: Records) -> float:
+    """The largest variance of a record: noise with more is a signal, the ringing of a plant that has not settled."""
+    return max(float(np.var(values)) for _, values, _ in records)
+
+
+def _longest(quiet: Sequence[Stretches]) -> float:
+    """The longest stretches [s] that tell something together."""
+    return max((s.step * len(s.values) for s in quiet if s.freedom >= SOME_FREEDOM), default=0.0)
+
+
+def rounded(noise: Noise, step: float) -> Noise:
+    """Noise with what rounding to steps adds where the signal moves: it is white there, and hardly shows at rest.
+
+    Where it is larger than the noise, it follows slow signals, and nothing tells how slow it is.
+    """
+    rounding = step / float(np.sqrt(12.0))
+    if step > 0:
+        noise = replace(noise, form=max(noise.form, _by_place(noise.rms, step)))
+    if 2 * rounding**2 >= noise.rms**2:
+        noise = replace(noise, slow_known=False, grain=step)
+    if rounding < COARSE_OUTPUT * noise.innovation:
+        return noise
+    rms = float(np.hypot(noise.rms, rounding))
+    white = (noise.white * noise.rms**2 + rounding**2) / rms**2
+    return replace(noise, rms=rms, white=white, correlation=(1 - white) * noise.phi)
+
+
+def _by_place(rms: float, step: float) -> float:
+    """The relative error of the variance at rest: how much noise readings in steps show depends on where they rest.
+
+    The first wave of the variance over the place between two steps (Widrow and Kollar, "Quantization noise", 2008,
+    ch. 9): 2 % for noise of half a step, 30 % for a third. `rms` is that of readings, with what rounding adds.
+    """
+    own = max(rms**2 - step**2 / 12, 0.0)
+    wave = (step**2 / np.pi**2 + 4 * own) * np.exp(-2 * np.pi**2 * own / step**2)
+    return float(wave / (own + step**2 / 12))
+
+
+def _freedom(quiet: Sequence[Stretches]) -> int:
+    return sum(s.freedom for s in quiet)
+
+
+def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple[list[Stretches], list[float]]:
+    """The stretches without lines, and their frequencies [Hz]: the strongest first, until none stands out.
+
+    One at a time, as the pattern of the stretches gives every line others beside it.
+    """
+    lines: list[float] = []
+    plain = quiet
+    while len(lines) < MOST_LINES:
+        line = _strongest(plain, records, colour)
+        if line is None:
+            break
+        lines.append(line)
+        plain = [s.without(lines) for s in quiet]
+    return plain, lines
+
+
+def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> float | None:
+    """The line [Hz] that stands out most of what is left of the stretches of the finest sampling."""
+    step = min(s.step for s in quiet)
+    rests: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for group in (s for s in quiet if s.step == step):
+        rest = group.rest(colour)
+        for j, (record, first) in enumerate(zip(group.record.tolist(), group.first.tolist(), strict=True)):
+            times = records[record][0][first : first + len(rest)]
+            rests.setdefault(record, []).append((times, rest[:, j]))
+    joined = [
+        tuple(np.concatenate(x) for x in zip(*sorted(parts, key=lambda p: p[0][0]), strict=True))
+        for parts in rests.values()
+    ]
+    return hums.strongest([(t, r) for t, r in joined], step)
+
+
+@dataclass(frozen=True)
+class _ColourEstimate:
+    """A colour at the base step, and the variance; `uncertainty` is the relative standard error of the slow noise that
+    they make."""
+
+    at_step: Colour
+    step: float
+    variance: float
+    freedom: int
+    uncertainty: float
+
+    def colour(self, step: float) -> Colour:
+        return _at(self.at_step, step / self.step)
+
+
+def _at(colour: Colour, steps: float) -> Colour:
+    """A colour at so many times its step."""
+    phi = colour.phi
+    return Colour(
+        phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), colour.white, colour.pole**steps, colour.zero**steps
+    )
+
+
+def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
+    """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place."""
+
+    def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
+        return _restricted(told, lambda s: _at(_numbered(x), s / step))[0]
+
+    far = float(np.arctanh(SLOWEST_COLOUR))
+    tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
+    near = min(tried, key=lambda v: tried[v])
+    bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))
+    one = minimize_scalar(lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": 2e-3})
+    chosen, cost = np.array([0.0]), tried[0.0]
+    if 2 * (cost - one.fun) > EARNED:
+        chosen, cost = np.array([float(one.x)]), float(one.fun)
+    starts = [
+        np.array([min(max(float(one.x), 0.0) + more, far), np.log(share / (1 - share))])
+        for share in WHITE
+        for more in SLOWER
+    ]
+    begin = min(starts, key=objective)
+    if objective(begin) < cost:
+        simplex = begin + np.array([[0, 0], [0.3, 0], [0, 0.7]])
+        two = minimize(
+            objective,
+            begin,
+            method="Nelder-Mead",
+            options={"xatol": 0.01, "fatol": 0.1, "maxiter": 80, "initial_simplex": simplex},
+        )
+        if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
+            chosen, cost = two.x, float(two.fun)
+    plain, chosen = chosen, _falling(objective, chosen, cost, step)
+    if chosen is not plain:
+        rest = _without_loudest(quiet, lambda s: _at(_numbered(plain), s / step))
+        alone = _freedom(rest) > (1 - ONE_STRETCH) * _freedom(quiet)
+        if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * EARNED:
+            return _coloured(rest, step)  # something moved in the one stretch that told of 1/f noise
+    colour, freedom = _numbered(chosen), _freedom(quiet)
+    _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
+    return _ColourEstimate(colour, step, variance, freedom, _standard_error(objective, chosen, freedom))
+
+
+def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:
+    """The stretches but the one that stands out most from noise of a colour."""
+    _, variance = _restricted(quiet, colour_at)
+    squares = [np.sum(g.rest(colour_at(g.step)) ** 2, axis=0) / variance for g in quiet]
+    each = [g.freedom / s.size for g, s in zip(quiet, squares, strict=True)]
+    out = [(s - f) / np.sqrt(2 * f) for s, f in zip(squares, each, strict=True)]
+    loudest = max(o.max() for o in out)
+    kept = [g.only(o < loudest) for g, o in zip(quiet, out, strict=True)]
+    return [g for g in kept if g.record.size]
+
+
+def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float) -> np.ndarray:
+    """The numbers with those of a filter that makes it 1/f noise, if they earn their place."""
+    plain = np.array([*chosen, NO_WHITE]) if chosen.size < 2 else chosen
+    begins = [
+        np.array([*plain, np.arctanh(np.exp(-step / tau)), np.log(np.expm1(np.log(times)))])
+        for tau in SLOW_TAU
+        for times in SLOW_TIMES
+    ]
+    begin = min(begins, key=objective)
+    if objective(begin) > cost:
+        return chosen
+    found = minimize(
+        objective,
+        begin,
+        method="Nelder-Mead",
+        options={
+            "xatol": 0.02,
+            "fatol": 0.2,
+            "maxiter": 150,
+            "initial_simplex": begin + np.vstack([np.zeros(4), np.diag([0.3, 0.7, 0.5, 0.5])]),
+        },
+    )
+    return found.x if 2 * (cost - found.fun) > 2 * EARNED else chosen
+
+
+def _numbered(x: np.ndarray) -> Colour:
+    """The colour at the base step of the numbers that are searched."""
+    phi = float(np.clip(np.tanh(x[0]), -0.999, 0.9995))
+    white = float(1 / (1 + np.exp(-np.clip(x[1], -12, 12)))) if x.size > 1 else 0.0
+    if x.size < 4:
+        return Colour(phi, white)
+    pole = float(np.clip(np.tanh(x[2]), 0.0, SLOWEST_POLE))
+    more = np.exp(np.log1p(np.exp(np.clip(x[3], -12, 6))))  # times that the filter raises what is slow
+    return Colour(phi, white, pole, float(max(1 - more * (1 - pole), 0.0)))
+
+
+def _restricted(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> tuple[float, float]:
+    """Minus the restricted log likelihood (but for constants), and the variance."""
+    squares, freedom, terms = 0.0, 0, 0.0
+    for group in quiet:
+        colour = colour_at(group.step)
+        n, m = group.values.shape
+        left, lengths = group.restricted(colour)
+        squares += left
+        freedom += group.freedom
+        terms += m * (2 * lengths + (n - 1) * np.log(colour.innovation))
+    variance = max(squares / max(freedom, 1), 1e-300)
+    return 0.5 * (freedom * np.log(variance) + terms), variance
+
+
+def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, freedom: int) -> float:
+    """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
+    if not at[0]:
+        return float(np.sqrt(2 / freedom))
+    k, width = at.size, 0.02
+    steps = np.eye(k) * width
+    curvature = np.array(
+        [
+            [
+                (objective(at + a + b) - objective(at + a - b) - objective(at - a + b) + objective(at - a - b))
+                / 4
+                / width**2
+                for b in steps
+            ]
+            for a in steps
+        ]
+    )
+
+    def log_density(x: np.ndarray) -> float:
+        colour = _numbered(x)
+        return float(np.log(colour.density(LOW) / colour.innovation))
+
+    slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])
+    spread = scipy.linalg.pinvh(curvature, rtol=1e-15)
+    return float(np.sqrt(2 / freedom + max(slope @ spread @ slope, 0.0)))

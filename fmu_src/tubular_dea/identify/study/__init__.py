@@ -1,0 +1,1 @@
+"""Records prepared for fits, with what each has of its own, and the fitting procedure."""

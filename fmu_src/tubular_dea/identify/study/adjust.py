@@ -1,0 +1,239 @@
+"""The nuisance parameters of each record, estimated from it: switching instants, zeros, gains, hum, initial states.
+
+What they are is said in `nuisances`, and how much they differ between files in `spreads`.
+
+Where an input switched between two samples, the instant within its bounds that best explains the following samples is
+used, and its uncertainty is integrated out. The first of these samples decides: the plant has responded for a part of
+the sampling interval, whatever the model lacks. Where a plant rings, or moves on from where it was, what an instant
+changes lasts beyond the next switching: there all instants of a record are estimated together, from all that follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..fitting.cases import Case
+from ..fitting.compiled import Ids
+from ..fitting.marginal import Marginal, marginal
+from ..fitting.problem import Free, whitened
+from ..threads import side_by_side
+from .instants import bounds, part_on_clock
+from .linearised import Linearised, lasting_edges, linearised, wide, windows_of
+from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, prior, step_of, with_columns
+from .spreads import LATEST, Common, most_spread, spreads
+from .study import Piece, Study, carried
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions monitor_zeros start --seed 1000`
+SETTLES = 2  # [1] times that a model is fitted and the records' own numbers are taken there, at least
+MOST_SETTLES = 6  # [1] the same at most
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
+STEP_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely start, or instants, that are tried in turn
+
+# Set by judgement. Check: `pytest tests/test_adjust.py -k makes_up_for_a_model`
+INCREDIBLE = 3.0  # [1] times the largest usual spread beyond which no zero, gain, delay or drift is one
+NARROWER = tuple(2.0**k for k in range(13))  # [1] times by which their priors are narrowed, until they are credible
+
+
+def adjusted(
+    study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = (), started: bool = True
+) -> Study:
+    """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
+
+    `free` are the parameters that are fitted while spreads are estimated. Unless `started`, states that are off an
+    equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
+    would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
+    """
+    fixed = study.shared(values) | study.geometry
+    owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
+    work = replace(study, pieces=[p for p in owned if p is not None])
+    if not work.pieces:
+        return study
+    linear = side_by_side(lambda p: linearised(work, ids, fixed, p), work.pieces)
+    spread, common = spreads(work, ids, fixed, linear, free)
+    priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
+    priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
+    part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
+    pieces = [
+        _settled(work, ids, fixed, p, s, sd, common, part) for p, s, sd in zip(work.pieces, linear, priors, strict=True)
+    ]
+    work = replace(work, pieces=pieces, spread=spread, late=common.late, longer=common.longer)
+    begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
+    everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
+    return replace(work, pieces=carried(everyone))
+
+
+def _settled(
+    study: Study,
+    ids: Ids,
+    values: Mapping[str, float],
+    piece: Piece,
+    linear: Linearised,
+    sd: np.ndarray,
+    common: Common,
+    part: float | None,
+) -> Piece:
+    """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
+
+    `sd` (k,) are their priors, `common` what all files have in common, and `part` that of the sampling at which edges
+    happened, if they did so on one clock.
+    """
+    shifts, late = piece.shifts, {name: by * step_of(piece) for name, by in common.late.items()}
+    if linear.windows:
+        left = _without_own(piece, linear, sd)
+        best = np.array([m.best(left[m.where]) for m in linear.windows])
+        if part is not None:
+            low, high = bounds(piece)
+            best = np.where(wide(piece), low + part * (high - low), best)
+        shifts = _kept_in_place(piece, best, late)
+    elif lasting_edges(piece):
+        shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
+    made = marginal(windows_of(piece, linear, shifts, part is not None), linear.columns, sd)
+    piece = replace(piece, late=late, longer=common.longer)
+    case = replace(piece.case, protocol=piece.driven_by(shifts))
+    return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _credible(study: Study, piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:
+    """Priors (k,) narrowed until nothing that a monitor has of its own, and no drift, is far beyond what those are.
+
+    Where a model misses a record by far, columns taken at other parameters would make up for what it lacks: a second
+    gain of 1 beside the model's own is a second time constant.
+    """
+    limits = np.array([_limit(study, piece, name) for name in piece.nuisances.names])
+    judged = np.isfinite(limits)
+    local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
+    columns, residual = local.apply(linear.columns), local.apply(linear.residual)
+    for times in NARROWER if judged.any() else ():
+        narrow = np.where(judged, sd / times, sd)
+        own = piece.nuisances.mean(columns, residual, narrow)
+        if np.all(np.abs(own[judged]) <= limits[judged]):
+            return narrow
+    return np.where(judged, 0.0, sd)
+
+
+def _limit(study: Study, piece: Piece, name: str) -> float:
+    """How far a nuisance parameter may be from nothing (SI); infinity where that is not limited."""
+    if name.startswith(SMOOTH_OF):
+        return INCREDIBLE  # neighbours that replace a sample wholly are 1
+    if name.startswith(LATE_OF):
+        return INCREDIBLE * LATEST * step_of(piece)
+    monitor = any(s.name == name for s in study.plant.inputs)
+    return INCREDIBLE * most_spread(study, name) if monitor or name.startswith((GAIN_OF, DRIFT_OF)) else np.inf
+
+
+def _without_own(piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:
+    """The residual (N,) at the most likely values of the nuisance parameters, whose priors are `sd` (k,), but edges."""
+    sd = _undelayed(piece, sd)
+    local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
+    own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+    return linear.residual + linear.columns @ own
+
+
+def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
+    """The priors (k,) without delays of inputs with edges, by which to tell their instants.
+
+    A delay moves all edges of an input alike, which their instants do as well. What many share would be taken for one,
+    and their instants would come near the likeliest ones only little by little.
+    """
+    switched = {f"{LATE_OF}{e.input}" for e in piece.driven.edges}
+    return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
+
+
+def _part_on_clock(pieces: Sequence[Piece], linear: Sequence[Linearised], priors: Sequence[np.ndarray]) -> float | None:
+    """The part of the sampling interval at which all edges happened, where the samples behind them say so."""
+    squares = []
+    for piece, one, sd in zip(pieces, linear, priors, strict=True):
+        if one.windows and not piece.held_out:
+            left = _without_own(piece, one, sd)
+            each = zip(one.windows, wide(piece), strict=True)
+            squares += [m.squares(left[m.where]) for m, may_be_anywhere in each if may_be_anywhere]
+    return part_on_clock(squares)
+
+
+def _together(
+    study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, linear: Linearised, sd: np.ndarray
+) -> np.ndarray:
+    """The shifts [s] of all edges together: a Gauss-Newton step, or the part of it that fits better.
+
+    The other nuisance parameters are integrated out.
+    """
+    lasting, sd = lasting_edges(piece), _undelayed(piece, sd)
+    mine, numbers = list(lasting), list(lasting.values())
+    change = piece.nuisances.mean(linear.columns, linear.residual, sd, linear.lasting)
+    others = sd.copy()
+    others[mine] = 0.0
+    left = marginal([], linear.columns, others)
+    low, high = bounds(piece)
+
+    def cost(shifts: np.ndarray) -> float:
+        case = replace(piece.case, protocol=piece.driven_by(shifts))
+        answer = study.asked(ids, [case]).possible(values)[0]
+        if answer is None:
+            return np.inf
+        off = left.apply(whitened(case, answer - piece.record, study.noise, piece.weight))
+        return float(off @ off + np.sum((shifts[numbers] / sd[mine]) ** 2))
+
+    least = cost(piece.shifts)
+    for part in STEP_PARTS:
+        shifts = piece.shifts.copy()
+        shifts[numbers] += part * change[mine]
+        shifts = np.clip(shifts, low, high)
+        if cost(shifts) < least:
+            return shifts
+    return piece.shifts
+
+
+def _begun(
+    study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, linear: Linearised, started: bool
+) -> Piece:
+    """The piece with its own start at the most likely one: a Gauss-Newton step, or the part of it that fits better.
+
+    Far from the model's optimum a whole step may lead to where the plant has no rest, or moves quite differently.
+    """
+    sought = study.unknown(ids, piece) if started else study.plant.each_start
+    if not sought:
+        return piece
+    local = Marginal(piece.marginal.windows)
+    mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), piece.nuisances.sd)
+    found = dict(zip(piece.nuisances.names, mean, strict=True))
+    others = np.array([not n.startswith("start ") for n in piece.nuisances.names])
+    left = marginal(windows_of(piece, linear, piece.shifts), linear.columns, piece.nuisances.sd * others)
+
+    def cost(case: Case) -> float:
+        answer = study.asked(ids, [case]).possible(values)[0]
+        if answer is None:
+            return np.inf
+        return float(np.sum(left.apply(whitened(case, answer - piece.record, study.noise, piece.weight)) ** 2))
+
+    least, own = cost(piece.case), piece.case.own
+    for part in STEP_PARTS:
+        begins = {n: own.get(n, 0.0) + part * size * float(found[f"start {n}"]) for n, size in sought.items()}
+        case = replace(piece.case, own=dict(own) | _inside(study, begins))
+        if cost(case) < least:
+            return replace(piece, case=case)
+    return piece
+
+
+def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) -> np.ndarray:
+    """Shifts of edges that leave them where they are, within their bounds, once monitors are found later than before.
+
+    An edge happens at its recorded instant and shift less the delay of its monitor: both are told by the same samples.
+    """
+    edges = piece.driven.edges
+    more = np.array([late.get(e.input, 0.0) - piece.late.get(e.input, 0.0) for e in edges])
+    low, high = bounds(piece)
+    return np.clip(shifts + more, low, high)
+
+
+def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
+    """Values of parameters, clipped to their bounds."""
+    inside, known = {}, study.plant.model.quantities()
+    for name, value in values.items():
+        q = known.get(name)  # none where an effect's state is off
+        low = -np.inf if q is None or q.minimum is None else q.minimum
+        inside[name] = float(np.clip(value, low, np.inf if q is None or q.maximum is None else q.maximum))
+    return inside

@@ -1,0 +1,116 @@
+"""The uncertainty of parameters due to the noise of the monitors.
+
+The lines that `drive` fits to a continuous monitor (`monitors.polyline`) have errors, because noise moves their
+corners. These errors drive the model slowly, and so act like a change of parameters. The corners are a linear fit to
+the monitor's samples, so their covariance is known. The model's static gain and the normal equations of the fit
+convert it into a covariance of the parameters, whose uncertainty increases by 3 to 20 % on a bench. The levels of held
+inputs and the choice of the corners' positions are not included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from ...protocol import Protocol
+from ..fitting.cases import Case
+from ..fitting.fit import Fit
+from ..fitting.problem import Problem
+from ..fitting.response import Response
+from ..inputs.drive import Drive
+from ..records.start import FIRST_SAMPLES
+from ..signals.quiet import Clock
+from ..threads import side_by_side
+
+# Set by judgement: small against any curvature, large against the integrator's tolerance.
+# Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
+INPUT_STEP = 4e-3  # [1] of an input's largest value: shift at which its gain is taken
+CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample fits into memory
+WHITENING_REACH = 100  # [samples] over which whitening carries a value on
+
+
+def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
+    """The fit with a covariance and standard errors that include the monitors' noise; `drives` are those of its
+    cases."""
+    weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
+    solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals
+    parts = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)[:-1]
+    if problem.marginals is not None:  # symmetric, so it may as well act on the solver
+        parts = [m.apply(part.T).T for m, part in zip(problem.marginals, parts, strict=True)]
+    covariance = solver @ solver.T
+    for part, weight in zip(parts, weights, strict=True):  # the weights' share of the noise is counted below
+        covariance -= (part * (1 - weight**2)) @ part.T
+    for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
+        gains = constant_gains(problem.response, best.values, name)
+        for i, driven in enumerate(drives):
+            covariance += _added(problem, i, parts[i] * weights[i], gains[i], driven, name)
+    return best.with_covariance(covariance)
+
+
+def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
+    """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI.
+
+    Where the model has no answer with more of an input, near a fold, less of it is asked; where it has none at all, the
+    gain is 0.
+    """
+
+    def alone(case: Case) -> np.ndarray | None:
+        return response.of([case]).possible(values)[0]
+
+    def gain(case: Case) -> np.ndarray:
+        here = alone(case)
+        for sign in (1, -1):
+            moved, step = shifted(case, name, sign)
+            if here is not None and (there := alone(moved)) is not None:
+                return np.asarray((there - here) / step)
+        return np.zeros(case.times.size)
+
+    return side_by_side(gain, response.cases)
+
+
+def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
+    """The case with a small constant added to an input, and that constant.
+
+    Where the input begins with nothing, so did what the plant rested under, and the constant comes within some samples:
+    a plant without damping at rest would ring from a step of it.
+    """
+    protocol, first = case.protocol, float(case.protocol.time[0])
+    step = sign * INPUT_STEP * (float(np.abs(protocol.inputs[name]).max()) or 1.0)
+    part = np.ones(1)
+    if protocol.inputs[name][0] == 0.0:
+        last = float(case.instants[min(FIRST_SAMPLES, case.instants.size - 1)])
+        protocol = protocol.with_time(last)
+        part = np.clip((protocol.time - first) / (last - first), 0.0, 1.0)
+    inputs = protocol.inputs | {name: protocol.inputs[name] + step * part}
+    return replace(case, protocol=Protocol(protocol.time, inputs)), step
+
+
+def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, driven: Drive, name: str) -> np.ndarray:
+    """The covariance (k, k) that a monitor of one case adds; `solved` (k, n) makes parameters of white residuals."""
+    case = problem.response.cases[number]
+    corners = driven.corners[name]
+    moved = np.zeros((solved.shape[0], corners.size))
+    diagonal, beside = np.zeros(corners.size), np.zeros(corners.size)
+    for reading, rows in zip(case.readings, case.parts(), strict=True):
+        times = reading.times
+        place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
+        part = (times - corners[place]) / np.diff(corners)[place]
+        diagonal += np.bincount(place, (1 - part) ** 2, corners.size)
+        diagonal += np.bincount(place + 1, part**2, corners.size)
+        beside[1:] += np.bincount(place, part * (1 - part), corners.size)[:-1]
+        along, driving = solved[:, rows], gain[rows]
+        for begin in range(0, corners.size, CHUNK):
+            wanted = np.arange(begin, min(begin + CHUNK, corners.size))
+            first = int(np.searchsorted(place, begin - 1))
+            last = min(int(np.searchsorted(place, begin + CHUNK)) + WHITENING_REACH, times.size)  # whitening looks back
+            near, share = place[first:last, None], part[first:last, None]
+            columns = (near == wanted) * (1 - share) + (near + 1 == wanted) * share
+            white = problem.noise[reading.output].whiten(
+                Clock.of(times[first:last]), columns * driving[first:last, None]
+            )
+            moved[:, wanted] += along[:, first:last] @ white
+    known = solveh_banded(np.stack([beside, diagonal + 1e-9 * diagonal.max()]), moved.T)
+    return driven.noise[name] ** 2 * moved @ known

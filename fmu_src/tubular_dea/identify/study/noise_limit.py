@@ -1,0 +1,70 @@
+"""What a model's residual says of the noise: an upper bound (`noise_bound`), and hum of the mains.
+
+Where quiet stretches are shorter than some turns of the mains, no hum is found in them, but it is in the residual:
+nothing that drives a plant has lines there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..fitting.compiled import Ids
+from ..fitting.fit import Fit
+from ..signals import hum as hums
+from ..signals.noise import Noise
+from ..signals.noise_bound import TOO_MUCH, limited
+from ..signals.sampling import usual_step
+from .nuisances import with_nuisances
+from .study import Study
+
+
+def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
+    """The study with the noise of every output limited to what the residual of a fit allows, and with its hum.
+
+    `ids` are the effects that the model has.
+    """
+    outputs = study.response(ids, study.training).outputs(fitted.values)
+    answers = [with_nuisances(study, p, y) for p, y in zip(study.training, outputs, strict=True)]
+    noise = dict(study.noise)
+    for name in study.noise:
+        records = [
+            (reading.times, (piece.record - answer)[part])
+            for piece, answer in zip(study.training, answers, strict=True)
+            for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+            if reading.output == name
+        ]
+        known = replace(study.noise[name], hum=_hum(study.noise[name], records))
+        more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
+        left = [_without(list(known.hum), *one) if more else one[1] for one in records]
+        noise[name] = limited(known, left, more)
+    return replace(study, noise=noise)
+
+
+def quieter(before: Study, after: Study) -> bool:
+    """Whether the noise of an output is clearly less in `after`."""
+    return any(n.innovation > TOO_MUCH * after.noise[name].innovation for name, n in before.noise.items())
+
+
+def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, ...]:
+    """The frequencies [Hz] of hum: those known, and those that stand out of records of (time, rest), each (n,).
+
+    Where samples are too far apart to tell hum from what comes to lie there, nothing is added.
+    """
+    lines = list(known.hum)
+    steps = {round(usual_step(t), 9) for t, _ in records}
+    for step in sorted(s for s in steps if s < 0.5 / max(hums.MAINS)):
+        group = [(t, rest) for t, rest in records if round(usual_step(t), 9) == step]
+        for _ in range(hums.MOST_HUM):
+            line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step)
+            if line is None or not hums.is_hum(line, step):
+                break
+            lines.append(line)
+    return tuple(sorted(lines))
+
+
+def _without(lines: list[float], time: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """The rest (n,) less its waves at some frequencies [Hz] and its mean."""
+    shapes = np.column_stack([np.ones(time.size), hums.waves(lines, time)])
+    return rest - shapes @ np.linalg.lstsq(shapes, rest, rcond=None)[0]

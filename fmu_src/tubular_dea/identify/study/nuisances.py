@@ -1,0 +1,260 @@
+"""What each record has of its own, as nuisance parameters: how they change the output, and how large they usually are.
+
+Zeros of sensors and monitors differ between files by an unknown amount, and so do gains of monitors, about 1. The
+filters of monitors delay them by a part of a sample, and as channels are sampled in turn, each also has a small unknown
+delay or lead. How long an amplifier rises is known as well as samples on its way tell.
+
+The mean of neighbouring samples has less noise than each. A delay of half a sample takes such a mean, and a lag another
+one, so both explain noise of a monitor that drives the model. How far the mean of a sample's neighbours replaces it is
+therefore a nuisance parameter, too, where effects are sought: what it leaves to a delay is odd in time. Elsewhere it
+would smooth the signal along with the noise. There, what a sensor drifts within a file is one instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial import Legendre
+
+from ...protocol import Protocol
+from ..fitting.cases import Case, Reading
+from ..fitting.compiled import Ids
+from ..fitting.marginal import Marginal
+from ..fitting.problem import whitened
+from ..inputs.drive import MIDWAY
+from ..signals import hum as hums
+from .instants import reach
+from .monitor_uncertainty import shifted
+from .study import Nuisances, Piece, Study
+
+# Set by judgement. Check: `pytest tests/test_ringing_plants.py`
+LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
+MOST_LASTING = 2e6  # [samples] simulated at most for a record's edges that are estimated together: all of it for each
+EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference quotient
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+LATE = 0.5  # [samples] by which filters against aliasing usually make monitors late
+TURN = 0.1  # [samples] by which channels are usually apart that are read in turn
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
+GAIN = 2e-3  # [1] by which gains of a monitor usually differ between files
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
+# `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
+ZERO_LEFT = 0.1  # [1] of a zero that is usually left where it was seen at rest and taken off
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
+START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient
+START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
+
+# Set by theory: the mean of neighbours has less noise, so that a third of a sample is best replaced by it.
+# Check: `pytest tests/test_adjust.py -k noise_of_a_monitor`
+SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces a sample
+
+# Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
+HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
+
+# Set by judgement. Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
+DRIFTS = 5  # [1] polynomials that a drift within a file is made of
+USUAL_DRIFT = 0.1  # [1] of the usual zero by which each of them usually drifts: 3 um for the tube's laser
+
+GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
+RISE_OF = "rise of "  # name of how much longer the amplifier behind a monitor rises than its samples tell
+BEGUN_OF = "begun "  # name of when an input that moves from the first sample on began to
+DRIFT_OF = "drift "  # names of a sensor's drifts within a file, by number
+EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
+
+
+def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece | None:
+    """The piece with the columns of its nuisance parameters at the present model; None where that has no answer.
+
+    They are in SI units, but those of starts, and of neighbours' means, in usual sizes.
+
+    Near a fold it may have none with a nuisance parameter moved: that one is left out there.
+    """
+    columns: list[np.ndarray] = []
+    names: list[str] = []
+    rows = piece.case.parts()
+    for reading, part in zip(piece.case.readings, rows, strict=True):
+        if study.zero(reading.output) > 0:
+            names.append(reading.output)
+            columns.append(_placed(piece, part, np.ones(reading.times.size)))
+            for name, drift in _drifts(study, reading):
+                names.append(name)
+                columns.append(_placed(piece, part, drift))
+        for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
+            names.append(f"hum {number} {reading.output}")
+            columns.append(_placed(piece, part, wave))
+    monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
+    cases = [(name, *shifted(piece.case, name)) for name in monitors]
+    cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
+    cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
+    switching = {e.input for e in piece.driven.edges}
+    cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises if name in switching]
+    cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
+    if study.sought:
+        cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
+    own = dict(piece.case.own)
+    starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
+    moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
+    switched = _lasting_edges(study, ids, values, piece)
+    asked = [*(c for _, c, _ in cases), *moved, *(c for _, c, _ in switched)]
+    here, *others = study.asked(ids, [piece.case, *asked]).possible(values)
+    if here is None:
+        return None
+    steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP) for name, _ in starts]
+    steps += [(name, step) for name, _, step in switched]
+    for (name, step), answer in zip(steps, others, strict=True):
+        names.append(name)
+        columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
+    table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
+    return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
+
+
+def _drifts(study: Study, reading: Reading) -> list[tuple[str, np.ndarray]]:
+    """By name, the forms (n,) in which a sensor may drift within a file: smooth ones, to 1 at its ends.
+
+    None where effects are sought, one of which a drift may be.
+    """
+    if study.sought:
+        return []
+    first, last = reading.times[[0, -1]]
+    over = 2 * (reading.times - first) / ((last - first) or 1.0) - 1
+    return [(f"{DRIFT_OF}{k} {reading.output}", Legendre.basis(k)(over)) for k in range(1, DRIFTS + 1)]
+
+
+def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> list[tuple[str, Case, float]]:
+    """Every edge by name, with the case in which it alone has moved and by how much [s], if what an instant changes
+    lasts; none otherwise."""
+    edges = piece.driven.edges
+    if len(edges) < 2 or len(edges) * piece.record.size > MOST_LASTING:
+        return []
+
+    def moved(number: int) -> tuple[str, Case, float]:
+        edge, now = edges[number], float(piece.shifts[number])
+        ends = np.array([edge.earliest, edge.latest]) - edge.time - now
+        step = EDGE_STEP * float(ends[np.argmax(np.abs(ends))])
+        shifts = np.where(np.arange(len(edges)) == number, now + step, piece.shifts)
+        return f"{EDGE_OF}{number}", replace(piece.case, protocol=piece.driven_by(shifts)), step
+
+    first, second = np.argsort([e.time for e in edges], kind="stable")[:2]
+    _, case, step = moved(int(first))
+    here, there = study.asked(ids, [piece.case, case]).possible(values)
+    if here is None or there is None or step == 0.0:
+        return []
+    seen, rows = piece.case.readings[0], piece.case.parts()[0]
+    squares = (there - here)[rows] ** 2
+    later = float(np.sum(squares[seen.times > edges[second].latest]))
+    if later <= LASTS * float(squares.sum()):
+        return []
+    return [m for m in map(moved, range(len(edges))) if m[2] != 0.0]
+
+
+def step_of(piece: Piece) -> float:
+    """The time between samples of the monitors [s]."""
+    return piece.driven.step
+
+
+def _amplified(case: Case, name: str) -> Case:
+    """The case with one of its inputs scaled by the usual error of a gain."""
+    inputs = case.protocol.inputs
+    return replace(case, protocol=Protocol(case.protocol.time, inputs | {name: inputs[name] * (1 + GAIN)}))
+
+
+def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
+    """The case with one of its inputs a little earlier, and by how much [s]: an edge that passes a sample is a kink."""
+    by = TURN * step_of(piece)
+    return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
+
+
+def _widened(piece: Piece, name: str) -> tuple[Case, float]:
+    """The case with edges of one of its inputs longer by the uncertainty of their rise, and that time [s]."""
+    by = piece.driven.rises[name].stderr
+    wider = replace(piece, longer=dict(piece.longer) | {name: piece.longer.get(name, 0.0) + by})
+    return replace(piece.case, protocol=wider.driven_by(piece.shifts)), by
+
+
+def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
+    """The case with one of its inputs begun earlier by the uncertainty of that, and that time [s]."""
+    by = piece.driven.begun[name]
+    earlier = replace(piece, driven=piece.driven.begun_later(name, -by))
+    return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
+
+
+def _smoothed(piece: Piece, name: str) -> Case:
+    """The case with one of its inputs replaced by the mean of what it is a sample before and after."""
+    protocol, by = piece.case.protocol, step_of(piece)
+    beside = protocol.delayed({"before": (name, by), "after": (name, -by)})
+    mean = 0.5 * (beside.inputs["before"] + beside.inputs["after"])
+    inputs = {n: mean if n == name else beside.inputs[n] for n in protocol.inputs}
+    return replace(piece.case, protocol=Protocol(beside.time, inputs))
+
+
+def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
+    column = np.zeros(piece.record.size)
+    column[part] = values
+    return column
+
+
+def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -> float:
+    """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
+    if name in spread:
+        return spread[name] * left_of(piece, name)
+    if name.startswith(EDGE_OF):
+        return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
+    if name.startswith(BEGUN_OF):
+        return piece.driven.begun[name.removeprefix(BEGUN_OF)]
+    if name.startswith("hum "):
+        return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
+    unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
+    kinds = {LATE_OF: (MIDWAY if unheld else TURN) * step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
+    return next((size for kind, size in kinds.items() if name.startswith(kind)), usual_size(study, piece, name))
+
+
+def usual_size(study: Study, piece: Piece, name: str) -> float:
+    """The usual size of a zero, a gain, a delay or a rise (SI); 0 for the other nuisance parameters."""
+    if name.startswith((SMOOTH_OF, BEGUN_OF)):
+        return 0.0
+    if name.startswith(RISE_OF):
+        return study.rises[name.removeprefix(RISE_OF)].stderr
+    return LATE * step_of(piece) if name.startswith(LATE_OF) else size_of(study, name) * left_of(piece, name)
+
+
+def size_of(study: Study, name: str) -> float:
+    """The usual size of a zero, a drift or a gain where nothing was taken off at rest (SI)."""
+    if name.startswith(DRIFT_OF):
+        return USUAL_DRIFT * study.zero(name.split(" ", 2)[2])
+    return GAIN if name.startswith(GAIN_OF) else study.zero(name)
+
+
+def left_of(piece: Piece, name: str) -> float:
+    """The share of a zero that is left in a piece."""
+    return ZERO_LEFT if name in piece.driven.zeros else 1.0
+
+
+def zero_spread(study: Study, name: str) -> float:
+    """By how much zeros of a signal differ between files (SI, rms): what was taken off at rest, and what is left."""
+    files = list({p.source: p for p in study.pieces}.values())
+    taken = [p.driven.zeros[name] for p in files if name in p.driven.zeros]
+    left = study.spread[name] * np.array([left_of(p, name) for p in files])
+    return float(np.hypot(np.std(taken) if taken else 0.0, np.sqrt(np.mean(left**2))))
+
+
+def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters."""
+    if not piece.nuisances.names:  # none are known before a first fit
+        return answer
+    return answer + piece.nuisances.columns @ likeliest(study, piece, answer)
+
+
+def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+    """The most likely values (k,) of the nuisance parameters of a piece, for which a model has the output `answer`
+    (N,)."""
+    residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
+    columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
+    local = Marginal(piece.marginal.windows)
+    return piece.nuisances.mean(local.apply(columns), local.apply(residual), piece.nuisances.sd)

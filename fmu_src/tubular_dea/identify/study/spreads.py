@@ -1,0 +1,199 @@
+"""How much zeros and gains differ between files, and what all files have in common: delays and rises.
+
+The spread of zeros is estimated together with the fit (restricted maximum likelihood by expectation and maximisation,
+Laird and Ware, Biometrics 38 (1982) 963) about a mean of its own, so that an offset common to all files is left to the
+effects that explain it. With fewer than LEAST_FILES files the spread is the usual one that the plant declares. Gains of
+monitors are treated in the same way.
+
+The filters of monitors delay them equally in all files. This delay is estimated with the fit, up to the longest
+plausible one, and corrected. So is how long the amplifier behind a monitor rises, as far as no sample shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+
+from ..fitting.compiled import Ids
+from ..fitting.fit import inverse
+from ..fitting.marginal import marginal
+from ..fitting.problem import Free, whitened
+from ..records.start import ZEROS
+from .linearised import Linearised, wide, windows_of
+from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
+from .study import Piece, Study
+
+# Set by judgement. Check: `pytest tests/test_adjust.py`,
+# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
+LEAST_FILES = 3  # [1] files from which on a spread between them can be told
+
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
+ITERATIONS = 40  # [1] of expectation and maximisation
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
+# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+LATEST = 2.0  # [samples] by which filters against aliasing make monitors late at most
+
+# Set by judgement. Check: `pytest tests/test_ringing_plants.py -k amplifier`
+A_JUMP = 0.1  # [1] of what is not known of a rise that no sample shows: a shorter one is none
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
+# `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
+MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
+MOST_ZERO = 10.0  # [1] times the usual zero by which those of a sensor differ between files at most
+
+
+@dataclass(frozen=True)
+class Common:
+    """What all files of a bench have in common, by input: how `late` its monitor is (samples), and how much `longer`
+    its amplifier rises than was read (s)."""
+
+    late: dict[str, float] = field(default_factory=dict)
+    longer: dict[str, float] = field(default_factory=dict)
+
+
+def spreads(
+    study: Study, ids: Ids, values: Mapping[str, float], linear: Sequence[Linearised], free: Sequence[Free]
+) -> tuple[dict[str, float], Common]:
+    """The standard deviation between files of every zero and gain by name (SI), and what files have in common.
+
+    With few files the spreads are the usual ones.
+    """
+    first = study.pieces[0]
+    kinds = [
+        n for n in dict.fromkeys(n for p in study.pieces for n in p.nuisances.names) if usual_size(study, first, n) > 0
+    ]
+    kinds = [n for n in kinds if not n.startswith(RISE_OF) and (study.filtered or not n.startswith(LATE_OF))]
+    sizes = {n: size_of(study, n) for n in kinds if not n.startswith(LATE_OF)}
+    training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
+    if not training or not (kinds or study.rises):
+        return sizes, Common()
+    problem = study.problem(ids, free, {n: v for n, v in values.items() if n not in {f.name for f in free}})
+    fixed = [np.empty((p.record.size, 0)) for p, _ in training]
+    if free:
+        _, columns = problem.response.sensitivities(values, [f.name for f in free])
+        slopes = np.array([f.slope(values[f.name]) for f in free])
+        fixed = [
+            whitened(p.case, c * slopes, study.noise, p.weight) for (p, _), c in zip(training, columns, strict=True)
+        ]
+    few = len({p.source for p, _ in training}) < LEAST_FILES
+    variance, late = _estimated(study, kinds, training, fixed, few) if kinds else (np.empty(0), {})
+    found = {n: float(np.sqrt(v)) * sizes[n] for n, v in zip(kinds, variance, strict=True) if n in sizes}
+    spread = {n: min(v, most_spread(study, n)) for n, v in found.items()}
+    return spread, Common(late, {name: _longer(study, name, spread, training, fixed) for name in study.rises})
+
+
+def most_spread(study: Study, name: str) -> float:
+    """By how much a zero, a drift or a gain differs between files at most (SI)."""
+    if name.startswith(GAIN_OF):
+        return MOST_GAIN
+    monitor = any(s.name == name for s in study.plant.inputs)
+    return (ZEROS if monitor else MOST_ZERO) * size_of(study, name)
+
+
+def _estimated(
+    study: Study,
+    kinds: Sequence[str],
+    training: Sequence[tuple[Piece, Linearised]],
+    fixed: Sequence[np.ndarray],
+    few: bool,
+) -> tuple[np.ndarray, dict[str, float]]:
+    """Expectation and maximisation over the normal equations of parameters, means and every file's deviations.
+
+    Returns variances (k,) in units of the usual ones (1 where files are `few`), and mean delays in samples.
+    """
+    k, p, m = len(kinds), fixed[0].shape[1], len(training)
+    size = p + k + m * k
+    information, target = np.zeros((size, size)), np.zeros(size)
+    for i, ((piece, linear), columns) in enumerate(zip(training, fixed, strict=True)):
+        own = np.column_stack(
+            [
+                linear.columns[:, piece.nuisances.names.index(n)] * usual_size(study, piece, n)
+                if n in piece.nuisances.names
+                else np.zeros(piece.record.size)
+                for n in kinds
+            ]
+        )
+        others = np.array([0.0 if n in kinds else prior(study, piece, n, {}) for n in piece.nuisances.names])
+        local = marginal(windows_of(piece, linear, piece.shifts), linear.columns, others)
+        together = local.apply(np.column_stack([columns, own, linear.undecided()]))
+        gram = together.T @ together
+        at = np.r_[0 : p + k, p + k + i * k : p + k + (i + 1) * k]
+        wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
+        information[np.ix_(at, at)] += gram[np.ix_(wide, wide)]
+        target[at] -= gram[wide, -1]
+    late = np.array([n.startswith(LATE_OF) for n in kinds])
+    known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
+    information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
+    seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
+    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, 1e6, 1e-6))
+    alike = _alike(late)
+    information[p : p + k, p : p + k] += alike
+    target[p : p + k] -= known + alike @ known
+    variance = np.where(late, (TURN / LATE) ** 2, 1.0)
+    for _ in range(1 if few else ITERATIONS):
+        penalised = information.copy()
+        penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, 1e-8), m)
+        scale = 1 / np.sqrt(np.diag(penalised))
+        inverse = scipy.linalg.pinvh(penalised * np.outer(scale, scale), rtol=1e-15) * np.outer(scale, scale)
+        solved = inverse @ target
+        found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
+        if not few:
+            variance = np.where(late, variance, np.mean(found**2 + uncertainty, axis=0))
+    means = np.clip((known + solved[p : p + k]) * LATE, 0.0, LATEST)
+    return variance, {
+        n.removeprefix(LATE_OF): float(v) for n, v, is_late in zip(kinds, means, late, strict=True) if is_late
+    }
+
+
+def _longer(
+    study: Study,
+    name: str,
+    spread: Mapping[str, float],
+    training: Sequence[tuple[Piece, Linearised]],
+    fixed: Sequence[np.ndarray],
+) -> float:
+    """How much longer the amplifier behind an input rises than was read [s]: the likeliest, within what samples allow.
+
+    Edges that may be anywhere between two samples stay where they are by now: what a rise changes beyond them is told
+    from there. Those that samples tell may take its place, and are where these tell. Where nothing was seen of it, a
+    short rise is none.
+    """
+    rise, known, size = study.rises[name], study.longer.get(name, 0.0), fixed[0].shape[1] + 1
+    information, target = np.zeros((size, size)), np.zeros(size)
+    for (piece, linear), columns in zip(training, fixed, strict=True):
+        names = piece.nuisances.names
+        if f"{RISE_OF}{name}" not in names:
+            continue
+        own = names.index(f"{RISE_OF}{name}")
+        others = np.array([prior(study, piece, n, spread) for n in names])
+        others[own] = 0.0
+        local = marginal(windows_of(piece, linear, piece.shifts), linear.columns, others)
+        along = linear.columns[:, own] * rise.stderr
+        left = linear.residual if np.any(wide(piece)) else linear.undecided()
+        white = local.apply(np.column_stack([columns, along, left]))
+        information += white[:, :-1].T @ white[:, :-1]
+        target -= white[:, :-1].T @ white[:, -1]
+    information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else 1e-9
+    information[-1, -1] += 1.0
+    target[-1] -= known / rise.stderr
+    by = known + float(inverse(information)[-1] @ target) * rise.stderr
+    return 0.0 if not rise.seen and by < A_JUMP * rise.stderr else float(np.clip(by, *rise.longer))
+
+
+def _shown(piece: Piece, name: str) -> bool:
+    """Whether a piece shows at rest that a monitor is not off: then others have no zero in common that it lacks."""
+    return name in piece.driven.zeros and float(piece.driven.protocol.inputs[name][0]) == 0.0
+
+
+def _alike(late: np.ndarray) -> np.ndarray:
+    """The information (k, k) that delays of monitors, where `late` (k,), are alike: their filters are of one kind."""
+    count = int(late.sum())
+    if count < 2:
+        return np.zeros((late.size, late.size))
+    centred = np.diag(late.astype(float)) - np.outer(late, late) / count
+    return (LATE / TURN) ** 2 * centred

@@ -1,0 +1,439 @@
+"""The study: recordings prepared for fits, as pieces in training and held out, with their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...errors import ArgumentError, UserError
+from ...kernel import KernelError
+from ...model.declare import nearest
+from ...model.effect import Effect
+from ...plants.plant import Output, Plant
+from ...protocol import Protocol
+from ..fitting.cases import Case, Reading
+from ..fitting.compiled import Compiled, Ids
+from ..fitting.marginal import Marginal
+from ..fitting.problem import Free, Problem
+from ..fitting.response import FINER, NEGLIGIBLE, ROUGH, TOLERANCE, Response
+from ..inputs.drive import Drive, without_hum
+from ..inputs.drive import drives as all_drives
+from ..inputs.edges import Rise
+from ..records.data import Experiment, Recordings
+from ..records.start import MOVED, RESTED, UNKNOWN, loosened, zeroed
+from ..signals import noise as noises
+from ..signals.monitors import slow_level
+from ..signals.noise import Noise
+from ..signals.noise_bound import limited
+
+# Set by convention: a quarter.
+# Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
+HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
+
+# Set by judgement: a factor of e^2 for what is positive, twice the size for the rest.
+# Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
+PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
+
+# Set by judgement: a tenth of the time on ten minutes of heart beats. Check: `pytest tests/test_study.py -k beginning`
+LONG = 3000  # [breakpoints] of a record whose beginning is fitted first
+RANGE = 0.98  # [1] quantile of a signal that is an end of its range
+
+# Set by judgement. Check: `pytest tests/test_discover.py -k held_out_experiments`
+SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
+
+# Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
+FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """Nuisance parameters of a record: `columns` (N, k) that they are multiplied by (SI), priors `sd` (k,)."""
+
+    names: tuple[str, ...]
+    columns: np.ndarray
+    sd: np.ndarray
+
+    def mean(
+        self, white: np.ndarray, residual: np.ndarray, sd: np.ndarray, now: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Their most likely values (k,) given whitened columns (N, k) and a whitened residual (N,).
+
+        Where the residual is that at values `now` (k,), by how much they change.
+        """
+        used = sd > 0
+        found = np.zeros(sd.size)
+        columns = white[:, used] * sd[used]
+        information = columns.T @ columns + np.eye(int(used.sum()))
+        pulled = 0.0 if now is None else now[used] / sd[used]
+        found[used] = -np.linalg.solve(information, columns.T @ residual + pulled) * sd[used]
+        return found
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An experiment or part of one: what drives it, what was read at `case.times` (N,), and whether it is held out.
+
+    `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
+    are the record's own numbers. `loose`: what it starts from is unknown.
+    `beside` is what was read of outputs that depend on rates, which take no part in fits. Where the plant did not rest
+    between files, `before` is what was done to it before this one, and `clock` [s] where this one's own clock begins.
+    """
+
+    name: str
+    case: Case
+    record: np.ndarray
+    held_out: bool
+    weight: np.ndarray
+    driven: Drive
+    marginal: Marginal = field(default_factory=Marginal)
+    shifts: np.ndarray = field(default_factory=lambda: np.empty(0))
+    nuisances: Nuisances = field(default_factory=lambda: Nuisances((), np.empty((0, 0)), np.empty(0)))
+    loose: bool = False
+    source: str = ""
+    before: Protocol | None = None
+    clock: float | None = None
+    beside: tuple[tuple[Reading, np.ndarray], ...] = ()
+    late: Mapping[str, float] = field(default_factory=dict)
+    longer: Mapping[str, float] = field(default_factory=dict)
+
+    def driven_by(self, shifts: np.ndarray) -> Protocol:
+        """The protocol with edges moved by their shifts [s] and `longer`, without `late`, behind what was `before`."""
+        own = self.driven.moved(shifts, self.longer) if self.driven.edges else self.driven.protocol
+        for name, by in self.late.items():
+            own = own.with_delay(name, -by) if by else own
+        return own if self.before is None else followed(self.before, own)
+
+
+@dataclass(frozen=True)
+class Study:
+    """All pieces, the noise of every output, and the compiled models they are held against.
+
+    `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
+    how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
+    by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless effects
+    are `sought`, all that may be a record's own is. `tolerance` is the integrator's.
+    """
+
+    plant: Plant
+    pieces: list[Piece]
+    noise: dict[str, Noise]
+    monitor_noise: dict[str, float]
+    compiled: Compiled
+    geometry: dict[str, float] = field(default_factory=dict)
+    prior: float | None = None
+    spread: dict[str, float] = field(default_factory=dict)
+    late: dict[str, float] = field(default_factory=dict)
+    longer: dict[str, float] = field(default_factory=dict)
+    sought: bool = True
+    tolerance: float = TOLERANCE
+
+    @property
+    def catalogue(self) -> Mapping[str, Effect]:
+        """All effects of the plant, by id."""
+        return self.plant.catalogue
+
+    @property
+    def training(self) -> list[Piece]:
+        """The pieces that take part in fits."""
+        return [p for p in self.pieces if not p.held_out]
+
+    @property
+    def held_out(self) -> list[Piece]:
+        """The pieces that take part in none."""
+        return [p for p in self.pieces if p.held_out]
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
+        return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
+
+    @property
+    def rises(self) -> dict[str, Rise]:
+        """How the amplifiers rise behind monitors that switch, by input."""
+        return {name: rise for p in reversed(self.pieces) for name, rise in p.driven.rises.items()}
+
+    def unknown(self, ids: Ids, piece: Piece) -> dict[str, float]:
+        """The parameters of a piece's start that are its own, with their usual sizes (SI), in the model with `ids`."""
+        return self.plant.each_start | (self.compiled.unknown(ids) if piece.loose else {})
+
+    def shared(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of parameters without those of which each record has its own."""
+        own = {name for p in self.pieces for name in (*p.case.own, *self.unknown((), p))}
+        return {n: v for n, v in values.items() if n not in own}
+
+    @property
+    def beginning(self) -> Study:
+        """The study with the beginning of every long record alone, where a search that is far off costs less."""
+        pieces = [_beginning(p) for p in self.pieces]
+        return self if all(b is p for b, p in zip(pieces, self.pieces, strict=True)) else replace(self, pieces=pieces)
+
+    def zero(self, name: str) -> float:
+        """The usual zero error of a signal (SI); 0 for a name that is no signal."""
+        zeros = {s.name: s.zero for s in self.plant.inputs} | {s.name: s.zero for s in self.plant.outputs}
+        return zeros.get(name, 0.0)
+
+    def response(self, ids: Ids, pieces: Sequence[Piece], *more: Effect) -> Response:
+        """The model with the effects `ids` of the catalogue and `more` on some pieces."""
+        return self.asked(ids, [p.case for p in pieces], *more)
+
+    def asked(self, ids: Ids, cases: Sequence[Case], *more: Effect) -> Response:
+        """The same for any cases."""
+        return Response(self.compiled.kernel(ids, *more), cases, self.geometry, self.tolerance)
+
+    def problem(
+        self, ids: Ids, free: Sequence[Free], fixed: Mapping[str, float], pieces: Sequence[Piece] | None = None
+    ) -> Problem:
+        """The least squares problem of the model with effects `ids` on some pieces (those in training)."""
+        pieces = self.training if pieces is None else pieces
+        return Problem(
+            self.response(ids, pieces),
+            [p.record for p in pieces],
+            self.noise,
+            free,
+            self.shared(fixed) | self.geometry,
+            [p.weight for p in pieces],
+            self.prior if free else None,
+            [p.marginal for p in pieces],
+        )
+
+    def weighted(self, weights: Sequence[np.ndarray]) -> Study:
+        """The study with other weights of the samples, one array a piece."""
+        return replace(self, pieces=[replace(p, weight=w) for p, w in zip(self.pieces, weights, strict=True)])
+
+
+def study(
+    recordings: Recordings, held_out: Sequence[str] | None = None, prior: float | None = None, effects: bool = True
+) -> Study:
+    """A study of some recordings. `held_out` names experiments; by default they are chosen by `choose_held_out`.
+
+    Unless `effects` are sought, what a monitor shows at rest is its zero, even where all files have it in common, and
+    sensors may drift.
+    """
+    plant, experiments = recordings.plant, recordings.experiments
+    drives = zeroed(experiments, all_drives(experiments, plant.inputs, recordings.noise), plant, effects)
+    names = choose_held_out(recordings) if held_out is None else list(held_out)
+    known = [e.name for e in recordings.experiments]
+    for name in names:
+        if name not in known:
+            raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
+    pieces, noise, starts = [], sensor_noise(recordings, drives), recordings.starts
+    for experiment, driven in zip(recordings.experiments, drives, strict=True):
+        whole = _piece(experiment, driven, recordings.plant, starts[experiment.name], experiment.name in names)
+        pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
+    pieces = carried(pieces)
+    levels = _monitor_noise(recordings, drives)
+    compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
+    return _integrated(
+        Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior, sought=effects)
+    )
+
+
+def log_determinant(pieces: Sequence[Piece]) -> float:
+    """The logarithm of the determinant that the own numbers of some records give their likelihood."""
+    return sum(p.marginal.log_determinant for p in pieces)
+
+
+def _integrated(work: Study) -> Study:
+    """The study with the rough tolerance, if its error at the declared values is nothing beside the noise."""
+    coarse = replace(work, tolerance=ROUGH)
+    problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
+    try:
+        return coarse if problem.numerical_error(FINER) < NEGLIGIBLE else work
+    except KernelError:  # no answer there
+        return work
+
+
+def compiled_for(recordings: Recordings, points: int) -> Compiled:
+    """The models of a study, for records with `points` samples together: with free starts if one is unknown."""
+    loose = UNKNOWN in recordings.starts.values()
+    plant = recordings.plant.with_model(loosened(recordings.plant.model)) if loose else recordings.plant
+    return Compiled(plant, [o.name for o in recordings.fitted_outputs], points, loose)
+
+
+def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, float]:
+    """The noise of every monitor as it weighs on averages over many samples (SI).
+
+    1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
+    like more of it, so the record with the least counts.
+    """
+    found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
+    for signal in recordings.plant.inputs:
+        if signal.linear and not recordings.noise.get(signal.name):
+            values = without_hum(recordings.experiments, signal.name)
+            found[signal.name] = max([found[signal.name], *sorted(n for v in values if (n := slow_level(v)))[:1]])
+    return found
+
+
+def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held_out: bool) -> Piece:
+    """A whole experiment, with every output that was recorded in it; what it follows had this `start`."""
+    own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
+    if start != RESTED and plant.model.curve is not None:
+        own = {plant.model.curve.start_switch: 1.0}
+    read = [(o, *_read(experiment, o)) for o in plant.outputs if experiment.seen(o.name).any()]
+    record = np.concatenate([values for o, _, values in read if not o.feels_rates])
+    return Piece(
+        experiment.name,
+        Case(driven.protocol, tuple(reading for o, reading, _ in read if not o.feels_rates), own),
+        record,
+        held_out,
+        np.ones(record.size),
+        driven,
+        beside=tuple((reading, values) for o, reading, values in read if o.feels_rates),
+        shifts=np.zeros(len(driven.edges)),
+        source=experiment.name,
+        clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
+        loose=start == UNKNOWN,
+    )
+
+
+def _read(experiment: Experiment, output: Output) -> tuple[Reading, np.ndarray]:
+    """An output of an experiment: when it was read, and its values."""
+    seen = experiment.seen(output.name)
+    return Reading(output.name, experiment.time[seen]), experiment.outputs[output.name][seen]
+
+
+def carried(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, each after all that was done to the plant before it without rest, as that is known by now."""
+    found, previous = list(pieces), None
+    row = sorted((p.clock, i) for i, p in enumerate(pieces) if p.clock is not None)
+    for clock, i in row:
+        piece = found[i]
+        if previous is not None:
+            piece = replace(piece, before=_later(previous.case.protocol, (previous.clock or 0.0) - clock))
+            piece = replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts)))
+        found[i] = previous = piece
+    return found
+
+
+def _later(protocol: Protocol, by: float) -> Protocol:
+    return Protocol(protocol.time + by, protocol.inputs)
+
+
+def followed(first: Protocol, then: Protocol) -> Protocol:
+    """One protocol after another; in between, inputs change linearly from the last value to the next."""
+    if first.time[-1] >= then.time[0]:
+        raise UserError(
+            f"order: an experiment ends {first.time[-1] - then.time[0]:.3g} s after the next one begins; "
+            "expected start times one after the other"
+        )
+    inputs = {name: np.concatenate([first.inputs[name], values]) for name, values in then.inputs.items()}
+    return Protocol(np.concatenate([first.time, then.time]), inputs)
+
+
+def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, Noise]:
+    """The noise of every sensor: as bench.toml states it, else from quiet stretches of all records."""
+    found = {}
+    for output in recordings.fitted_outputs:
+        records = []
+        for experiment, driven in zip(recordings.experiments, drives, strict=True):
+            seen = experiment.seen(output.name)
+            if seen.any():
+                records.append((experiment.time[seen], experiment.outputs[output.name][seen], _events(driven)))
+        noise = noises.estimate(records)
+        if not noise.quiet:
+            noise = limited(noise, [y for _, y, _ in records])
+        stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
+        floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
+        if stated and not noise.quiet:  # the colour would be the signal's
+            noise = replace(noise, correlation=0.0, white=0.0)
+        if not stated:
+            noise = noises.rounded(noise, noises.coarseness(records))
+        found[output.name] = replace(
+            noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
+        )
+    if not found:
+        raise UserError(f"{recordings.source}: expected at least one output but no file has any")
+    return found
+
+
+def _events(driven: Drive) -> np.ndarray:
+    """When something happens: corners of the inputs, without those by which noise moves them before they set out."""
+    time, inputs = driven.protocol.time, driven.protocol.inputs
+    moved = [np.abs(v - v[0]) > MOVED * driven.noise.get(name, 0.0) for name, v in inputs.items()]
+    set_out = min((int(np.argmax(m)) for m in moved if m.any()), default=1)
+    return np.unique(np.append(time[:1], time[max(set_out - 1, 0) :]))
+
+
+def choose_held_out(recordings: Recordings) -> list[str]:
+    """Experiments that resemble another one and stay inside what the others reach, so that nothing is extrapolated.
+
+    One in HELD_SHARE, at least one where there are two. What is compared are the largest inputs, the largest and the
+    mean output, and how much an experiment moves; long experiments are kept for training.
+    """
+    experiments = recordings.experiments
+    if len(experiments) < 2:
+        return []
+    features = np.array([_features(e, recordings.plant) for e in experiments])
+    features /= np.maximum(np.abs(features).max(axis=0), 1e-300)
+    largest = set(np.argmax(features, axis=0).tolist())
+    training = list(range(len(experiments)))
+    chosen: list[int] = []
+    for _ in range(max(1, len(experiments) // HELD_SHARE)):
+        allowed = [i for i in training if i not in largest] or training
+        others = {i: [j for j in training if j != i] for i in allowed}
+        nearest = {i: min(float(np.linalg.norm(features[i] - features[j])) for j in others[i]) for i in allowed}
+        apart = {i: min([1.0, *(float(np.linalg.norm(features[i] - features[j])) for j in chosen)]) for i in allowed}
+        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size / max(apart[i], 1e-9), i))
+        chosen.append(best)
+        training.remove(best)
+    return [experiments[i].name for i in sorted(chosen)]
+
+
+def _features(experiment: Experiment, plant: Plant) -> list[float]:
+    """Largest inputs, largest and mean output, and the way the output goes over its range."""
+    first = next(o.name for o in plant.outputs if experiment.seen(o.name).any())
+    output = experiment.outputs[first][experiment.seen(first)]
+    smooth = np.convolve(output, np.ones(SMOOTH) / SMOOTH, mode="valid")
+    way = float(np.abs(np.diff(smooth[::SMOOTH])).sum())
+    return [
+        *(float(np.abs(v).max()) for v in experiment.inputs.values()),
+        float(smooth.max()),
+        float(smooth.mean()),
+        way,
+    ]
+
+
+def _split(piece: Piece) -> list[Piece]:
+    """A single experiment: its last part is held out."""
+    times = piece.case.times
+    cut = times.min() + (times.max() - times.min()) * (1 - 1 / HELD_SHARE)
+    last = replace(_within(piece, cut, np.inf), name=f"{piece.name} (end)", held_out=True)
+    return [replace(_within(piece, -np.inf, cut), held_out=False), last]
+
+
+def _within(piece: Piece, begin: float, end: float) -> Piece:
+    """What was read from `begin` on and before `end` [s]."""
+
+    def keep(reading: Reading) -> np.ndarray:
+        return (reading.times >= begin) & (reading.times < end)
+
+    readings = tuple(Reading(r.output, r.times[keep(r)]) for r in piece.case.readings)
+    kept = np.concatenate([keep(r) for r in piece.case.readings])
+    return replace(
+        piece,
+        case=replace(piece.case, readings=tuple(r for r in readings if r.times.size)),
+        record=piece.record[kept],
+        weight=piece.weight[kept],
+        beside=tuple((Reading(r.output, r.times[keep(r)]), v[keep(r)]) for r, v in piece.beside if keep(r).any()),
+    )
+
+
+def _beginning(piece: Piece) -> Piece:
+    """A piece until LONG breakpoints have passed and every signal has been through its range; all of a shorter one.
+
+    Its own numbers, which belong to all of it, are not known there.
+    """
+    protocol = piece.case.protocol
+    mine = protocol.time >= piece.case.times.min()
+    points = protocol.time[mine]
+    if points.size <= LONG:
+        return piece
+    signals = [(points, values[mine]) for values in protocol.inputs.values()]
+    signals += [(r.times, piece.record[part]) for r, part in zip(piece.case.readings, piece.case.parts(), strict=True)]
+    ends = [points[LONG]]
+    for times, values in signals:
+        low, high = np.quantile(values, [1 - RANGE, RANGE])
+        ends += [times[np.argmax(values >= high)], times[np.argmax(values <= low)]]
+    return replace(_within(piece, -np.inf, max(ends)), marginal=Marginal())
