@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import re
 from functools import cache
+from pathlib import Path
 
 import fmpy
 import numpy as np
@@ -49,6 +51,21 @@ DESIGN = {  # the effects of the tube that design.md names; those that drift ove
     "pressure": ["pressure_offset", "pressure_gain", "pressure_delay", "pneumatic_line"],
     "sensor": ["radius_offset", "radius_gain", "sensor_lag", "sensor_delay"],
 }
+
+
+def test_the_readme_lists_every_effect_of_the_tube() -> None:
+    root = Path(__file__).resolve().parents[1]
+    section = (
+        (root / "README.md").read_text(encoding="utf-8").partition("### Effects of the tube\n")[2].partition("\n## ")[0]
+    )
+    rows = re.findall(r"^\| (\w+) \| (.+) \|$", section, re.MULTILINE)[1:]
+    listed = {channel: re.findall(r"`(\w+)`", effects) for channel, effects in rows}
+    assert {i: channel for channel, ids in listed.items() for i in ids} == {
+        i: effect.channel for i, effect in PLANT.catalogue.items()
+    }
+    assert all((root / path).is_file() for path in re.findall(r"\((fmu_src/[^)]+)\)", section))
+
+
 # Chains along one signal, terms in one stress, memory with memory, delays with lags: in both orders.
 PAIRS = (
     ("amplifier_slew", "electrode_resistance"),

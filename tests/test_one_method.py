@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import itertools
+import math
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -10,7 +13,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from tubular_dea.emit import rodas5p
+from tubular_dea.emit import rodas5p, step_control
+from tubular_dea.emit.to_c import c_function, step_control_header
+from tubular_dea.export.compile import cached_library, host, native_source
 from tubular_dea.export.python_fmu import slave_source
 from tubular_dea.kernel import Kernel
 from tubular_dea.kernel.batch import Batch, Breakpoints, Probe
@@ -114,3 +119,70 @@ def test_nothing_of_the_method_is_written_twice() -> None:
     for number in ("0.21193756319429014", "-14.155112264123755", "37.80277123390563"):
         assert [p.name for p, text in texts.items() if number in text] == ["rodas5p.py"]
     assert Kernel(tubular_dea()).states
+
+
+NUMBERS = (0.0, 5e-324, 1e-300, 1e-12, 0.3, 1.0, 1 + 2**-52, 7.5, 1e9, 1e160, math.inf, math.nan, -1.0)
+CONTROL = {
+    step_control.growth: 1,
+    step_control.resolving: 3,
+    step_control.is_last: 3,
+    step_control.is_too_short: 2,
+    step_control.is_accepted: 1,
+    step_control.wanted_next: 5,
+}
+
+
+@pytest.fixture(scope="module")
+def compiled() -> ctypes.CDLL:
+    """The printed step control, each function callable as `c_<name>`."""
+    lines = [
+        '#include "method.h"',
+        "#ifdef _WIN32",
+        "#define OPEN __declspec(dllexport)",
+        "#else",
+        '#define OPEN __attribute__((visibility("default")))',
+        "#endif",
+    ]
+    for function, n in CONTROL.items():
+        names = "abcde"[:n]
+        taken = ", ".join(f"double {a}" for a in names)
+        name = function.__name__
+        lines.append(f"OPEN double c_{name}({taken}) {{ return {name}({', '.join(names)}); }}")
+    sources = {
+        "test.c": "\n".join([*lines, ""]),
+        "method.h": native_source("method.h"),
+        "rodas5p.h": rodas5p.header(),
+        "step_control.h": step_control_header(),
+    }
+    return ctypes.CDLL(str(cached_library(sources, host())))
+
+
+@pytest.mark.parametrize("function", CONTROL, ids=lambda f: f.__name__)
+def test_the_printed_step_control_is_that_of_python(function, compiled: ctypes.CDLL) -> None:
+    """To the last bit, for numbers that no step has as for those of every step."""
+    n = CONTROL[function]
+    printed = compiled[f"c_{function.__name__}"]
+    printed.restype, printed.argtypes = ctypes.c_double, [ctypes.c_double] * n
+    mean_squares = NUMBERS[:-1]  # never negative: no root of such a number
+    wheres = [mean_squares] * 3 if function is step_control.resolving else [NUMBERS] * min(n, 3)
+    wheres += [(0, 1)] * (n - len(wheres))
+    for given in itertools.product(*wheres):
+        ours, theirs = float(function(*given)), printed(*given)
+        assert ours == theirs or (math.isnan(ours) and math.isnan(theirs)), given
+
+
+def test_what_c_does_not_have_is_not_translated() -> None:
+    def power(a: float) -> float:
+        """Where C has a function."""
+        return a**0.5
+
+    def loop(a: float) -> float:
+        """A sum."""
+        for _ in range(3):
+            a += 1
+        return a
+
+    with pytest.raises(TypeError, match="Pow"):
+        c_function(power)
+    with pytest.raises(TypeError, match="for _ in"):
+        c_function(loop)

@@ -231,6 +231,18 @@ def test_what_decays_between_samples_comes_to_zero(tmp_path: Path) -> None:
     assert np.min(found[found > 0]) >= np.finfo(float).tiny
 
 
+def test_a_state_that_decays_comes_to_zero(tmp_path: Path) -> None:
+    """The same for a state: exp(-1000) is below the smallest normal number."""
+    x = sympy.Symbol("x", real=True)
+    model = model_of("Decaying", [], [state("x", -x + 0 * U.symbol, 1.0)], x)
+    path = native_fmu(model, 2, tmp_path / "Decaying.fmu")
+    rows = fmpy.simulate_fmu(str(path), stop_time=1000, step_size=1, output_interval=1, output=["x"])
+    found = np.abs(rows["x"])
+    assert found[1] == pytest.approx(np.exp(-1), rel=1e-5)
+    assert found[-1] == 0
+    assert np.min(found[found > 0]) >= np.finfo(float).tiny
+
+
 def test_integer_sizes_are_numbers_like_any_other() -> None:
     """A declaration may say 10 where it means 10.0; the derivative to that start alone is as exact."""
     x, start = sympy.Symbol("x", real=True), Parameter(Quantity("x_start", "m", "Start", 5, nominal=10), tunable=False)

@@ -128,6 +128,7 @@ RESOLVING_ROOT = 10  # of that: twice the order
 CRUMB = 1e-9  # of what is left of a piece: a last step shorter than that goes with the one before it
 TIME_ROUNDING = 4e-15  # of the time: the same where the time is large
 SHORTEST = 4e-16  # of the time: a step shorter than that does not move it
+BELOW = -1.0  # in the place of an error, where a state leaves the range of the equations: no error is negative
 LATELY = 10  # attempts: where one of the last ones came to a minimum, that is why there is no step
 
 CONTROL = (
@@ -142,6 +143,7 @@ CONTROL = (
     "CRUMB",
     "TIME_ROUNDING",
     "SHORTEST",
+    "BELOW",
     "LATELY",
 )
 
@@ -156,7 +158,7 @@ def header() -> str:
         "",
         f"#define STAGES {n}",
         f"#define GAMMA {GAMMA!r}",
-        *(f"#define {name} {globals()[name]!r}" for name in CONTROL),
+        *(f"#define {name} ({globals()[name]!r})" for name in CONTROL),
         "",
         "/* RosenbrockStage positions, and gamma_i for the derivative along time. */",
         f"static const double ALPHA[STAGES] = {_row([s.alpha for s in STAGES])};",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fmpy
 
-from ..emit import c, model_description, rodas5p, tables
+from ..emit import c, model_description, rodas5p, tables, to_c
 from ..files import write_atomically
 from ..model.declare import Model
 from .compile import Platform, host, native_source, shared_library, universal
@@ -72,6 +72,7 @@ def core_sources(model: Model, *native: str) -> dict[str, str]:
         "model.c": c.source(model, directional),
         "model.h": c.header(model, directional),
         "rodas5p.h": rodas5p.header(),
+        "step_control.h": to_c.step_control_header(),
     }
     return files | {name: native_source(name) for name in (*CORE_SOURCES, *native)}
 

@@ -33,7 +33,7 @@ from .package import archive, icon, licence
 from .slave_source import SourceModule, merged_imports
 
 FUNCTIONS = ("derivatives", "outputs", "start", "equilibrium")
-MODULES = ("table", "stand_in", "integrator", "curve", "guard", "snapshot", "messages", "instance")
+MODULES = ("table", "stand_in", "step_control", "integrator", "curve", "guard", "snapshot", "messages", "instance")
 LIBRARIES = {"linux64/libpythonfmu-export.so": ".so", "win64/pythonfmu-export.dll": ".dll"}
 USAGE = """\
 As an FMU this file is run by pythonfmu. It needs Python 3.9 or later, nothing else, and works by itself::
@@ -76,8 +76,10 @@ def slave_source(model: Model) -> tuple[str, str]:
 
 def _joined(model: Model) -> str:
     """The modules as one module: imports, then each part under its title, the model in the place of the stand-in."""
-    folder = resources.files("tubular_dea") / "export" / "slave"
-    modules = [SourceModule(name, (folder / f"{name}.py").read_text(encoding="utf-8")) for name in MODULES]
+    package = resources.files("tubular_dea")
+    folders = {"step_control": package / "emit"}
+    files = {name: folders.get(name, package / "export" / "slave") / f"{name}.py" for name in MODULES}
+    modules = [SourceModule(name, file.read_text(encoding="utf-8")) for name, file in files.items()]
     imports = merged_imports(modules)
     bodies = {part.name: part.body() for part in modules}
     bodies["stand_in"] = _model_block(model)

@@ -48,7 +48,7 @@ class SourceModule:
 
     def _instead(self, node: ast.stmt, replaced: Mapping[str, str]) -> str | None:
         """What stands in the place of a statement; None: itself."""
-        if isinstance(node, ast.ImportFrom) and node.module == "emit.rodas5p":
+        if isinstance(node, ast.ImportFrom) and node.module in ("emit.rodas5p", "rodas5p"):
             return _constants([alias.name for alias in node.names])
         if isinstance(node, ast.Import | ast.ImportFrom):
             return ""

@@ -139,6 +139,13 @@ static SolverStatus run(Instance *instance, Solver *solver, double end)
     }
 }
 
+/* What decays comes to zero, not to denormal numbers, which are slow. */
+static void decayed(int n, double *value)
+{
+    for (int i = 0; i < n; i++)
+        if (fabs(value[i]) < DBL_MIN) value[i] = 0;
+}
+
 /* The discretes change here and nowhere else, from the inputs as they are at the start of the step. */
 static void take_sample(Instance *instance)
 {
@@ -147,8 +154,7 @@ static void take_sample(Instance *instance)
     double u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)], sampled[MODEL_ND];
     instance_inputs(instance, u, du);
     model_sample(now->time, now->x, u, now->p, sampled);
-    for (int i = 0; i < MODEL_ND; i++) /* what decays comes to zero, not to denormal numbers, which are slow */
-        if (fabs(sampled[i]) < DBL_MIN) sampled[i] = 0;
+    decayed(MODEL_ND, sampled);
     memcpy(now->p + MODEL_NP - MODEL_ND, sampled, sizeof sampled);
 #else
     (void)instance;
@@ -192,6 +198,7 @@ Status instance_do_step(Instance *instance, double time, double step, Between be
                                "largest one within the step of %g s; the instance is as it was before the step",
                                endless->name, step);
     }
+    decayed(MODEL_NX, now->x);
     now->marks |= SPENT;
     instance_note(instance, LOG_SOLVER, "stepped to time %.9g: %ld internal steps, %ld rejected", now->time,
                   solver.steps, solver.rejected);

@@ -7,26 +7,10 @@ communication step. The compiled integrator takes the same steps.
 
 from __future__ import annotations
 
-import math
-import struct
 from typing import NamedTuple
 
-from ...emit.rodas5p import (
-    CRUMB,
-    GAMMA,
-    GROWTH_ROOT,
-    LARGEST_GROWTH,
-    LATELY,
-    LEAST_ERROR,
-    LEAST_GROWTH,
-    LEAST_PIVOT,
-    RESOLVED,
-    RESOLVING_ROOT,
-    SAFETY,
-    SHORTEST,
-    STAGES,
-    TIME_ROUNDING,
-)
+from ...emit.rodas5p import BELOW, GAMMA, LATELY, LEAST_PIVOT, STAGES
+from ...emit.step_control import is_accepted, is_last, is_too_short, resolving, wanted_next
 from .stand_in import FLOORS, NOMINAL, VARIABLES, derivatives, factorise, linearise, multiply, solve
 from .table import INF, Vector
 
@@ -34,8 +18,6 @@ MAX_STEPS = 100_000  # internal steps in one communication step: bounded, so tha
 NX = len(NOMINAL)
 HELD = (0.0,) * sum(v.kind == "INPUT" for v in VARIABLES)  # rates of the inputs
 NO_FOLD = (0.0,)  # no state derivative may use the fold: it is an output only
-DOUBLE, LONG = struct.Struct("<d"), struct.Struct("<q")
-(BITS_OF_ONE,) = LONG.unpack(DOUBLE.pack(1.0))
 
 
 class Unsolvable(ArithmeticError):
@@ -44,9 +26,6 @@ class Unsolvable(ArithmeticError):
     def __init__(self, why: str, time: float, x: Vector) -> None:
         super().__init__(why)
         self.time, self.x = time, x
-
-
-BELOW = -1.0  # what `attempt` gives for an error where a state goes below its minimum
 
 
 class BelowMinimum(ArithmeticError):
@@ -133,39 +112,11 @@ def attempt(begin: Begin, h: float, u: Vector, p: Vector) -> tuple[Vector, float
     return x_new, error if error < INF else INF
 
 
-def inverse_root(value: float, n: int) -> float:
-    """value^(-1/n), up to 7 % too large: the bits of a double are nearly its logarithm. The same in C."""
-    (bits,) = LONG.unpack(DOUBLE.pack(value))
-    part = abs(bits - BITS_OF_ONE) // n
-    (root,) = DOUBLE.unpack(LONG.pack(BITS_OF_ONE - (part if bits > BITS_OF_ONE else -part)))
-    return float(root)
-
-
-def growth(error: float) -> float:
-    """By how much the step may grow (or must shrink) for the square of an error of order 5."""
-    if not 0 <= error < INF:
-        return LEAST_GROWTH
-    return min(LARGEST_GROWTH, max(LEAST_GROWTH, SAFETY * inverse_root(max(error, LEAST_ERROR), GROWTH_ROOT)))
-
-
 def resolving_step(begin: Begin, limit: float) -> float:
-    """A step that resolves the fastest motion, at most `limit`: where inputs or states have jumped, the step
-    size of before says nothing.
-
-    Along the solution x'' = J x' + dx/dt, and x''' is near J x''. Their ratio is the speed of the fastest
-    motion, and x'' over the square of that speed how far it goes; beyond the tolerance, the step should
-    resolve it.
-    """
+    """As `resolving`, for the equations at the beginning of a step."""
     second = [a + b for a, b in zip(multiply(begin.J, begin.dx), begin.dx_dt)]
-    a = mean_square(begin.scale, second)
-    b = mean_square(begin.scale, multiply(begin.J, second))
-    if not (0 < a < INF and 0 < b < INF):
-        return limit
-    speed = b / a  # squares, here and below
-    reach = a / speed / speed
-    if not 1 < reach < INF:
-        return limit
-    return min(limit, inverse_root(RESOLVED * reach, RESOLVING_ROOT) / math.sqrt(speed))
+    third = multiply(begin.J, second)
+    return resolving(mean_square(begin.scale, second), mean_square(begin.scale, third), limit)
 
 
 def advance(
@@ -185,17 +136,17 @@ def advance(
             tries += 1
             if tries > MAX_STEPS:
                 raise Unsolvable("steps", begin.time, begin.x)
-            last = wanted >= left - max(CRUMB * left, TIME_ROUNDING * abs(begin.time))
+            last = is_last(wanted, left, begin.time)
             step = left if last else wanted
-            if not (step > SHORTEST * abs(begin.time) and step > 1e-300):
+            if is_too_short(step, begin.time):
                 raise Unsolvable("minimum" if since_below < LATELY else "size", begin.time, begin.x)
             x_new, error = attempt(begin, step, u, p)
-            proposed = step * growth(error)
             since_below = 0 if error == BELOW else since_below + 1
-            if 0 <= error <= 1:
+            wanted = wanted_next(error, step, wanted, last, rejected)
+            if is_accepted(error):
                 break
-            wanted, rejected = proposed, True
-        h = min(proposed, step) if rejected else max(proposed, wanted) if last else proposed
+            rejected = True
+        h = wanted
         if last:
             return x_new, h
         begin = linearised(begin.time + step, x_new, u, p, tolerance)
