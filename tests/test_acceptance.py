@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_lsq_spline
 
 from made_up import BASE, LARGE, SAMPLES, found, option
 from tubular_dea.discover import engine
-from tubular_dea.discover.options import acceptance
+from tubular_dea.discover.options import acceptance, residuals
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import held_out, parameters, power
 from tubular_dea.discover.scores.bank import Candidate, scores
@@ -432,3 +433,39 @@ def test_one_that_leaves_noise_alone_has_shown_its_form() -> None:
     chosen = option("lag", z_slow=0.0, held_out=2000.0)
     assert equivalence.stands_in(option("slew", excess=3 * SAMPLES), chosen, {"lag": 1e9}) is None
     assert equivalence.stands_in(option("slew", excess=0.5 * SAMPLES), chosen, {"lag": 1e9}) == ("lag", "slew")
+
+
+def test_what_monitors_add_to_a_slow_sensor_asks_for_a_larger_gain() -> None:
+    """Where their noise makes block means vary five times as much, an effect gains five times as much by chance."""
+    base = option(excess=500.0, held_out=2500.0)
+    best = option("lag", excess=350.0, held_out=2400.0, turned=0.1)
+    assert acceptance.accept(base, base, best, 40.0)[0]
+    driven = replace(best, lack_of_fit=replace(best.lack_of_fit, driven=5.0))
+    assert acceptance.accept(base, base, driven, 40.0) == (
+        False,
+        "refitted, lag gains 150.0, less than chance can (200.0)",
+    )
+    assert acceptance.accept(base, base, driven, 29.0)[0]
+
+
+@pytest.mark.parametrize("noise", [Noise(15e-6, 0.0, step=2e-3), Noise(18e-6, 0.3, step=2e-3, white=0.69)])
+def test_a_monitor_s_noise_beside_that_of_the_sensor(noise: Noise) -> None:
+    """Lines through white noise move the output: the block means that these leave, and those that are expected."""
+    samples, gap, gain, level = 100_000, 30, 3e-7, 90.0
+    time = np.arange(samples) * noise.step
+    knots = np.concatenate([[time[0]] * 2, time[gap:-gap:gap], [time[-1]] * 2])
+    line = make_lsq_spline(time, level * np.random.default_rng(3).standard_normal(samples), knots, k=1)
+    weight = np.full(samples, 1 / np.sqrt(1 + (level * gain / noise.slow) ** 2))
+    clock = SimpleNamespace(step=noise.step, parts=[slice(None)])
+    case = SimpleNamespace(
+        protocol=SimpleNamespace(time=np.unique(knots)),
+        readings=[SimpleNamespace(output="radius", clock=clock)],
+        parts=lambda: [slice(None)],
+    )
+    none_fitted = SimpleNamespace(variance_removed=np.zeros)
+    piece = SimpleNamespace(record=time, weight=weight, case=case, marginal=none_fitted)
+    study = SimpleNamespace(noise={"radius": noise}, plant=SimpleNamespace(bandwidth=1e3))
+    left = noise.whiten(clock, gain * line(time)) * weight
+    varies = float(np.mean(residuals.block_means(left, [piece]) ** 2))
+    expected = float(np.mean(residuals._block_variance(study, [piece]) - weight[0] ** 2))
+    assert expected == pytest.approx(varies, rel=0.35)

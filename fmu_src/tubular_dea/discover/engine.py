@@ -274,7 +274,7 @@ def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
     """Why effects are not supported, by id: too small a gain, an interval that includes the value at which they are
     off, or a strength at a bound."""
     state = described.lack_of_fit
-    slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else state.coloured
+    slow = residuals.slow_variance(described.fitted, work.training) if acceptance.far(described) else state.by_chance
     why = {}
     for name in described.ids:
         if name in described.impossible:
@@ -365,7 +365,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
-    wider = wider.with_covariance(wider.covariance * option.lack_of_fit.coloured)
+    wider = wider.with_covariance(wider.covariance * option.lack_of_fit.by_chance)
     return replace(option, fitted=still_there(work, option.ids, fitted, wider, gains))
 
 

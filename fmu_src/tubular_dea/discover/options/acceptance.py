@@ -90,7 +90,7 @@ def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool
 def accept(base: Option, before: Option, best: Option, threshold: float) -> tuple[bool, str]:
     """Whether `best` is accepted over `before`, and why (not), in words."""
     gain, name = before.cost - best.cost, best.ids[-1]
-    chance = threshold * (1.0 if far(best) else best.lack_of_fit.coloured)  # slow noise gives slow effects as much more
+    chance = threshold * (1.0 if far(best) else best.lack_of_fit.by_chance)  # slow noise gives slow effects more
     if gain < chance and _with_held_out(before, best) < threshold + DENIAL:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
     if name in best.impossible:
@@ -118,7 +118,7 @@ def _with_held_out(before: Option, after: Option) -> float:
 
     Where there may be slow noise, it foretells that too, and nothing is gained.
     """
-    if far(after) or after.lack_of_fit.coloured > 1:
+    if far(after) or after.lack_of_fit.by_chance > 1:
         return 0.0
     gain = before.cost - after.cost
     return gain + float(np.clip(before.held_out - after.held_out, 0.0, gain))

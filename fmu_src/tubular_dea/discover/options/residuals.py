@@ -17,6 +17,9 @@ from ...identify.study.study import Piece, Study
 FAR = 3.0  # [1] residual over noise above which a model is far from the plant
 FAR_UNQUIET = 1.5  # [1] the same where noise is bounded only
 
+# Set by judgement: a spectrum without lines is smooth. Check: `pytest tests/test_acceptance.py -k sensor`
+PASSED = 16  # [1] frequencies over which the monitors' noise is compared with the sensor's
+
 # Set by judgement: for the reader only, nothing is decided by them. Check: `tubular-dea close-loop DATA --out OUT`
 LAG = 25  # [samples] lag of an input that a residual is held against
 FAST_SHARE = 0.3  # [1] of all samples: the fastest and the slowest so many are compared for hysteresis
@@ -32,7 +35,8 @@ class LackOfFit:
     root mean square of the residual beyond noise [SI], `ratio` that of the residual over the noise. Above a ratio of
     `far`, the error of the model's form and not the noise limits the distinction between effects. `coloured` is the
     variance of the block means relative to that of noise where no stretch is quiet or long enough to tell how much slow
-    noise there is; 1 elsewhere.
+    noise there is; 1 elsewhere. `driven` is the variance of block means that the monitors' noise makes
+    of white noise of variance 1, which the likelihood takes the residual for; 1 where it makes no more.
     """
 
     excess: float
@@ -43,6 +47,12 @@ class LackOfFit:
     ratio: float
     far: float = FAR
     coloured: float = 1.0
+    driven: float = 1.0
+
+    @property
+    def by_chance(self) -> float:
+        """By how much more effects gain by chance than beside white noise: they are slow, and so is this noise."""
+        return max(self.coloured, self.driven)
 
 
 def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None) -> LackOfFit:
@@ -71,6 +81,7 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
         float(np.sqrt(max(1 + excess / expected, 0.0))),
         FAR if quiet else FAR_UNQUIET,
         1.0 if known else max(1.0, float(means @ means / variance.sum())),
+        max(1.0, float(variance.mean())),
     )
 
 
@@ -85,8 +96,25 @@ def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
 def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
     """The variance of every whitened sample (N,), as it counts in averages over `block` samples."""
     sensor = piece.weight**2
-    transmitted = _transmitted(study, piece, block) * (1 - sensor)
+    transmitted = _transmitted(study, piece, block) * (1 - sensor) * _beside_the_sensor(study, piece, block)
     return (sensor + transmitted) * (1 - piece.marginal.variance_removed(sensor.size))
+
+
+def _beside_the_sensor(study: Study, piece: Piece, block: int) -> np.ndarray:
+    """How much larger the monitors' noise is beside the sensor's than where both are slowest (N,).
+
+    Weights compare them there. A sensor whose noise is slow has less of it at the frequencies up to which the lines
+    through monitors, the plant and averages over `block` samples pass noise.
+    """
+    found = np.ones(piece.record.size)
+    corners = np.unique(piece.case.protocol.time).size / piece.record.size
+    for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        step, noise = reading.clock.step, study.noise[reading.output]
+        colour = noise.colour(step)
+        fastest = min(0.5 / block, 0.5 * corners, study.plant.bandwidth * step)  # cycles a sample
+        passed = np.linspace(0, fastest, PASSED)
+        found[rows] = np.mean([colour.density() / colour.density(float(f)) for f in passed])
+    return found
 
 
 def _transmitted(study: Study, piece: Piece, block: int) -> float:
