@@ -19,13 +19,13 @@ from tubular_dea.discover.options import residuals
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores.channels import Isolation
 from tubular_dea.identify.fitting.cases import Case, Reading
-from tubular_dea.model.units import in_words, three
+from tubular_dea.model.units import in_words, three, with_ends
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
 
-FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue))
+FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect")
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
@@ -45,6 +45,10 @@ def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     (meaning,) = (q.description for q in effect.parameters if q.name == "pressure_gain")
     assert f"pressure_gain ({meaning[0].lower()}{meaning[1:]}: within 0.05 of 1). Stronger ones" in said
     assert "Larger" not in said
+    beside = SimpleNamespace(study=FOUND.study, verdict="unexplained")  # what remains may hide more
+    assert "Stronger ones" not in " ".join(
+        in_short._hidden(beside, {"invisible": {"pressure_gain": {"pressure_gain": 0.05}}})
+    )
 
 
 def test_any_size_is_explained_only_where_it_stands_in_the_table() -> None:
@@ -288,6 +292,11 @@ def test_a_legend_lies_between_the_toolbar_and_the_plot() -> None:
 def test_numbers_and_names_are_written_as_people_read_them() -> None:
     assert [three(v) for v in (967.0, 1024.0, 0.0012, 2.5e7)] == ["967", "1020", "0.0012", "2.5e+07"]
     assert in_words(999.9e-6, "m") == "1000 um"
+    assert with_ends(0.28, (0.2, 0.36)) == ["0.28", "0.2", "0.36"]
+    assert with_ends(1.27770, (1.27750, 1.27790)) == ["1.2777", "1.2775", "1.2779"]  # three digits would be the same
+    assert with_ends(5.04e-15, (0.0, 0.98)) == ["0", "0", "0.98"]
+    assert with_ends(0.3, (0.1, None)) == ["0.3", "0.1", "open"]
+    assert with_ends(2.0, (2.0, 2.0)) == ["2", "2", "2"]
     assert effects._label("p_C", "Pa") == "p_C [Pa]"
     figure = next(f for f in course.FIGURES if f.name == "end_diastolic_volume")
     a, b = (course.Spread(mean=v, deviation=0.0, worst=v, beats=3) for v in (242.10e-6, 242.09e-6))

@@ -12,7 +12,7 @@ import difflib
 import math
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias, TypeVar
@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import UserError
 
+MOST_DIGITS = 9  # of a number that is known that well
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 BASE = ("kg", "m", "s", "A", "K", "mol")
 PRODUCT = re.compile(r"(?<!\d)\.|\.(?!\d)")  # a dot between digits is that of a broken exponent
@@ -391,7 +392,25 @@ def in_words(value: float, unit: str) -> str:
     return f"{three(value / scale)} {shown}".removesuffix(" 1")
 
 
-def three(value: float) -> str:
-    """A number in three digits, without a power of ten where it has four or five before the point."""
-    short = f"{value:.3g}"
+def three(value: float, digits: int = 3) -> str:
+    """A number in three digits (or more), without a power of ten where it has four or five before the point."""
+    short = f"{value:.{digits}g}"
     return f"{float(short):.0f}" if 1e3 <= abs(float(short)) < 1e5 else short
+
+
+def with_ends(value: float, ends: Sequence[float | None], least: int = 3) -> list[str]:
+    """A value and the ends of its interval, in `least` digits, or in as many as tell them apart.
+
+    An end that is None is "open". What is a thousandth of an interval about 0, or less, is 0.
+    """
+    low, high = ends
+    if low is None or high is None or not 0 < (width := abs(high - low)) < math.inf:
+        return [three(value, least), *("open" if end is None else three(end, least) for end in ends)]
+    last = math.floor(math.log10(width)) - 1  # two digits of the interval
+
+    def text(number: float) -> str:
+        if low * high <= 0 and abs(number) <= 1e-3 * width:
+            return "0"
+        return three(number, min(max(least, math.floor(math.log10(abs(number))) - last + 1), MOST_DIGITS))
+
+    return [text(value), *(text(end) for end in ends if end is not None)]

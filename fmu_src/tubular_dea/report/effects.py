@@ -18,7 +18,7 @@ from ..discover.answer.own_curve import Excitation, IsolatedEffect, OwnCurve, ow
 from ..discover.engine import Discovery
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
-from ..model.units import factor, readable, three
+from ..model.units import factor, readable, with_ends
 from .page import Page
 from .parts import AFTER, BEFORE, percent, shown_unit, usual_scale
 from .residuals import Answered, answered
@@ -105,8 +105,8 @@ def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str
     meaning, rows = {q.name: q.description for q in effect.parameters}, []
     for name, p in entry["parameters"].items():
         scale, unit = usual_scale(p["value"], p["unit"], model)
-        low, high = ("open" if end is None else three(end / scale) for end in p["ci95"])
-        shown = f"{three(p['value'] / scale)} {unit}".removesuffix(" 1")
+        value, low, high = with_ends(p["value"] / scale, [None if e is None else e / scale for e in p["ci95"]])
+        shown = f"{value} {unit}".removesuffix(" 1")
         rows.append([meaning[name], shown, f"{low} to {high}", name])
     return rows
 

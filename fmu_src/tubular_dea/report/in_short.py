@@ -203,7 +203,10 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
                 known.append((share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
     said = "; ".join(f"{e.id} ({_meaning(e, name)}: {_limit(e, name, value)})" for _, e, name, value in known[:SHOWN])
-    texts = [f"{said}. Stronger ones would have been seen; the table below lists all effects."] if said else []
+    seen = "The table below lists all effects."
+    if found.verdict not in ("unexplained", "partly_explained"):  # what remains may hide more
+        seen = "Stronger ones would have been seen; the table below lists all effects."
+    texts = [f"{said}. {seen}"] if said else []
     if far:
         texts.append(f"{', '.join(far)}, {FAR}.")
     if none:

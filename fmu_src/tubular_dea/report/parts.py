@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..model.declare import Model, Quantity
-from ..model.units import factor, readable
+from ..model.units import factor, readable, with_ends
 from .colours import COLOURS
 
 POINTS = 700  # drawn of each record: averages over as many blocks
@@ -61,8 +61,8 @@ def bars(values: Mapping[str, float], label: str, line: float | None = None) -> 
 def parameter_row(name: str, p: Mapping[str, Any], *others: float) -> list[str]:
     """Name, value, 95 % interval and unit of a parameter of result.json, then other values of it in that unit."""
     scale, unit = readable(p["value"], p["unit"])
-    low, high = ("open" if e is None else f"{e / scale:.4g}" for e in p["ci95"])
-    return [name, f"{p['value'] / scale:.4g}", f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
+    value, low, high = with_ends(p["value"] / scale, [None if e is None else e / scale for e in p["ci95"]], least=4)
+    return [name, value, f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
 
 
 def shown_unit(quantity: Quantity) -> tuple[float, str]:
