@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy
 
+import tubular_dea as td
 from test_plain_models import one_state
 from tubular_dea.identify.fitting.fit import fit, rmse
 from tubular_dea.identify.fitting.problem import Free, whitened
@@ -18,7 +19,7 @@ from tubular_dea.identify.study import adjust, nuisances, spreads
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.monitor_uncertainty import constant_gains, shifted
 from tubular_dea.identify.study.nuisances import with_nuisances
-from tubular_dea.identify.study.study import Piece, Study, study
+from tubular_dea.identify.study.study import PRIOR, Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws.places import Path
 from tubular_dea.model.declare import Quantity
@@ -446,3 +447,34 @@ def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
     assert gains[middle] == pytest.approx(1 / (1.002 - rising[middle]), rel=0.05)
     found = adjusted(work, (), values).pieces[0].nuisances
     assert not found.columns[:, found.names.index("load")].any()  # left out, and nothing is refused
+
+
+def test_instants_are_told_by_the_output_that_tells_most() -> None:
+    """A motor's current tells of a switching to microseconds, its speed to a tenth of a millisecond."""
+    m = Build("Motor", "A motor with a disc")
+    u = m.input("voltage", "V", nominal=24)
+    resistance = m.parameter("R", "Ohm", 1.15, minimum=1e-3)
+    inductance = m.parameter("L", "H", 2.3e-3, minimum=1e-6)
+    flux = m.parameter("K", "V.s/rad", 0.062, minimum=1e-5)
+    inertia = m.parameter("J", "kg.m2", 9e-5, tunable=False)
+    i, w = m.state("i", "A", nominal=15), m.state("w", "rad/s", nominal=350)
+    m.derivative(i, (u - resistance * i - flux * w) / inductance)
+    m.derivative(w, flux * i / inertia)
+    m.output("speed", "rad/s", w)
+    m.output("current", "A", i)
+    motor = Plant(m.model(), [Input("voltage", held=True)], [Output("speed"), Output("current")], places=[])
+    time, switched = np.arange(0, 2, 2e-3), np.array([0.3004, 0.7013, 1.2498])
+    levels = np.array([0.0, 12.0, -6.0, 9.0])
+    corners = np.concatenate([[0.0], np.repeat(switched, 2), [2.0]])
+    run = Kernel(motor.model).simulate(Protocol.of(corners, voltage=np.repeat(levels, 2)), time)
+    random = np.random.default_rng(4)
+    read = {
+        "time [s]": time,
+        "voltage [V]": levels[np.searchsorted(switched, time)] + random.normal(0, 0.03, time.size),
+        "speed [rad/s]": run["speed"] + random.normal(0, 0.6, time.size),
+        "current [A]": run["current"] + random.normal(0, 0.03, time.size),
+    }
+    work = study(td.read_recordings({"run": read}, motor), (), PRIOR)
+    (piece,) = adjusted(work, (), motor.model.parameter_values()).pieces
+    found = np.array([e.time for e in piece.driven.edges]) + piece.shifts
+    assert np.allclose(found, switched, atol=2e-5)

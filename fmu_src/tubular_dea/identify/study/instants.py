@@ -25,7 +25,7 @@ from .study import Piece, Study
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
-FINE_PLACES = 81  # [1] places between an edge's bounds that are compared: steps of 50 us at 250 Hz
+FINE_PLACES = 81  # [1] places between an edge's bounds that are compared, and between those beside the best of them
 SHARES = CubicSpline(GRID, np.eye(len(GRID)))  # of every answer on the grid, at a part of the way
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k clock`
@@ -48,12 +48,12 @@ class EdgeResponse:
         """The shifts [s] over the grid that are compared, (FINE_PLACES,)."""
         return np.linspace(self.grid[0], self.grid[-1], FINE_PLACES)
 
-    def squares(self, left: np.ndarray) -> np.ndarray:
-        """The sum of squares of the residual at all `places`, less what it is at the present shift, where the residual
-        is `left` (m,)."""
+    def squares(self, left: np.ndarray, places: np.ndarray | None = None) -> np.ndarray:
+        """The sum of squares of the residual at `places` (all of them), less what it is at the present shift, where the
+        residual is `left` (m,)."""
         if not self.answers.size:
             return np.zeros(FINE_PLACES)
-        steps = SHARES(self._part(self.places)) - SHARES(self._part(self.now))
+        steps = SHARES(self._part(self.places if places is None else places)) - SHARES(self._part(self.now))
         changes = self.answers - self.answers[0]
         return 2 * steps @ (changes @ left) + np.einsum("ij,ij->i", steps @ (changes @ changes.T), steps)
 
@@ -61,7 +61,9 @@ class EdgeResponse:
         """The shift with the least squares."""
         if not self.answers.size:
             return self.now
-        return float(self.places[int(np.argmin(self.squares(left)))])
+        nearest, step = self.places[int(np.argmin(self.squares(left)))], self.places[1] - self.places[0]
+        finer = np.clip(nearest + np.linspace(-step, step, FINE_PLACES), self.grid[0], self.grid[-1])
+        return float(finer[int(np.argmin(self.squares(left, finer)))])
 
     def change(self, shift: float) -> np.ndarray:
         """What the samples (m,) would be at a shift, less what they are."""
@@ -88,7 +90,7 @@ class EdgeResponse:
 
 
 def edge_responses(study: Study, response: Response, values: Mapping[str, float], piece: Piece) -> list[EdgeResponse]:
-    """The response of every edge's window to shifts within the bounds of the edge.
+    """The response of every edge's window to shifts within the edge's bounds, in the output that tells most.
 
     Every second edge is moved in the same simulation: its response has ended when the next but one comes, or is cut
     there.
@@ -96,10 +98,8 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
     edges = piece.driven.edges
     if not edges:
         return []
-    times = piece.case.readings[0].times
     order = np.argsort([e.time for e in edges], kind="stable")  # of several inputs
     turn = np.argsort(order)
-    places = [_place(piece, i, order[turn[i] + 1 : turn[i] + 2]) for i in range(len(edges))]
     low, high = bounds(piece)
     cases = []
     for parity in (0, 1):
@@ -112,25 +112,32 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
     except KernelError:
         return [EdgeResponse(slice(0, 0), np.array(GRID), np.empty((0, 0)), s) for s in piece.shifts]
     white = [whitened(piece.case, a, study.noise, piece.weight) for a in answers]
-    found = []
-    for i, place in enumerate(places):
-        known = high[i] <= low[i] or place.stop <= place.start or times.size == 0
-        rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
-        moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
-        where = slice(0, 0) if known else slice(place.start, place.start + _informative_samples(moved))
-        grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
-        found.append(EdgeResponse(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
-    return found
+
+    def of_reading(reading: int) -> list[EdgeResponse]:
+        found = []
+        for i in range(len(edges)):
+            place = _place(piece, i, order[turn[i] + 1 : turn[i] + 2], reading)
+            known = high[i] <= low[i] or place.stop <= place.start
+            rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
+            moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
+            where = slice(0, 0) if known else slice(place.start, place.start + _informative_samples(moved))
+            grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
+            found.append(EdgeResponse(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
+        return found
+
+    readings = map(of_reading, range(len(piece.case.readings)))
+    return max(readings, key=lambda found: sum((m.chord * np.ptp(m.grid)) ** 2 for m in found))
 
 
-def _place(piece: Piece, number: int, following: Iterable[int]) -> slice:
+def _place(piece: Piece, number: int, following: Iterable[int], reading: int) -> slice:
     """The samples that may depend on an edge's instant: from its earliest one to that of the `following` edge."""
-    edges, times = piece.driven.edges, piece.case.readings[0].times
+    edges, times = piece.driven.edges, piece.case.readings[reading].times
+    offset = piece.case.parts()[reading].start
     starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.late.get(edges[i].input, 0.0) for i in following]
     mine = edges[number]
     begin = np.searchsorted(times, mine.earliest - 0.5 * mine.rise - piece.late.get(mine.input, 0.0))
     ends = [np.inf, *starts]
-    return slice(int(begin), max(int(begin), int(np.searchsorted(times, min(ends)))))
+    return slice(offset + int(begin), offset + max(int(begin), int(np.searchsorted(times, min(ends)))))
 
 
 def _informative_samples(answers: np.ndarray) -> int:
