@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import ArgumentError, UserError
-from ..identify.fitting.fit import AGREE, Fit
+from ..identify.fitting.fit import AGREE, NORMAL_95, Fit
 from ..identify.fitting.problem import Problem
 from ..identify.records.data import Recordings
 from ..identify.study.adjust import MOST_SETTLES, SETTLES, adjusted
@@ -201,8 +201,9 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
 
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
-    of every file: each of them takes one from the misfit by chance. Where nothing was found it has to explain more,
-    and where what was found explains most from an equilibrium too, there is no other explanation."""
+    of every file: each of these takes one from the misfit by chance, and their sum varies as chi squared does. Where
+    nothing was found it has to explain more, and where what was found explains most from an equilibrium too, there is
+    no other explanation."""
     other = settled(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
@@ -210,7 +211,8 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     work, fitted = _base_settled(other, base.recalibrate(other, 1, seed, found.base.fitted.values), seed)
     numeric, alone = numerics.numeric_gain(work, fitted.values), option(work, (), fitted)
     first = take_round(work, alone, alone, numeric, seed, tell)
-    by_chance = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
+    free = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
+    by_chance = free + NORMAL_95 * float(np.sqrt(2 * free))
     reached = min((o.squares for o in first.options), default=np.inf) - found.chosen.squares
     if reached > max(by_chance, WORTH * (alone.squares - found.chosen.squares) if found.chosen.ids else 0.0):
         return found
