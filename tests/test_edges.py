@@ -57,6 +57,14 @@ def test_every_switching_is_found_within_its_bounds(rate: float, rise: float) ->
     assert abs(error.mean()) < 3 * expected / np.sqrt(error.size)
 
 
+def test_a_sample_on_a_level_is_not_taken_for_one_on_the_way() -> None:
+    """Two samples of a level differ by the noise of both, and of many samples beside an edge one is far off."""
+    experiment, centroids = switched(1000.0, 1e-9, beats=1000, height=14.0, noise=0.02)
+    found = transitions(experiment.time, experiment.inputs["voltage"], 0.02)
+    assert len(found) == centroids.size
+    assert np.count_nonzero(found.on_the_way) <= 1  # by chance 0.1 of 2000, and 15 at 4 standard deviations
+
+
 @pytest.mark.parametrize(("rise", "exponential"), [(1.5e-3, False), (5e-3, False), (1.5e-3, True)])
 def test_a_rise_is_told_from_samples_on_the_way(rise: float, exponential: bool) -> None:
     experiment, _ = switched(250.0, rise, exponential)

@@ -19,6 +19,7 @@ from ..signals.sampling import usual_step
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is told
 STANDS_OUT = 8.0  # [standard deviations] of noise that a step between samples of an edge has at least
+LEADS_ON = 5.7  # [standard deviations] of noise that the steps before and after those have: 4 of a difference of samples
 BESIDE = 8  # [samples] on either side whose median step an edge's steps exceed
 CONTRAST = 3.0  # [1] times by which they do
 GOES_ON = 0.005  # [1] of an edge's height: a smaller step is no part of it
@@ -98,7 +99,7 @@ def _with_ringing(values: np.ndarray, noise: float, found: Transitions) -> Trans
     if not len(found):
         return found
     height = np.abs(values[found.after] - values[found.before])
-    floor = STANDS_OUT / 2 * noise
+    floor, shows = STANDS_OUT / 2 * noise, LEADS_ON * noise
     begins = np.searchsorted(found.after, found.before - 2 * RINGS)
     ends = np.searchsorted(found.before, found.after + 2 * RINGS)
     listed: list[tuple[int, int]] = []
@@ -113,23 +114,24 @@ def _with_ringing(values: np.ndarray, noise: float, found: Transitions) -> Trans
         first = int(found.after[large[place - 1]]) if place > 0 else max(0, before - 2 * RINGS)
         last = int(found.before[large[place + 1]]) if place + 1 < large.size else after + 2 * RINGS
         least, most = (floor, max(floor, GOES_ON * height[i])), RINGING * height[i]
-        after += _rings_for(values[after : last + 1], least, most)
-        before -= _rings_for(values[first : before + 1][::-1], least, most)
+        after += _rings_for(values[after : last + 1], least, (shows, most))
+        before -= _rings_for(values[first : before + 1][::-1], least, (shows, most))
         listed.append((before, after))
         kept[near] &= (found.after[near] <= before) | (found.before[near] >= after)
     both = np.array(sorted(listed), dtype=int).reshape(-1, 2)
     return Transitions(both[:, 0], both[:, 1])
 
 
-def _rings_for(values: np.ndarray, least: Sequence[float], most: float) -> int:
+def _rings_for(values: np.ndarray, least: Sequence[float], largest: tuple[float, float]) -> int:
     """For how many samples a signal (n,) is more than one of `least` off the level it comes to, now above it and now
     below.
 
-    0 where it does not ring, or by more than `most`: what stays on one side for long creeps, or is a level.
+    0 where it does not ring, or its `largest` swing is not between these two: a smaller one is chance, and what stays
+    on one side for long creeps, or is a level.
     """
     rest = values[RINGS : 2 * RINGS]
     off = values[:RINGS] - (np.median(rest) if rest.size >= LEAST_REST else values[-1])
-    for size in least if np.abs(off).max() <= most else ():
+    for size in least if largest[0] < np.abs(off).max() <= largest[1] else ():
         beyond = np.flatnonzero(np.abs(off) > size)
         if not beyond.size:
             break
@@ -155,7 +157,7 @@ def _runs(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
     for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
         if direction[a] == 0 or (listed and a < listed[-1][1]):
             continue
-        least = max(STANDS_OUT / 2 * noise, GOES_ON * abs(values[b] - values[a]))
+        least = max(LEADS_ON * noise, GOES_ON * abs(values[b] - values[a]))
         first, last = _extended(step * direction[a], a, b, least, listed[-1][1] if listed else 0)
         if last - first <= FEW_ON_WAY + 1 or time[last] - time[first] <= _longest(values[first : last + 1]):
             listed.append((first, last))
@@ -181,7 +183,7 @@ def _extended(up: np.ndarray, a: int, b: int, least: float, first: int) -> tuple
 def _exact(values: np.ndarray, noise: float, a: int, b: int) -> tuple[int, int]:
     """The last sample on the level at `a` and the first on that at `b` of a slow edge in between."""
     height = values[b] - values[a]
-    near = max(STANDS_OUT / 2 * noise / abs(height), GOES_ON)
+    near = max(LEADS_ON * noise / abs(height), GOES_ON)
     part = (values[a : b + 1] - values[a]) / height
     last = int(np.flatnonzero(part < 1 - near)[-1])
     return a + int(np.flatnonzero(part[: last + 1] < near)[-1]), a + last + 1
