@@ -78,8 +78,8 @@ def test_verdict_where_effects_cannot_be_told_apart() -> None:
 @pytest.mark.parametrize(
     ("unseen", "excess", "named"),
     [
-        (BASE.held_out - 6.1, 0.49 * LARGE, True),
-        (BASE.held_out - 6.0, 0.49 * LARGE, False),  # held-out data gain no more than chance gives
+        (0.749 * BASE.held_out, 0.49 * LARGE, True),
+        (0.751 * BASE.held_out, 0.49 * LARGE, False),  # explains less than a quarter of what held-out data show
         (BASE.held_out + 50.0, 0.1 * LARGE, False),  # explains much, predicts nothing
         (BASE.held_out - 5000.0, 0.51 * LARGE, False),  # predicts, but leaves more than half
     ],
@@ -88,6 +88,12 @@ def test_a_name_is_earned_on_data_that_no_fit_has_seen(unseen: float, excess: fl
     chosen = option("lag", excess=excess, held_out=unseen)
     assert acceptance.earned(BASE, chosen) is named
     assert engine.decide(found(BASE, chosen), 9.0, {"lag": []}) == ("partly_explained" if named else "unexplained")
+
+
+def test_a_name_is_not_earned_by_chance_on_held_out_data_that_show_little() -> None:
+    base = option(excess=LARGE, held_out=12.0)
+    assert acceptance.earned(base, option("lag", excess=0.1 * LARGE, held_out=5.9))
+    assert not acceptance.earned(base, option("lag", excess=0.1 * LARGE, held_out=6.1))
 
 
 def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() -> None:

@@ -17,6 +17,7 @@ from .places import Balance, Coefficient, Path, Place
 
 ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")
 """Laws that, at an input, belong to what drives the plant and not to the monitor that recorded it."""
+QUICK = 0.1  # of the plant's own times: how long the lag of an instrument usually is
 ORDINARY = 0.3  # of the farther bound: the size of a parameter that usually is nothing
 
 
@@ -66,6 +67,14 @@ class Site:
     def seconds(self) -> float:
         """Usual size of times here."""
         return self.place.seconds or seconds(self.model)
+
+    @property
+    def quickness(self) -> float:
+        """How long an instrument's own lag usually is, over `seconds`.
+
+        Sensors and amplifiers are chosen to be faster than the plant: where nobody said how fast, `QUICK`.
+        """
+        return QUICK if isinstance(self.place, Path) and not self.place.seconds else 1.0
 
     @property
     def drives(self) -> bool:

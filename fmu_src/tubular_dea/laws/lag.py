@@ -8,7 +8,7 @@ Equation: d(slow)/dt = (signal - slow) / tau; signal' = signal + share (slow - s
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (first-order instruments).
 
-Typical: half the usual time there.
+Typical: half the usual time there; where none is declared, an instrument's is a twentieth of the plant's own times.
 """
 
 from ..model.declare import Model
@@ -25,7 +25,7 @@ def law(at: SignalSite) -> Effect | None:
     """The signal follows with a time constant."""
     if at.is_constant:
         return None
-    tau = at.time_constant(f"Time constant of {at.words}", 0.5, 5e-3, 500.0, TIMES, trade=1)
+    tau = at.time_constant(f"Time constant of {at.words}", 0.5 * at.quickness, 5e-3, 500.0, TIMES, trade=1)
     share = at.knob("share", "1", "Share of the signal that lags", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
     def apply(model: Model) -> Model:

@@ -24,8 +24,9 @@ class Place:
     named after that id, or as in {"lag.tau": "tau_sensor"}. `laws`, if given, are the only ones that may act here.
     `signal` is the name of the quantity once a law changes it (default: made from the name).
     `seconds` is the usual size of times there, a lag's or a delay's (default: the geometric mean of the model's own
-    time constants), `size` that of the quantity (default: its `nominal` value). Nominal values should be
-    the usual ones of a record: an offset of more than a twentieth of the nominal value, for example, is no candidate.
+    time constants; an instrument's lag is then taken to be usually a tenth of it), `size` that of the quantity
+    (default: its `nominal` value). Nominal values should be the usual ones of a record: an offset of more than a
+    twentieth of the nominal value, for example, is no candidate.
     """
 
     name: str

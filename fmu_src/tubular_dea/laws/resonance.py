@@ -9,7 +9,8 @@ signal' = signal + share (swing - signal).
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004, section 6.6 (transmission lines).
 
-Typical: an angular frequency of one over the usual time there, damped critically.
+Typical: an angular frequency of one over the usual time there, damped critically; where none is declared, an
+instrument's is ten times that.
 """
 
 from ..model.declare import Model
@@ -29,7 +30,7 @@ def law(at: SignalSite) -> Effect:
         "omega",
         "1/s",
         f"Angular eigenfrequency of {at.words}",
-        usual,
+        usual / at.quickness,
         0.02 * usual,
         200 * usual,
         shapes=[f * usual for f in FREQUENCIES],

@@ -42,7 +42,7 @@ FORETOLD = 1.5  # [1] error on held-out experiments over noise up to which a mod
 ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
-FURTHER = 0.25  # [1] share of what is left that a further effect has to explain where models are that far
+FURTHER = 0.25  # [1] share of what is left that an effect has to explain where models are that far
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --singles 2 --seed 1000`
 STRONG = 3.0  # [1] times the threshold from which on the held-out experiments are asked at the end only
@@ -181,10 +181,12 @@ def denied(before: Option, after: Option) -> bool:
 
 
 def earned(base: Option, chosen: Option) -> bool:
-    """Whether effects that leave a significant remainder may be named: they improve the prediction of held-out data."""
+    """Whether effects that leave a significant remainder may be named: they explain most of what they were fitted to,
+    and a part of what the held-out experiments have beyond noise."""
     before = max(base.lack_of_fit.excess, 1.0)
     held = base.held_out - chosen.held_out
-    return held > DENIAL and 1 - chosen.lack_of_fit.excess / before >= PARTLY
+    missed = max(base.unseen_squares - base.unseen.size, 1.0)
+    return held > max(DENIAL, FURTHER * missed) and 1 - chosen.lack_of_fit.excess / before >= PARTLY
 
 
 def settled(base: Option, accepted: list[Option]) -> Option:
