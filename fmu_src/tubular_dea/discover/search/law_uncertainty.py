@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...identify.fitting.compiled import Ids
-from ...identify.fitting.fit import NORMAL_95, Fit, inverse
+from ...identify.fitting.fit import Fit, inverse
 from ...identify.fitting.problem import Problem
 from ...identify.study.study import Study
 from ...model.effect import Effect
@@ -26,9 +26,6 @@ from ..scores.parameters import switched_off
 # Set by judgement: by some per cent, slowly. A factor of four either way changes standard errors by 8 % at most there.
 # Check: `pytest tests/test_law_uncertainty.py::test_another_law_is_within_the_uncertainty`
 LAW = 0.1  # [1] standard deviation of each share by which a law may be another
-
-# Set by convention. Check: `pytest tests/test_law_uncertainty.py`
-CLOSEST = 0.98  # [1] of the way to where an effect is off that the interval of one that is there reaches at most
 
 # Set by judgement. Check: `pytest tests/test_law_uncertainty.py`
 PART = 0.1  # [1] of the effect that is switched off to see its contribution
@@ -68,7 +65,8 @@ def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit, gains: Mapping[s
 
     Another form of a law says that its size means something else, not that there is no such effect. And where a size
     and other parameters make up for each other along a bent valley, an interval from the covariance may reach to where
-    the effect is off, though the misfit rises far by then: the gain is the profile of the likelihood there.
+    the effect is off, though the misfit rises far by then: the gain is the profile of the likelihood there. An effect
+    that gains `EARNS` is off at as many standard deviations, squared.
     """
     share = np.ones(len(wide.names))
     for effect_id, effect in ((name, study.catalogue[name]) for name in ids):
@@ -77,8 +75,8 @@ def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit, gains: Mapping[s
             continue
         for i, name in enumerate(wide.names):
             if name in effect.off or (name in effect.fit and not any(n in wide.names for n in effect.off)):
-                reach = abs(wide.values[name] - effect.off.get(name, 0.0)) / NORMAL_95
-                share[i] = min(1.0, CLOSEST * reach / wide.stderr[name])
+                most = abs(wide.values[name] - effect.off.get(name, 0.0)) / float(np.sqrt(EARNS))
+                share[i] = min(1.0, most / wide.stderr[name])
     return wide.with_covariance(wide.covariance * np.outer(share, share))
 
 
