@@ -4,6 +4,8 @@ A record stands above the numbers that it is about, up to the next empty line, a
 
     # Set by judgement: so many are told apart. Check: `pytest tests/test_x.py`, `python -m blind.score --nulls 60`
     FEW = 3  # [samples] on the way at most
+
+Inside functions stand only small whole numbers, halves, and the numbers of formulas that are listed here.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import ast
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +26,37 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "fmu_src" / "tubular_dea"
 FILES = sorted(path for room in ("discover", "identify") for path in (PACKAGE / room).rglob("*.py"))
 WAYS = ("judgement", "measurement", "theory", "convention")
+SELF_EVIDENT = {0, 1, 2, 0.5}
+NO_DIVISION_BY_ZERO = 1e-300  # far below anything that is divided by
+UNIFORM = 12  # a uniform distribution of width 1 has the variance 1 / 12
+# Numbers of formulas: where they stand, which they are, and why they are not tuned.
+FORMULAS: dict[str, tuple[set[float], str]] = {
+    "discover/alternatives/input_noise.py: _between_samples": ({6}, "the middle weight of a fourth difference"),
+    "discover/scores/parameters.py: unusual": ({10}, "powers of ten"),
+    "identify/fitting/fit.py: goodness": ({100}, "per cent"),
+    "identify/fitting/marginal.py: _left_over": ({3}, "the integral in its docstring"),
+    "identify/inputs/drive.py: _smooth": ({7, 9, 16, 164, 256}, "the cubic through four samples, and its noise"),
+    "identify/inputs/drive.py: _check_sampling": ({3, 1.5, 4}, "noise of a sample less the mean of its neighbours"),
+    "identify/patients/patient.py: __init__": ({3}, "a windkessel of three elements"),
+    "identify/patients/recorded_beat.py: average": ({60}, "seconds of a minute"),
+    "identify/patients/recorded_beat.py: _one_beat": ({60}, "seconds of a minute"),
+    "identify/patients/recorded_beat.py: _upstrokes": ({60}, "seconds of a minute"),
+    "identify/records/bench_file.py: _amount": ({1e300}, "what a float can hold, nearly"),
+    "identify/records/spikes.py: spikes": ({5}, "a sample and two on either side"),
+    "identify/records/start.py: _begun": ({3}, "terms of a parabola"),
+    "identify/signals/colour.py: theta": ({4}, "a quadratic equation"),
+    "identify/signals/monitors.py: noise_level": ({3}, "a third difference"),
+    "identify/signals/monitors.py: _correlation": ({30}, "third differences of an autoregression"),
+    "identify/signals/monitors.py: _toggling": ({3}, "a third difference"),
+    "identify/signals/monitors.py: polyline": ({3}, "samples of which each one is a corner"),
+    "identify/signals/monitors.py: _cubic": ({6}, "the cubic through four samples"),
+    "identify/signals/noise.py: _by_place": ({4}, "the formula in its docstring"),
+    "identify/signals/noise.py: _at": ({1.5}, "between one step and two"),
+    "identify/signals/noise.py: _falling": ({4}, "as many numbers as a colour has"),
+    "identify/signals/noise.py: _numbered": ({4}, "as many numbers as a colour has"),
+    "identify/signals/noise.py: _standard_error": ({4}, "a mixed difference quotient"),
+    "identify/signals/sampling.py: _resolution": ({10}, "powers of ten"),
+}
 RECORD = re.compile(rf"# Set by ({'|'.join(WAYS)})\b[^`]*\. Check: (`[^`]+`(, `[^`]+`)*)$")
 
 
@@ -100,6 +133,29 @@ def faults(text: str) -> Iterator[str]:
                     yield f"line {c.line}: {c.name}: `{command}`: there is no {missing}"
 
 
+def literals(text: str) -> Iterator[tuple[int, str, float]]:
+    """Line, innermost function ("" outside) and value of each number below a file's top level that is no index, no
+    whole power and not self-evident."""
+    tree = ast.parse(text)
+    named = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
+    yield from _literals([node for node in tree.body if node not in named], "")
+
+
+def _literals(nodes: Iterable[ast.AST], function: str) -> Iterator[tuple[int, str, float]]:
+    for node in nodes:
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            if node.value not in (*SELF_EVIDENT, NO_DIVISION_BY_ZERO, UNIFORM):
+                yield node.lineno, function, node.value
+        elif isinstance(node, ast.Subscript):  # what is indexed, not by what
+            yield from _literals([node.value], function)
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant):
+            whole = float(node.right.value).is_integer()
+            yield from _literals([node.left] if whole else [node.left, node.right], function)
+        else:
+            inner = node.name if isinstance(node, ast.FunctionDef) else function
+            yield from _literals(ast.iter_child_nodes(node), inner)
+
+
 def unknown(words: list[str]) -> str:
     """What of a command is not in this repository; "" for one that can be run."""
     match words:
@@ -155,6 +211,43 @@ def test_every_number_is_used() -> None:
     words = Counter(re.findall(r"\w+", re.sub(r"#.*", "", everything)))
     named = [c.name for path in FILES for c in constants(path.read_text("utf-8"))]
     assert not [name for name in named if words[name] < 2]
+
+
+def test_no_tuned_number_stands_inside_a_function() -> None:
+    nameless: list[str] = []
+    used: dict[str, set[float]] = {}
+    for path in FILES:
+        where = path.relative_to(PACKAGE).as_posix()
+        for line, function, value in literals(path.read_text("utf-8")):
+            place = f"{where}: {function}"
+            if value in FORMULAS.get(place, (set(), ""))[0]:
+                used.setdefault(place, set()).add(value)
+            else:
+                nameless.append(f"{where}:{line}: {value} in {function or 'a class'}")
+    assert not nameless  # give it a name and a record at the top, or, as a number of a formula, a line in FORMULAS
+    assert used == {place: values for place, (values, _) in FORMULAS.items()}  # and no line too many
+
+
+@pytest.mark.parametrize(
+    ("body", "seen"),
+    [
+        ("x > 0.3", [0.3]),
+        ("-7", [7]),
+        ("f(x, xtol=1e-8)", [1e-8]),
+        ("x**2.5 + x**3", [2.5]),
+        ("[a[7], a[:5], a[3:-1], 2 * x, 0.5 * x, x / 12]", []),
+        ("np.maximum(x, 1e-300)", []),
+        ("f'{x[:40]} {1e3 * x:.3g}'", [1e3]),
+    ],
+)
+def test_a_number_without_a_name_is_seen(body: str, seen: list[float]) -> None:
+    text = f"NAMED = 0.7\n\n\ndef f(x, a):\n    return {body}\n"
+    assert [(function, value) for _, function, value in literals(text)] == [("f", value) for value in seen]
+
+
+@pytest.mark.parametrize("text", ["def f(x=5):\n    pass\n", "class A:\n    x: int = 5\n", "if x > 5:\n    y = 1\n"])
+def test_a_number_is_seen_in_defaults_and_classes(text: str) -> None:
+    assert [value for *_, value in literals(text)] == [5]
 
 
 GOOD = (

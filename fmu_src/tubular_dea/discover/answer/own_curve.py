@@ -32,6 +32,9 @@ STEP_RISE = 0.1  # [1] of the longest record that a step rises for at most
 STEP_SETTLED = 0.05  # [1] of a step's answer that is left when it counts as settled
 STEP_SHOWN = 1.6  # [1] times as long as that it is shown
 BEFORE = 0.15  # [1] of the time shown that lies before a step
+FIRST_LOOK = 1e-6  # [1] of the longest record: the first moment of a step's answer that is looked at
+BRIEFEST_SHOWN = 1e-4  # [1] of the longest record that is shown of a step's answer at least,
+RISES_SHOWN = 4.0  # [1] and times the step's rise
 CURVE_STEPS = 100_000  # [1] internal steps of a run between two points, after which it is given up
 
 # Set by convention: a band of 95 %. Check: `pytest tests/test_own_curve.py`
@@ -225,10 +228,11 @@ def _step(isolated: IsolatedEffect, name: str, usual: _Usual) -> tuple[Excitatio
     rise = 0.0 if name in isolated.jumping else min((high - low) / usual.rates[name], STEP_RISE * usual.longest)
     shares = np.array([0.0, 0.0, 1.0, 1.0])
     far = usual.excitation(isolated.cut, name, np.array([-usual.longest, 0.0, rise, usual.longest]), shares)
-    looked = np.unique(np.concatenate([[0.0], np.geomspace(1e-6, 1, CURVE_POINTS) * usual.longest]))
+    looked = np.unique(np.concatenate([[0.0], np.geomspace(FIRST_LOOK, 1, CURVE_POINTS) * usual.longest]))
     left = np.abs(_settling(isolated.change(far, looked)))
     unsettled = looked[left > STEP_SETTLED * left.max()] if left.max() > 0 else looked[:1]
-    lasts = float(np.clip(STEP_SHOWN * unsettled[-1], max(4 * rise, 1e-4 * usual.longest), usual.longest))
+    least = max(RISES_SHOWN * rise, BRIEFEST_SHOWN * usual.longest)
+    lasts = float(np.clip(STEP_SHOWN * unsettled[-1], least, usual.longest))
     excitation = usual.excitation(isolated.cut, name, np.array([-BEFORE * lasts, 0.0, rise, lasts]), shares)
     return excitation, np.unique(np.concatenate([np.linspace(-BEFORE * lasts, lasts, CURVE_POINTS), [0.0, rise]]))
 

@@ -28,6 +28,8 @@ WITHIN = 0.85  # [1] of the largest inputs recorded
 OTHERS = 0.5  # [1] of the way to their largest values: where the inputs stay that are not moved
 BEYOND = 0.5  # [1] of an output's recorded range that a proposed experiment may leave it by
 DIFFER = 3.0  # [standard deviations] of the noise by which models differ at least where an experiment tells them apart
+SLOWEST_TURNS = 3.0  # [1] turns that a sweep would make in its time at its slowest frequency
+FASTEST_TURN = 10.0  # [samples] of a turn at its fastest
 STAIRS = (0.0, 0.3, 0.0, 0.6, 0.2, 1.0, 0.4, 0.8, 0.0, 0.5)  # [1] of the largest: the levels of a staircase
 
 
@@ -160,6 +162,6 @@ def _staircase(span: float) -> tuple[np.ndarray, np.ndarray]:
 def _chirp(span: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """A wave between 0 and 1 whose period falls from a third of the time to ten samples."""
     time = np.arange(0.0, span, 2 * step)
-    low, high = 3 / span, 1 / (10 * step)
+    low, high = SLOWEST_TURNS / span, 1 / (FASTEST_TURN * step)
     phase = 2 * np.pi * low * span / np.log(high / low) * ((high / low) ** (time / span) - 1)
     return time, 0.5 - 0.5 * np.cos(phase)

@@ -23,6 +23,7 @@ PROMISED = 0.8  # [1] share of its score that a refit is content with
 BELIEVED = 1.0  # [1] step up to which the linear model is believed, in the solver's numbers
 NEARBY = 0.1  # [1] share of the score's amplitude with which a refit starts that gained too little from all of it
 MOST_SIZES = 10.0  # [1] times its typical size that an amplitude starts at most
+NOT_APART = 1e-8  # [1] of the largest singular value: the linear model does not move in directions below
 TINY = 1e-3  # [1] of its typical size: so far inside its bound an amplitude starts
 LEAST_LAG = 0.1  # [1] share of a lag that counts at least where a shorter whole one stands for it
 MOST_LAG = 2.0  # [1] the same at most
@@ -60,7 +61,7 @@ def moved(fitted: Fit, score: Score) -> dict[str, float]:
     """The present parameters (SI) that the linear model gives together with the score's amplitudes."""
     amplitudes = np.array([score.amplitudes[n] for n in score.candidate.names])
     left = fitted.residual + score.candidate.columns @ amplitudes
-    step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=1e-8)[0], -BELIEVED, BELIEVED)
+    step = np.clip(-np.linalg.lstsq(fitted.jacobian, left, rcond=NOT_APART)[0], -BELIEVED, BELIEVED)
     return {f.name: f.to_si(float(s)) for f, s in zip(fitted.free, fitted.scaled + step, strict=True)}
 
 

@@ -15,6 +15,11 @@ from ...identify.study.study import Piece, Study
 FOLD_BLOCK = 125  # [samples] of a block that is left out
 FOLDS = 6  # [1] folds that blocks are dealt to
 
+# Set by theory: what rounding leaves of an information of 1 that is taken away again.
+# Check: `pytest tests/test_validation.py tests/test_acceptance.py`
+UNDECIDED = 1e-10  # [1] scaled information in a direction that the rest does not determine, at most
+NO_INFORMATION = 1e-12  # [1] information that a parameter's scale is taken from at least
+
 
 def left_out(fitted: Fit, fold: np.ndarray) -> float:
     """The sum of squares of folds under parameters fitted without them (linearised at the optimum).
@@ -27,9 +32,9 @@ def left_out(fitted: Fit, fold: np.ndarray) -> float:
     for number in range(int(fold.max(initial=-1)) + 1):
         part, left = J[fold == number], r[fold == number]
         remaining = information - part.T @ part
-        scale = np.sqrt(np.maximum(np.diag(remaining), 1e-12))
+        scale = np.sqrt(np.maximum(np.diag(remaining), NO_INFORMATION))
         target = (slope - part.T @ left) / scale
-        step = -np.linalg.lstsq(remaining / np.outer(scale, scale), target, rcond=1e-10)[0] / scale
+        step = -np.linalg.lstsq(remaining / np.outer(scale, scale), target, rcond=UNDECIDED)[0] / scale
         moved = left + part @ step
         total += float(moved @ moved)
     return total
@@ -53,9 +58,9 @@ def foretold(fitted: Fit, fold: np.ndarray) -> float:
 
 def _evidence(information: np.ndarray, slope: np.ndarray, squares: float) -> float:
     """Q + ln det A of normal equations and the sum of squares at their expansion point."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    scale = np.sqrt(np.maximum(np.diag(information), NO_INFORMATION))
     values, vectors = scipy.linalg.eigh(information / np.outer(scale, scale))
-    values = np.maximum(values, 1e-10)  # of what is not determined, rounding is left
+    values = np.maximum(values, UNDECIDED)  # of what is not determined, rounding is left
     along = vectors.T @ (slope / scale)
     return float(squares - np.sum(along**2 / values) + np.log(values).sum() + 2 * np.log(scale).sum())
 

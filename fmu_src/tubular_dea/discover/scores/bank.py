@@ -36,6 +36,8 @@ NEAR_ENDS = (0.05, 0.1, 0.9, 0.95)  # [1] shares of what a state passes, at whic
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
 HIDDEN = 1e-3  # [1] share of a column that must be left for it to be anything but the present parameters
+NO_COLUMN = 1e-3  # [standard deviations] length of a column below which it is taken to be as long
+DEPENDENT = 1e-6  # [1] of the largest singular value: amplitudes in directions below are left at nothing
 
 Point = tuple[dict[str, float], dict[str, float]]  # shape and strength, by parameter (SI)
 
@@ -182,9 +184,9 @@ def middle_point(effect: Effect) -> list[Point]:
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:
     norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    if np.all(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
+    if np.all(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), NO_COLUMN)):
         return Score(candidate, 0.0, dict.fromkeys(candidate.names, 0.0))  # the present parameters do the same
-    amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=1e-6)
+    amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=DEPENDENT)
     amplitude = _inside_bounds(candidate, amplitude / norms)
     explained = columns @ amplitude
     statistic = float(-2 * (left @ explained) - explained @ explained)

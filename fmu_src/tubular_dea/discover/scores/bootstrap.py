@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from .bank import HIDDEN, Candidate
+from .bank import HIDDEN, NO_COLUMN, Candidate
 
 # Set by judgement: four of them are above the threshold, which a thousandth exceed.
 # Check: `pytest tests/test_discover.py::test_records_with_other_noise_score_as_the_nulls_say`
@@ -39,7 +39,7 @@ def null_scores(
     for candidate in listed:
         columns = candidate.columns - basis @ (basis.T @ candidate.columns)
         norms = np.linalg.norm(columns, axis=0)
-        if np.any(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), 1e-3)):
+        if np.any(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), NO_COLUMN)):
             continue
         q, _ = np.linalg.qr(columns / norms)
         blocks.append(q.shape[1])

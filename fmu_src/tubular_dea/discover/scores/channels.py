@@ -30,6 +30,10 @@ RECORDED_SHARE = 0.5  # [1] share of what is not noise that recorded signals exp
 WAVE_SHARE = 0.005  # [1] of an input's size: a small wave
 WAVE_POINTS = 16  # [1] points a period with which it is drawn
 SPANNED = 1e-3  # [1] of the largest singular value: directions below are the others again
+DEAF = 1e-9  # [standard deviations] by which a wave moves no sample more where it does not reach the sensor
+FREQUENCY_STEP = 0.25  # [1] of the distance of two frequencies that a record resolves,
+FREQUENCY_REACH = 4.0  # [1] of these steps to both sides of the rough frequency, in which the strongest is sought
+FREQUENCY_PLACES = 81  # [1] frequencies there that are compared
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def disturbance(study: Study, ids: Ids, fitted: Fit) -> dict[str, float]:
             columns = np.column_stack(_swings(study, ids, fitted, piece, name, frequency))
             white = piece.marginal.apply(whitened(piece.case, columns, study.noise, piece.weight))
             basis, _ = np.linalg.qr(white / np.maximum(np.linalg.norm(white, axis=0), 1e-300))
-            statistic += float(np.sum((basis.T @ residual) ** 2)) if np.abs(white).max() > 1e-9 else 0.0
+            statistic += float(np.sum((basis.T @ residual) ** 2)) if np.abs(white).max() > DEAF else 0.0
         result[channel] = 0.5 * statistic
     return result
 
@@ -108,8 +112,9 @@ def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> floa
     step = BLOCK * pieces[0].case.readings[0].clock.step
     power = np.abs(np.fft.rfft(means - means.mean())) ** 2
     rough = float(np.fft.rfftfreq(means.size, step)[1 + int(np.argmax(power[1:]))])
-    resolved = 0.25 / (step * means.size)
-    grid = np.maximum(rough + resolved * np.linspace(-4, 4, 81), 0.5 * resolved)
+    resolved = FREQUENCY_STEP / (step * means.size)
+    places = np.linspace(-FREQUENCY_REACH, FREQUENCY_REACH, FREQUENCY_PLACES)
+    grid = np.maximum(rough + resolved * places, 0.5 * resolved)
     found = np.zeros(grid.size)
     for piece, part in zip(pieces, residuals, strict=True):
         found += np.abs(np.exp(-2j * np.pi * np.outer(grid, piece.case.times)) @ part) ** 2 / part.size

@@ -22,6 +22,7 @@ from .parameters import base_parameters
 HELD = 0.2  # [1] share of what a candidate changes: enough to confirm it, and more is missed where it is to be found
 HELD_MOST = 0.3  # [1] share of all samples that may be held out together
 HELD_LONG = 0.2  # [1] share of all samples that may be held out in one experiment: long ones are kept for fits
+FEWEST_HELD_FROM = 3  # [1] experiments from which on one is held out by its information
 DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate that is confirmed
 
 
@@ -47,7 +48,7 @@ class _Information:
 
 def with_held_out(study: Study) -> Study:
     """The study with held-out pieces chosen by their information; unchanged where the model cannot be solved yet."""
-    if len(study.pieces) < 3:
+    if len(study.pieces) < FEWEST_HELD_FROM:
         return study
     try:
         information = _information(study)

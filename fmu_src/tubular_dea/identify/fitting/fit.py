@@ -21,6 +21,7 @@ NORMAL_95 = 1.96  # [standard deviations] to both sides of a normal number that 
 
 # Set by judgement. Check: `pytest tests/test_identify.py::test_joint_fit_finds_the_tube_and_its_intervals_hold`
 PRECISION = 1e-5  # [1] relative change of cost or parameters at which a search ends, less than chance changes them
+LEVEL_GROUND = 1e-8  # [1] scaled gradient at which it ends too
 EVALUATIONS = 60  # [evaluations] after which it ends
 AGREE = 2.0  # [squared standard deviations] by which the costs of converged searches may differ
 LOST = 0.1  # [1] of an optimum's cost by which another one may cost more and yet turn out to be the better
@@ -31,6 +32,11 @@ AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 # Set by judgement: far less than any interval, far more than the searches' precision. Check:
 # `pytest tests/test_acceptance.py tests/test_identify.py -k bound`
 AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
+
+# Set by theory: a little above what rounding leaves of 1. Check:
+# `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
+LEAST_EIGENVALUE = 1e-13  # [1] of a scaled information: directions with less have no information
+LEAST_DIAGONAL = 1e-200  # [1] information that a parameter's scale is taken from at least
 
 # Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
 UNDETERMINED = 0.5  # [1] relative standard error above which a parameter is not determined by the data
@@ -138,7 +144,7 @@ def search(
                 x_scale="jac",
                 ftol=precision,
                 xtol=PRECISION,
-                gtol=1e-8,
+                gtol=LEVEL_GROUND,
                 max_nfev=evaluations,
             )
     except KernelError:  # an answer there, but no sensitivities
@@ -184,9 +190,9 @@ def described(
 
 def inverse(information: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix by its own scales; directions without information get a huge variance."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-200))
+    scale = np.sqrt(np.maximum(np.diag(information), LEAST_DIAGONAL))
     value, vector = scipy.linalg.eigh(information / np.outer(scale, scale))
-    inverted = (vector / np.maximum(value, 1e-13)) @ vector.T
+    inverted = (vector / np.maximum(value, LEAST_EIGENVALUE)) @ vector.T
     return inverted / np.outer(scale, scale)
 
 

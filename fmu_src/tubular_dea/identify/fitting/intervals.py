@@ -23,6 +23,7 @@ PROFILE_TRIALS = 6  # [1] places at which the end of a profile is sought
 END_MISSED = 0.1  # [standard deviations] by which it may be missed
 HELD_REFITS = 4  # [evaluations] of the other parameters' fit there
 FARTHER_OUT = (1.2, 3.0)  # [1] times by which a place lies further out than the one before it
+LEAST_FALL = 1e-3  # [standard deviations] that a place is taken to lie below the optimum at least
 SCORED = 14  # [1] of a record whose scores are independent of each other's
 
 
@@ -112,7 +113,7 @@ def _reaches(fall: Callable[[float], float], room: float, bounded: bool) -> floa
         else:
             near = (at, found)
         if not np.isfinite(far[0]):
-            at *= float(np.clip(NORMAL_95 / max(found, 1e-3), *FARTHER_OUT))
+            at *= float(np.clip(NORMAL_95 / max(found, LEAST_FALL), *FARTHER_OUT))
         elif np.isfinite(far[1]):
             at = near[0] + (far[0] - near[0]) * (NORMAL_95 - near[1]) / (far[1] - near[1])
         else:

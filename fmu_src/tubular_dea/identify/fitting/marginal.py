@@ -17,6 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr
 
+# Set by theory: what is left of 1 by rounding, or of the formulas below. Check: `pytest tests/test_marginal.py`
+WEIGHTLESS = 1e-6  # [standard deviations] by which a nuisance parameter moves a record that need not be integrated out
+POINTLIKE = 1e-3  # [standard deviations] of a window below which a difference of large terms has lost its digits
+
 
 @dataclass(frozen=True)
 class Window:
@@ -86,7 +90,7 @@ def marginal(
         return local
     scaled = local.apply(columns[:, used] * sd[used])
     left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-    kept = sizes > 1e-6
+    kept = sizes > WEIGHTLESS
     return Marginal(local.windows, left[:, kept], sizes[kept])
 
 
@@ -103,7 +107,7 @@ def _left_over(size: float) -> float:
     of z is beyond the bounds is E max(n - d, 0)^2, averaged over distances d from 0 to 2 size, and once more for the
     other bound. (Were t ~ N(0, size^2) and followed to its most likely value, 1 / (1 + size^2)^2 would be left.)
     """
-    if size < 1e-3:  # the difference below loses its digits
+    if size < POINTLIKE:
         return 1.0
     d = 2 * size
     density = np.exp(-0.5 * d**2) / np.sqrt(2 * np.pi)

@@ -19,6 +19,8 @@ from .response import Response
 
 # Set by judgement: 20 000 times the usual size, or a part of it. Check: `pytest tests/test_identify.py`
 FARTHEST = 10.0  # [1] of a logarithm, from the usual size: no parameter is sought beyond
+MOST_LOG = 60.0  # [1] of a logarithm: steps of a search that go beyond are computed as if they went so far
+OFF_BOUND = 1e-9  # [1] of the solver's numbers by which a search starts off a bound
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,10 @@ class Free:
 
     def to_si(self, scaled: float) -> float:
         """Back to SI units."""
-        if self.vanishing:
-            return 2 * self.size * float(np.sinh(np.clip(scaled, -60, 60)))
-        return self.size * float(np.exp(np.clip(scaled, -60, 60))) if self.logarithmic else float(scaled) * self.size
+        if not (self.vanishing or self.logarithmic):
+            return float(scaled) * self.size
+        near = np.clip(scaled, -MOST_LOG, MOST_LOG)
+        return 2 * self.size * float(np.sinh(near)) if self.vanishing else self.size * float(np.exp(near))
 
     def usually(self) -> float:
         """The scaled number about which a weak prior holds it."""
@@ -103,7 +106,7 @@ class Problem:
         """The nearest numbers (k,) at which a search may start: off the bounds, and not far from the usual sizes."""
         low, high = self.bounds()
         far = np.array([FARTHEST if f.logarithmic else np.inf for f in self.free])
-        room = 1e-9 * (1 + np.abs(scaled))
+        room = OFF_BOUND * (1 + np.abs(scaled))
         return np.clip(scaled, np.maximum(low, -far) + room, np.minimum(high, far) - room)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -33,6 +33,7 @@ SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: th
 # `python -m blind.score --nulls 60 --seed 1000`
 MISSED = 0.15  # [1] of a record (rms) that the declared plant misses before anything is said
 LEFT = 1 / 3  # [1] share of that which another factor may leave
+TOLD_SHARE = 10.0  # [1] of a record: a larger share that is missed is told as "all" of it
 MOST_LEFT = 0.2  # [1] of the record that it may leave: a plant whose model lacks much is no wrong unit
 FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one explains the record as well
 
@@ -126,7 +127,7 @@ def findings(recordings: Recordings) -> list[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{share:.0%}" if share < 10 else "all"
+    return f"{share:.0%}" if share < TOLD_SHARE else "all"
 
 
 def _times(factor: float) -> str:

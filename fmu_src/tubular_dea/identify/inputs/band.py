@@ -23,6 +23,8 @@ ABOVE = 2e-2  # [1] the same where all that they miss lies above the sampling ra
 # Set by judgement: no unit test tells a factor of four. Check: `python -m measured.table`
 FINEST = 32  # [1] points a sample at most
 PADDED = 64  # [samples] of mirror image at either end
+SPECTRUM_SHARES = 40  # [1] parts of a spectrum, over one of which its power is averaged for that,
+LEAST_FREQUENCIES = 8  # [1] frequencies at least
 QUIETEST = 0.05  # [1] share of the frequencies whose power is taken for noise: the least
 
 # Set by theory: a band-limited signal follows from samples that lie off even ones by less than a quarter of a step
@@ -121,7 +123,7 @@ def _finer(values: np.ndarray, times: int, corrected: bool = False) -> np.ndarra
 def noise_floor(values: np.ndarray) -> float:
     """Standard deviation of white noise under a band-limited signal: where its spectrum is lowest."""
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
-    width = max(power.size // 40, 8)
+    width = max(power.size // SPECTRUM_SHARES, LEAST_FREQUENCIES)
     smooth = np.convolve(power, np.ones(width) / width, mode="valid")
     least = float(np.quantile(smooth, QUIETEST))
     return float(np.sqrt(least / np.sum(np.hanning(values.size) ** 2)))

@@ -43,15 +43,27 @@ FAITHFUL = 0.01  # [1] of its height by which samples miss an exponential: other
 SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
 TRIALS = 96  # [1] rises that are tried
 PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
+INSTANTS = 33  # [1] instants between two samples that are tried where none is on the way
+ON_WAY_MORE = 1.5  # [samples] by which a ramp may be longer than the samples on its way
+OFF_LEVEL = 0.005  # [1] of an edge's height from its levels: a sample on the way tells the instant as if so far off
+STILL_RISING = 0.02  # [1] of its height that is left of an exponential, at least, where its slope is taken
 SAMPLED = 300  # [1] edges at most, evenly taken, that tell the rise: more tell it no better
 
 # Set by judgement. Check: `pytest tests/test_edges.py -k filter`
 BETWEEN = 0.4  # [1] of an edge's height about its middle: a filter leaves few samples there
+OVERSHOOT = 3.0  # [1] times GOES_ON beyond a level from which on a sample tells that a filter overshoots
 HIDDEN_RISE = 1.5  # [samples] that an edge takes at most that a filter with overshoot hides: it overshoots still
 
 # Set by measurement: 0.04 to 0.06 behind a Butterworth filter of second order at 0.35 to 0.45 of the rate, 0.02 to 0.04
 # behind steeper ones. Check: `pytest tests/test_edges.py -k filter`
 ALIASED = 0.06  # [samples] by which the centroid of samples is off that a filter against aliasing let pass
+
+# Set by theory: less is nothing beside 1. Check: `pytest tests/test_edges.py`
+NO_CHANCE = -300.0  # [log likelihood] that no rise is less likely by: else its chance is rounded to 0, and all may be
+RISEN_ALL = 50.0  # [time constants] after which an exponential has risen to the last digit
+
+# Set by theory: straight lines between samples. Check: `pytest tests/test_edges.py`
+ENDS_UNSEEN = 0.125  # [samples] by which a recorded edge is off at most, whose ends fall between samples
 
 # Set by theory: a ramp of so many time constants spreads as an exponential rise does.
 # Check: `pytest tests/test_edges.py -k spreads`
@@ -126,7 +138,7 @@ class Rise:
 
 def _rings(edge: _EdgeSamples) -> bool:
     """Whether samples on the way lie beyond a level, and few between the two: the monitor's filter made the edge."""
-    beyond = max(3 * GOES_ON, STANDS_OUT / 2 * float(np.sqrt(max(edge.error**2 - ROUGH_SHAPE**2, 0.0))))
+    beyond = max(OVERSHOOT * GOES_ON, STANDS_OUT / 2 * float(np.sqrt(max(edge.error**2 - ROUGH_SHAPE**2, 0.0))))
     parts = edge.parts[edge.on_the_way]
     return bool(np.any(np.abs(parts - 0.5) > 0.5 + beyond) and np.sum(np.abs(parts - 0.5) < BETWEEN) <= FEW_ON_WAY)
 
@@ -175,7 +187,7 @@ def _some(edges: Sequence[_EdgeSamples]) -> list[_EdgeSamples]:
 def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, float]:
     """The rise of this kind that the edges tell, and the logarithm of the chance of the kind."""
     period = _period(edges)
-    most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else 1.5)
+    most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else ON_WAY_MORE)
     seen = any(e.anchor is not None for e in edges)
     longest = most * period if seen else max(min(most * period, SLOW_EDGE), 2 * SHORTEST * period)
     trials = np.geomspace(SHORTEST * period, longest, TRIALS)
@@ -242,13 +254,13 @@ def _samples_of(time: np.ndarray, values: np.ndarray, noise: float, before: int,
 def _shape(late: np.ndarray, tau: np.ndarray, exponential: bool) -> np.ndarray:
     """The height of an edge, relative to its step, `late` seconds after its centroid."""
     if exponential:
-        return 1 - np.exp(-np.clip((late + tau) / tau, 0, 50))
+        return 1 - np.exp(-np.clip((late + tau) / tau, 0, RISEN_ALL))
     return np.clip(late / tau + 0.5, 0, 1)
 
 
 def _lateness(part: float, tau: np.ndarray, exponential: bool) -> np.ndarray:
     """The time after its centroid at which an edge reaches the relative height `part`."""
-    part = float(np.clip(part, 0.005, 0.995))
+    part = float(np.clip(part, OFF_LEVEL, 1 - OFF_LEVEL))
     return -tau * np.log(1 - part) - tau if exponential else tau * (part - 0.5)
 
 
@@ -260,7 +272,7 @@ def _likelihood(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> np
     if edge.anchor is not None:
         left[edge.anchor] = 0.0
     squares = -0.5 * np.sum(left**2, axis=0)
-    return np.log(np.mean(np.exp(np.maximum(squares, -300)), axis=1) * measure)
+    return np.log(np.mean(np.exp(np.maximum(squares, NO_CHANCE)), axis=1) * measure)
 
 
 def _instants(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -272,11 +284,11 @@ def _instants(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> tupl
     if edge.anchor is not None:
         part = edge.parts[edge.anchor]
         at = edge.times[edge.anchor] - _lateness(part, trials, exponential)
-        slope = 1 / np.clip(1 - part, 0.02, 1) if exponential else 1.0
+        slope = 1 / np.clip(1 - part, STILL_RISING, 1) if exponential else 1.0
         return at[:, None], trials * slope * edge.error
     a, b = edge.times[edge.first], edge.times[edge.last]
-    every = (np.arange(33) + 0.5) / 33
-    return np.broadcast_to(a + (b - a) * every, (trials.size, 33)), np.full(trials.size, b - a)
+    every = (np.arange(INSTANTS) + 0.5) / INSTANTS
+    return np.broadcast_to(a + (b - a) * every, (trials.size, INSTANTS)), np.full(trials.size, b - a)
 
 
 def _together(edges: Sequence[_EdgeSamples]) -> float:
@@ -337,11 +349,11 @@ def _between(edge: _EdgeSamples, how: Rise, between: float) -> tuple[float, floa
         return a + between * (b - a), a, b, min(how.value, b - a)
     part = edge.parts[edge.anchor]
     late = _lateness(part, how.trials, how.exponential)
-    possible = how.weights * np.exp(np.maximum(_agreement(edge, how), -300))
+    possible = how.weights * np.exp(np.maximum(_agreement(edge, how), NO_CHANCE))
     weights = possible / possible.sum()
     at = edge.times[edge.anchor] - late
     lasting = float(weights @ how.spread)
-    rate = how.trials * (1 / np.clip(1 - part, 0.02, 1) if how.exponential else 1.0)
+    rate = how.trials * (1 / np.clip(1 - part, STILL_RISING, 1) if how.exponential else 1.0)
     blur = BLURRED * edge.error * float(weights @ rate)  # of the instant by noise and by the shape
     kept = weights > UNLIKELY * weights.max()
     best = float(weights @ at)
@@ -384,5 +396,5 @@ def _followed(
     centroid = float(weight @ middle)
     spread = float(np.sqrt(max(weight @ ((middle - centroid) ** 2 + np.diff(t) ** 2 / 12), 0.0)))
     step = usual_step(t)
-    uncertainty = np.hypot(step / 8, noise / abs(v[-1] - v[0]) * step * np.sqrt(t.size))
+    uncertainty = np.hypot(ENDS_UNSEEN * step, noise / abs(v[-1] - v[0]) * step * np.sqrt(t.size))
     return centroid, max(centroid - uncertainty, t[0]), min(centroid + uncertainty, t[-1]), EXPONENTIAL * spread

@@ -50,6 +50,24 @@ NOISE_ROUNDS = 3  # [1] rounds of refitting with the noise that the misfit shows
 PATIENT_TOLERANCE = 1e-7  # [1] of the kernel
 PATIENT_STEP = 3e-3  # [1] of the logarithm of a parameter, and of the beat: half a difference quotient's width
 
+# Set by judgement: where the search ends by itself after a handful. Check: `pytest tests/test_patient.py`
+PATIENT_EVALUATIONS = 25  # [evaluations] of a round of refitting at most
+NO_FLOW = 1e-9  # [m3/s] that a mean flow is taken to be at least
+
+# Set by convention: the healthy patient's own beat without assist. Check: `tubular-dea assist --patient healthy`,
+# `pytest tests/test_patient.py::test_a_known_patient_is_found_again`
+USUAL_STROKE = 68e-6  # [m3] stroke volume
+USUAL_RATE = 1.25  # [1/s] heart rate
+USUAL_PRESSURE = 92  # [mmHg] mean pressure of the aorta
+
+# Set by judgement: where a search begins. Check:
+# `pytest tests/test_patient.py::test_a_known_patient_is_found_again`
+LEAST_HEAD = 0.2  # [1] of the mean pressure that drives the flow through the arteries at least
+Z_C_SHARE = 0.05  # [1] of the arteries' resistance: the characteristic impedance
+DECAY = 1.3  # [s] R C, time constant of the pressure's fall
+OFFSET_SHARE = 0.25  # [s] T_offset, the activation's time scale, at the usual heart rate; longer in longer beats,
+LONGEST_OFFSET = 0.2  # [s] up to this
+
 # Set by measurement: a windkessel has no reflected waves, which are 4 to 5 % of the swing in the human aorta.
 # Check: `pytest tests/test_patient.py -k human`
 DISCREPANCY = 0.05  # [1] of the swing: what the model is wrong by at least
@@ -99,7 +117,9 @@ def fit_patient(
     theta = problem.start()
     noise = problem.noise(theta)
     for _ in range(NOISE_ROUNDS):
-        found = least_squares(problem.residuals, theta, problem.jacobian, args=(noise,), x_scale="jac", max_nfev=25)
+        found = least_squares(
+            problem.residuals, theta, problem.jacobian, args=(noise,), x_scale="jac", max_nfev=PATIENT_EVALUATIONS
+        )
         theta = found.x
         noise = problem.noise(theta)
     return problem.patient(theta, noise)
@@ -122,14 +142,14 @@ class _Problem:
         """The base patient made to the recording's size: its mean pressure at this cardiac output and heart rate."""
         b, mean = self.base, float(self.beat.pressure.mean())
         assert self.output is not None
-        resistance = max(mean - b["venous_pressure"], 0.2 * mean) / self.output
-        usual = 68e-6 * 1.25  # m3/s of the healthy patient
-        volume = self.output / b["heart_rate"] / (usual / 1.25)
-        pressure = mean / (92 * 133.322)
+        resistance = max(mean - b["venous_pressure"], LEAST_HEAD * mean) / self.output
+        usual = USUAL_STROKE * USUAL_RATE
+        volume = self.output / b["heart_rate"] / (usual / USUAL_RATE)
+        pressure = mean / (USUAL_PRESSURE * factor("mmHg", "Pa"))
         scaled = {
             "R": resistance,
-            "Z_c": 0.05 * resistance,
-            "C": 1.3 / resistance,
+            "Z_c": Z_C_SHARE * resistance,
+            "C": DECAY / resistance,
             "V_0": b["V_0"] * volume,
             "E_max": b["E_max"] * pressure / volume,
             "E_min": b["E_min"] / volume,
@@ -137,7 +157,7 @@ class _Problem:
             "R_aortic": b["R_aortic"] / volume,
             "ventricular_volume_start": b["ventricular_volume_start"] * volume,
             "aortic_pressure_start": float(self.beat.pressure.min()),
-            "T_offset": min(0.2, 0.25 * self.beat.period / 0.8),
+            "T_offset": min(LONGEST_OFFSET, OFFSET_SHARE * self.beat.period / (1 / USUAL_RATE)),
         }
         return {name: _within(name, value) for name, value in scaled.items()}
 
@@ -178,7 +198,7 @@ class _Problem:
         if self.beat.flow is not None:
             parts.append((flow - self.beat.flow) / noise[1])
         else:
-            parts.append(np.array([np.log(max(flow.mean(), 1e-9) / self.output) / OUTPUT_UNCERTAINTY]))
+            parts.append(np.array([np.log(max(flow.mean(), NO_FLOW) / self.output) / OUTPUT_UNCERTAINTY]))
         parts.append(theta[:-1] / np.array(list(SPREADS.values())))
         return np.concatenate(parts)
 

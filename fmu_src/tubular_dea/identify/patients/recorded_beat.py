@@ -31,6 +31,9 @@ HIGHEST_SHARE = 0.8  # [1] quantile of the rises that stands for most: every sec
 BEATS_AGREE = 1.25  # [1] times as many beats as the pressure that an ECG may show, or as few
 LEAST_VALID = 0.5  # [1] share of the samples that have to be numbers
 FEWEST_BEATS = 3  # [1] beats of like length that have to be there, and as many with a flow
+FEWEST_TIMES = 20  # [samples] of a recording at least
+MORE_BEATS = 3  # [1] upstrokes of the pressure from which on a recording is more than one beat,
+FEWEST_UPSTROKES = 4  # [1] and how many it then has at least
 FLOW_COVERS = 0.9  # [1] share of a single beat that its flow has to cover
 
 # Set by convention: what arteries have. Check: `pytest tests/test_patient.py::test_bad_recordings_are_refused`
@@ -136,8 +139,8 @@ def _flow(signals: Signals, places: np.ndarray, what: str) -> tuple[np.ndarray |
 def _time(table: Table) -> np.ndarray:
     named = next((c for c in table.columns if c.name.lower() in ("time", "t")), table.columns[0])
     time = np.asarray(named.values, float)
-    if time.size < 20 or not np.all(np.diff(time) > 0):
-        raise PatientRecordError(f"{table.path}: expected at least 20 ascending times in the first column")
+    if time.size < FEWEST_TIMES or not np.all(np.diff(time) > 0):
+        raise PatientRecordError(f"{table.path}: expected at least {FEWEST_TIMES} ascending times in the first column")
     return time
 
 
@@ -214,7 +217,7 @@ def _one_beat(time: np.ndarray, pressure: np.ndarray) -> bool:
     swing = float(np.ptp(pressure))
     return bool(
         np.ptp(time) < 60 / SLOWEST
-        and _upstrokes(pressure, time).size < 3
+        and _upstrokes(pressure, time).size < MORE_BEATS
         and abs(pressure[0] - pressure[-1]) < ENDS_ALIKE * swing
     )
 
@@ -243,8 +246,10 @@ def _marks(signals: Signals, pressure: np.ndarray, rate: float, what: str) -> np
     R waves are not suitable for cutting: detectors switch from one wave to another in distorted leads.
     """
     marks = _upstrokes(pressure, signals.time)
-    if marks.size < 4:
-        raise PatientRecordError(f"{what}: {marks.size} beats found in the pressure; expected at least 4")
+    if marks.size < FEWEST_UPSTROKES:
+        raise PatientRecordError(
+            f"{what}: {marks.size} beats found in the pressure; expected at least {FEWEST_UPSTROKES}"
+        )
     if signals.ecg is None:
         return marks
     seen = detect(Ecg(signals.ecg, rate)).size

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.declare import Quantity
 from ...plants.plant import Input, Output, Plant
-from ..signals.monitors import QUIET, changes_by_itself, noise_level, resolution
+from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
 
 # Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
@@ -17,6 +17,7 @@ SATURATED = 0.03  # [1] share of all samples that read the extreme where a senso
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
 ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
 LIVELY = 0.7  # [1] the same of a record whose noise is some steps of its resolution, where it does not stand still
+LOW_ORDER = 3  # [1] of the differences that are left of noise, and of a fast sine
 HIGH_ORDER = 8  # [1] of the differences that are left of noise, but not of what is smooth, as a commanded sine is
 SMOOTHED_OUT = 0.1  # [1] share of the third differences: 0.04 for a sine of 6 samples, 0.97 for noise of memory 0.97
 STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
@@ -157,7 +158,7 @@ def _noisy(values: np.ndarray) -> bool:
         free[begin:end] = False
     if np.count_nonzero(step[free]) < LIVELY * np.count_nonzero(free):
         return False
-    noise, left = (_differing(values, order) for order in (3, HIGH_ORDER))
+    noise, left = (_differing(values, order) for order in (LOW_ORDER, HIGH_ORDER))
     if left < SMOOTHED_OUT * noise:
         return False
     return noise > max(QUIET * float(np.ptp(values)), COARSE_SENSOR * resolution(values))
@@ -168,7 +169,9 @@ def _differing(values: np.ndarray, order: int) -> float:
     moving = np.convolve(np.diff(values) != 0, np.ones(order), mode="valid") == order
     if moving.sum() < STANDSTILL:
         return 0.0
-    return 1.4826 * float(np.median(np.abs(np.diff(values, order)[moving]))) / float(np.sqrt(comb(2 * order, order)))
+    return (
+        GAUSSIAN_MAD * float(np.median(np.abs(np.diff(values, order)[moving]))) / float(np.sqrt(comb(2 * order, order)))
+    )
 
 
 def _below_rest(

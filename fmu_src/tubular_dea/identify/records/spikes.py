@@ -12,6 +12,7 @@ from ..signals.monitors import noise_level, resolution
 
 # Set by judgement: of a million samples of noise none is so far off. Check: `pytest tests/test_recordings.py -k spike`
 OFF_NOISE = 12.0  # [standard deviations] of the noise by which a spike is off
+FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
@@ -20,7 +21,7 @@ SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slow
 def spikes(values: np.ndarray) -> np.ndarray:
     """The places of single samples that stand out of a record (n,), which may have gaps."""
     there = np.flatnonzero(np.isfinite(values))
-    if there.size < 12:
+    if there.size < FEWEST_SEEN:
         return there[:0]
     middle = (np.arange(there.size) >= 2) & (np.arange(there.size) < there.size - 2)  # the others have one side only
     near = np.lib.stride_tricks.sliding_window_view(np.pad(values[there], 2, mode="reflect"), 5)

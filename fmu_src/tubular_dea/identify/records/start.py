@@ -44,6 +44,7 @@ SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
 AT_FIRST = 0.5  # [1] of rigs that begin with a sample; the others do so anywhere between two
 BEGINS = 41  # [1] places between two samples that are compared
+LARGE_SHARE = 0.99  # [1] quantile of a signal that stands for its largest value
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
 
@@ -69,7 +70,7 @@ def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
     found, *_ = np.linalg.lstsq(line, values[:FIRST_SAMPLES], rcond=None)
     variance = float(np.sum((values[:FIRST_SAMPLES] - line @ found) ** 2)) / (FIRST_SAMPLES - 2)
     error = np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0])
-    least = ZEROS * zero if zero > 0 else FAINT_SIGNAL * float(np.quantile(np.abs(values), 0.99))
+    least = ZEROS * zero if zero > 0 else FAINT_SIGNAL * float(np.quantile(np.abs(values), LARGE_SHARE))
     return bool(abs(found[0]) > max(CLEARLY * error, least))
 
 

@@ -34,6 +34,7 @@ OFF = 0.15  # [Hz] by which mains is off, at most, and as many times more at its
 KEEPS = 4.0  # [s] over which the mains keeps its phase well enough
 KNOTS = 24  # [1] knots of a record at most between which it may change
 MOST_HUM = 4  # [1] lines that are looked for in a monitor
+SLOWEST_TURN = 0.05  # [1/sample] below which everything is, in records sampled slowly
 SLOWEST_LINE = 1.0  # [Hz] below which everything is creep or drift
 
 
@@ -55,7 +56,7 @@ def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> f
     ratio = power / np.maximum(level, 1e-300)
     limit = float(gammainccinv(count, FALSE / points * FINER_GRID))
     frequencies = np.arange(power.size) / points / step
-    ratio[(frequencies < min(SLOWEST_LINE, 0.05 / step)) | (frequencies > 0.5 / step - 1 / LINE_BLOCK)] = 0.0
+    ratio[(frequencies < min(SLOWEST_LINE, SLOWEST_TURN / step)) | (frequencies > 0.5 / step - 1 / LINE_BLOCK)] = 0.0
     best = int(np.argmax(ratio))
     return float(frequencies[best]) if ratio[best] > limit else None
 

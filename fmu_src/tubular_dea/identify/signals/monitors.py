@@ -36,6 +36,7 @@ STEP = 100.0  # [squared standard deviations] that such a corner has to explain
 # Set by measurement: a third polish changes no corner on the bench sets. Check: `pytest tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions plain --seed 1000`
 POLISH = 2  # [1] times that all corners are moved and tried again
+MOVED_IN_TURN = 4  # [1] times that every second corner is moved: each one twice
 
 # Set by judgement. Check: `pytest tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions own_protocols rounded --seed 1000`
@@ -62,6 +63,7 @@ WRONG = 1.5  # [1] times its noise by which they do at most
 
 # Set by judgement. Check: `pytest tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions colour antialias --seed 1000`
+LEAST_LAGS = 8  # [1] times a lag that a record lasts at least for its noise to be told at all
 LAGS = 20  # [1] times a lag that a record lasts at least for differences over it
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
@@ -80,6 +82,14 @@ QUIET = 1e-4  # [1] of its span: noise below which a record comes from a compute
 # Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
 ROUNDING = 1e-12  # [1] of its largest value: by so much a record without noise is off a straight line, all the same
 
+# Set by theory: of white noise of variance 1, normally distributed. Check: `pytest tests/test_monitors.py`
+THIRDS = 20.0  # [1] variance of its third differences: 1 + 9 + 9 + 1
+GAUSSIAN_MAD = 1.4826  # [1] standard deviation over the median of its absolute values
+
+# Set by theory: less than noise changes anything. Check: `pytest tests/test_monitors.py`
+CORRELATIONS = 500  # [1] correlations between 0 and the largest one, between which straight lines are drawn
+RIDGE = 1e-12  # [1] of the largest diagonal: added, so that pieces without a sample inside have an answer
+
 # Set by theory. Check: `pytest tests/test_monitors.py -k memory`
 NO_MEMORY = (1.0, 0.0)  # [1] what `memory` tells of white noise: differences show all of it
 
@@ -97,10 +107,10 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
 
     All of it where it is white, and what is faster than about three lags where it is not.
     """
-    if values.size < 8 * lag:
+    if values.size < LEAST_LAGS * lag:
         return 0.0
     thirds = values[3 * lag :] - 3 * values[2 * lag : -lag] + 3 * values[lag : -2 * lag] - values[: -3 * lag]
-    return float(1.4826 * np.median(np.abs(thirds))) / float(np.sqrt(20.0))
+    return float(GAUSSIAN_MAD * np.median(np.abs(thirds))) / float(np.sqrt(THIRDS))
 
 
 def changes_by_itself(values: np.ndarray) -> bool:
@@ -158,8 +168,8 @@ def _chance(lag: int, size: int) -> float:
 
 def _correlation(ratio: float) -> float:
     """The autoregression whose third differences have this share of the variance that white noise's have."""
-    phi = np.linspace(0, MOST_CORRELATED, 500)
-    return float(np.interp(-ratio, -(20 - 30 * phi + 12 * phi**2 - 2 * phi**3) / 20, phi))
+    phi = np.linspace(0, MOST_CORRELATED, CORRELATIONS)
+    return float(np.interp(-ratio, -(THIRDS - 30 * phi + 12 * phi**2 - 2 * phi**3) / THIRDS, phi))
 
 
 def resolution(values: np.ndarray) -> float:
@@ -190,8 +200,8 @@ def _toggling(values: np.ndarray, noise: float, step: float) -> float:
     if noise >= FEW_STEPS * step:
         return noise
     thirds = np.abs(np.diff(values, 3))
-    near = thirds[thirds <= SWITCHED * float(np.sqrt(20.0)) * max(noise, step)]
-    return float(np.sqrt(np.mean(near**2) / 20.0)) if near.size else noise
+    near = thirds[thirds <= SWITCHED * float(np.sqrt(THIRDS)) * max(noise, step)]
+    return float(np.sqrt(np.mean(near**2) / THIRDS)) if near.size else noise
 
 
 def long_run(left: np.ndarray) -> float:
@@ -348,7 +358,7 @@ class _Segments:
         n, s, ss, v, sv = self.sums
         part, square, moved = s / self.length, ss / self.length**2, sv / self.length
         diagonal = np.append(n - 2 * part + square, 0.0) + np.append(0.0, square)
-        diagonal += 1e-12 * diagonal.max()
+        diagonal += RIDGE * diagonal.max()
         beside = part - square
         target = np.append(v - moved, 0.0) + np.append(0.0, moved)
         bands = np.stack([np.append(0.0, beside), diagonal])
@@ -435,7 +445,7 @@ def _insert(time: np.ndarray, values: np.ndarray, corners: np.ndarray, broken: n
 def _move(time: np.ndarray, values: np.ndarray, corners: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """The corners, each moved to where the line between its neighbours bends best; odd and even ones in turn."""
     corners = corners.copy()
-    for turn in range(4):
+    for turn in range(MOVED_IN_TURN):
         fitted = _fit(time, values, corners)
         chosen = np.arange(1 + turn % 2, corners.size - 1, 2)
         chosen = chosen[~fixed[corners[chosen]]]

@@ -63,6 +63,29 @@ SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
 SLOWEST_POLE = 0.9998  # [1] pole of it up to which one is sought
 NO_WHITE = -6.0  # [1] logit of a white share that is none
 
+# Set by judgement: no unit test tells a factor of four. Check:
+# `python -m blind.score --nulls 12 --conventions colour --seed 1000`
+FASTEST_COLOUR = -0.6  # [1] atanh of the correlation from which on that of one colour alone is sought,
+COLOURS_TRIED = 8  # [1] and how many up to the slowest are tried
+COLOUR_MISSED = 2e-3  # [1] of atanh of its correlation by which the best of them may be missed
+SEARCH_WIDTHS = (0.3, 0.7, 0.5, 0.5)  # [1] first steps of a search for the numbers of a colour, in their order
+TWO_MISSED = 0.01  # [1] by which two numbers may be missed,
+TWO_COST = 0.1  # [log likelihood] by which their likelihood may,
+TWO_TURNS = 80  # [1] turns of their search at most
+FOUR_MISSED = 0.02  # [1] by which four numbers may be missed,
+FOUR_COST = 0.2  # [log likelihood] by which their likelihood may,
+FOUR_TURNS = 150  # [1] turns of their search at most
+CURVED_OVER = 0.02  # [1] step of the difference quotients that tell how sharp the likelihood is
+
+# Set by theory: near enough to 1, and so that no digits are lost. Check: `pytest tests/test_noise.py`
+MOST_OPPOSED = -0.999  # [1] correlation between neighbouring samples at least,
+MOST_ALIKE_BESIDE = 0.9995  # [1] and at most
+MOST_WHITE = 12.0  # [1] logit of the largest share of white noise, and less that of the least
+LEAST_RAISED = -12.0  # [1] log of how much more than once a filter raises what is slow: the least
+MOST_RAISED = 6.0  # [1] and the largest
+LEAST_COLOUR = 1e-12  # [1] share of the variance that has a colour, at least
+ROUNDED_OFF = 1e-15  # [1] of the largest eigenvalue: those below are rounding
+
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
@@ -129,7 +152,7 @@ class Noise:
     @property
     def phi(self) -> float:
         """The correlation between neighbouring samples of the coloured part."""
-        return self.correlation / max(1 - self.white, 1e-12)
+        return self.correlation / max(1 - self.white, LEAST_COLOUR)
 
     @property
     def tau(self) -> float:
@@ -361,10 +384,12 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
         return _restricted(told, lambda s: _at(_numbered(x), s / step))[0]
 
     far = float(np.arctanh(SLOWEST_COLOUR))
-    tried = {v: objective(np.array([v])) for v in (*np.linspace(-0.6, far, 8).tolist(), 0.0)}
+    tried = {v: objective(np.array([v])) for v in (*np.linspace(FASTEST_COLOUR, far, COLOURS_TRIED).tolist(), 0.0)}
     near = min(tried, key=lambda v: tried[v])
     bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))
-    one = minimize_scalar(lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": 2e-3})
+    one = minimize_scalar(
+        lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": COLOUR_MISSED}
+    )
     chosen, cost = np.array([0.0]), tried[0.0]
     if 2 * (cost - one.fun) > EARNED:
         chosen, cost = np.array([float(one.x)]), float(one.fun)
@@ -375,12 +400,12 @@ def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
     ]
     begin = min(starts, key=objective)
     if objective(begin) < cost:
-        simplex = begin + np.array([[0, 0], [0.3, 0], [0, 0.7]])
+        simplex = begin + np.vstack([np.zeros(2), np.diag(SEARCH_WIDTHS[:2])])
         two = minimize(
             objective,
             begin,
             method="Nelder-Mead",
-            options={"xatol": 0.01, "fatol": 0.1, "maxiter": 80, "initial_simplex": simplex},
+            options={"xatol": TWO_MISSED, "fatol": TWO_COST, "maxiter": TWO_TURNS, "initial_simplex": simplex},
         )
         if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
             chosen, cost = two.x, float(two.fun)
@@ -422,10 +447,10 @@ def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost:
         begin,
         method="Nelder-Mead",
         options={
-            "xatol": 0.02,
-            "fatol": 0.2,
-            "maxiter": 150,
-            "initial_simplex": begin + np.vstack([np.zeros(4), np.diag([0.3, 0.7, 0.5, 0.5])]),
+            "xatol": FOUR_MISSED,
+            "fatol": FOUR_COST,
+            "maxiter": FOUR_TURNS,
+            "initial_simplex": begin + np.vstack([np.zeros(4), np.diag(SEARCH_WIDTHS)]),
         },
     )
     return found.x if 2 * (cost - found.fun) > 2 * EARNED else chosen
@@ -433,12 +458,13 @@ def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost:
 
 def _numbered(x: np.ndarray) -> Colour:
     """The colour at the base step of the numbers that are searched."""
-    phi = float(np.clip(np.tanh(x[0]), -0.999, 0.9995))
-    white = float(1 / (1 + np.exp(-np.clip(x[1], -12, 12)))) if x.size > 1 else 0.0
+    phi = float(np.clip(np.tanh(x[0]), MOST_OPPOSED, MOST_ALIKE_BESIDE))
+    white = float(1 / (1 + np.exp(-np.clip(x[1], -MOST_WHITE, MOST_WHITE)))) if x.size > 1 else 0.0
     if x.size < 4:
         return Colour(phi, white)
     pole = float(np.clip(np.tanh(x[2]), 0.0, SLOWEST_POLE))
-    more = np.exp(np.log1p(np.exp(np.clip(x[3], -12, 6))))  # times that the filter raises what is slow
+    raised = np.clip(x[3], LEAST_RAISED, MOST_RAISED)
+    more = np.exp(np.log1p(np.exp(raised)))  # times that the filter raises what is slow
     return Colour(phi, white, pole, float(max(1 - more * (1 - pole), 0.0)))
 
 
@@ -460,7 +486,7 @@ def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, fr
     """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
     if not at[0]:
         return float(np.sqrt(2 / freedom))
-    k, width = at.size, 0.02
+    k, width = at.size, CURVED_OVER
     steps = np.eye(k) * width
     curvature = np.array(
         [
@@ -479,5 +505,5 @@ def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, fr
         return float(np.log(colour.density(LOW) / colour.innovation))
 
     slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])
-    spread = scipy.linalg.pinvh(curvature, rtol=1e-15)
+    spread = scipy.linalg.pinvh(curvature, rtol=ROUNDED_OFF)
     return float(np.sqrt(2 / freedom + max(slope @ spread @ slope, 0.0)))

@@ -21,6 +21,10 @@ TOO_MUCH = 1.25  # [1] times the bound: noise below that is left as it was estim
 
 # Set by judgement: no unit test tells a factor of four. Check: `python -m measured.table`
 ORDER = 20  # [samples] that the autoregression looks back
+LOOKS_BACK = 4  # [1] times as long as that a record is at least; of shorter ones it looks back less
+
+# Set by theory: nothing beside 1. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
+REGULAR = 1e-9  # [1] of the variance, added to it: what is predicted without error has an answer too
 
 
 def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise:
@@ -67,11 +71,11 @@ def _brief_memory(records: list[np.ndarray]) -> float:
 
 def prediction_error(records: list[np.ndarray]) -> float:
     """Root mean square prediction error of an autoregression over all records (each (n,))."""
-    order = min(ORDER, min(r.size for r in records) // 4)
+    order = min(ORDER, min(r.size for r in records) // LOOKS_BACK)
     lags = _covariances(records, order) / sum(r.size for r in records)
     if lags[0] <= 0:
         return 0.0
-    lags[0] *= 1 + 1e-9
+    lags[0] *= 1 + REGULAR
     weights = solve_toeplitz(lags[:-1], lags[1:])
     return float(np.sqrt(max(lags[0] - weights @ lags[1:], 0.0)))
 

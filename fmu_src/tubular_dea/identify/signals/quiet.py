@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from . import hum as hums
 from .colour import Colour
-from .sampling import usual_step
+from .sampling import SAME_STEP, usual_step
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -27,6 +27,10 @@ DEGREE = 3  # [1] degree of the polynomial that is taken out
 BENDS = 0.3  # [1/s] by which it is more in longer stretches
 FASTEST = 0.02  # [s] shortest time constant of creep that is taken out
 APART = 4.0  # [1] ratio of one time constant to the next
+POLYNOMIAL_ROOM = 4  # [samples] of a stretch for each degree of the polynomial,
+CREEP_ROOM = 8  # [samples] and for each time constant
+LIKE_ANOTHER = 1e-7  # [1] of the largest singular value: curves with less are others once more
+ON_TIME = 1e-9  # [s] by which a sample may be too early for a stretch that begins with it
 SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
@@ -95,11 +99,11 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
-        step = round(usual_step(time), 9)
+        step = round(usual_step(time), SAME_STEP)
         sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
         marks = np.union1d(events, time[1:][~steady(time)])
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
-        firsts = np.searchsorted(time, marks[:-1] + settled - 1e-9)
+        firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
         lasts = np.searchsorted(time, marks[1:])
         for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
             at = first
@@ -125,11 +129,11 @@ def _sizes(step: float) -> list[int]:
 def basis(size: int, step: float) -> np.ndarray:
     """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
     lasts = size * step
-    degree = min(DEGREE + int(BENDS * lasts), size // 4)
+    degree = min(DEGREE + int(BENDS * lasts), size // POLYNOMIAL_ROOM)
     columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]
     time = np.arange(size) * step
     tau = FASTEST
-    while tau < lasts / APART and len(columns) < size // 8:
+    while tau < lasts / APART and len(columns) < size // CREEP_ROOM:
         columns.append(np.exp(-time / tau)[:, None])
         tau *= APART
     return _orthonormal(np.concatenate(columns, axis=1))
@@ -137,7 +141,7 @@ def basis(size: int, step: float) -> np.ndarray:
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return left[:, values > 1e-7 * values[0]]
+    return left[:, values > LIKE_ANOTHER * values[0]]
 
 
 def calm(

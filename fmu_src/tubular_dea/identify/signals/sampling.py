@@ -13,6 +13,9 @@ from ...recordings.table import some
 # `pytest tests/test_reading.py::test_gaps_are_no_coarse_clock`
 UNEVEN = 0.02  # [1] of the steps: with fewer that differ from the usual one, they are gaps and no rounding
 WHOLE = 1e-3  # [1] from a whole number: what rounding errors leave
+SAME_STEP = 9  # [decimals] of seconds to which steps of a clock are the same
+ROUND_RATES = (1, 2, 3, 4, 5, 12)  # [digits] of the rates that are tried for an even clock, the roundest first
+LINES_TOLD = 5  # [1] lines with repeated times that are named
 ROUNDED = 1.01  # [1] of the clock's resolution, by which times that it rounds lie apart at most from an even one
 
 
@@ -52,7 +55,7 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
         there = even
     elif equal.size and there[-1] > there[0]:
         lines = [f"{table.row} {n}" for n in table.lines[kept[equal + 1]]]
-        remarks.append(f"repeated times, spread evenly up to the next: {some(lines, 5)}")
+        remarks.append(f"repeated times, spread evenly up to the next: {some(lines, LINES_TOLD)}")
         there = _spread(there)
     return Sampling(there, kept, tuple(remarks))
 
@@ -72,13 +75,13 @@ def _without_doubles(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _even(time: np.ndarray) -> np.ndarray | None:
     """The even times that a coarse clock has rounded to `time`; None where it is even as it is, or has gaps."""
-    steps = np.round(np.diff(time), 9)
+    steps = np.round(np.diff(time), SAME_STEP)
     kinds, counts = np.unique(steps, return_counts=True)
     if kinds.size < 2 or 1 - counts.max() / steps.size < UNEVEN:
         return None
     tick, index = _resolution(time), np.arange(time.size)
     slope = float(np.polyfit(index, time - time[0], 1)[0])
-    for digits in (1, 2, 3, 4, 5, 12):  # the roundest rate that explains the times
+    for digits in ROUND_RATES:  # the roundest rate that explains the times
         step = 1 / float(f"{1 / slope:.{digits}g}") if slope > 0 else 0.0
         if step > 0 and float(np.ptp(time - step * index)) <= ROUNDED * tick:
             return time[0] + step * index
@@ -88,7 +91,7 @@ def _even(time: np.ndarray) -> np.ndarray | None:
 def _resolution(time: np.ndarray) -> float:
     """The decimal that the later half of the times is written to [s]; 0 where they have more than nine."""
     late = time[time.size // 2 :]
-    for digits in range(10):
+    for digits in range(SAME_STEP + 1):
         scaled = late * 10.0**digits
         if float(np.max(np.abs(scaled - np.round(scaled)))) < WHOLE:
             return 10.0**-digits

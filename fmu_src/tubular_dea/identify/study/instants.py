@@ -26,6 +26,7 @@ from .study import Piece, Study
 TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
 FINE_PLACES = 81  # [1] places between an edge's bounds that are compared, and between those beside the best of them
+LEAST_WAY = 1e-12  # [s] between bounds at least: the places between those that are the same are distinct
 SHARES = CubicSpline(GRID, np.eye(len(GRID)))  # of every answer on the grid, at a part of the way
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k clock`
@@ -121,7 +122,7 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
             rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
             moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
             where = slice(0, 0) if known else slice(place.start, place.start + _informative_samples(moved))
-            grid = low[i] + np.array(GRID) * max(high[i] - low[i], 1e-12)
+            grid = low[i] + np.array(GRID) * max(high[i] - low[i], LEAST_WAY)
             found.append(EdgeResponse(where, grid, moved[:, : where.stop - where.start], float(piece.shifts[i])))
         return found
 

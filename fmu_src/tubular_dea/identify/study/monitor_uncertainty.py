@@ -29,6 +29,7 @@ from ..threads import side_by_side
 # Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
 INPUT_STEP = 4e-3  # [1] of an input's largest value: shift at which its gain is taken
 CHUNK = 200  # [1] corners at a time, so that a monitor with one at every sample fits into memory
+UNASKED = 1e-9  # [1] of the largest information, added: corners that no sample asks for have an answer
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
@@ -112,5 +113,5 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
                 Clock.of(times[first:last]), columns * driving[first:last, None]
             )
             moved[:, wanted] += along[:, first:last] @ white
-    known = solveh_banded(np.stack([beside, diagonal + 1e-9 * diagonal.max()]), moved.T)
+    known = solveh_banded(np.stack([beside, diagonal + UNASKED * diagonal.max()]), moved.T)
     return driven.noise[name] ** 2 * moved @ known

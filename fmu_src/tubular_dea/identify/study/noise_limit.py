@@ -15,7 +15,7 @@ from ..fitting.fit import Fit
 from ..signals import hum as hums
 from ..signals.noise import Noise
 from ..signals.noise_bound import TOO_MUCH, limited
-from ..signals.sampling import usual_step
+from ..signals.sampling import SAME_STEP, usual_step
 from .nuisances import with_nuisances
 from .study import Study
 
@@ -53,9 +53,9 @@ def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[fl
     Where samples are too far apart to tell hum from what comes to lie there, nothing is added.
     """
     lines = list(known.hum)
-    steps = {round(usual_step(t), 9) for t, _ in records}
+    steps = {round(usual_step(t), SAME_STEP) for t, _ in records}
     for step in sorted(s for s in steps if s < 0.5 / max(hums.MAINS)):
-        group = [(t, rest) for t, rest in records if round(usual_step(t), 9) == step]
+        group = [(t, rest) for t, rest in records if round(usual_step(t), SAME_STEP) == step]
         for _ in range(hums.MOST_HUM):
             line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step)
             if line is None or not hums.is_hum(line, step):

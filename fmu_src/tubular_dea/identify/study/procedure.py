@@ -25,6 +25,7 @@ from .study import Study, log_determinant
 # Set by judgement. Check: `pytest tests/test_identify.py::test_table_2_leads_to_the_answer`
 ENOUGH_FIT = 4.0  # [1] times the samples: a misfit below needs no other start
 STAGE_EVALUATIONS = 40  # [evaluations] of a stage
+JOINT_STARTS = 3  # [1] starts of the joint fit
 NEAR_START = 0.1  # [1] distance of the joint fit's further starts, in the solver's numbers
 SAMPLES_EACH = 10  # [samples] that every parameter needs at least
 
@@ -88,7 +89,7 @@ def ordered_fit(plant: Plant, problem: Problem, best: Fit) -> Fit:
 def joint(
     work: Study,
     start: Mapping[str, float],
-    starts: int = 3,
+    starts: int = JOINT_STARTS,
     seed: int = 0,
     names: Sequence[str] | None = None,
     usual: Mapping[str, float] | None = None,
@@ -110,7 +111,11 @@ def joint(
 
 
 def settled(
-    work: Study, start: Mapping[str, float], starts: int = 3, seed: int = 0, names: Sequence[str] | None = None
+    work: Study,
+    start: Mapping[str, float],
+    starts: int = JOINT_STARTS,
+    seed: int = 0,
+    names: Sequence[str] | None = None,
 ) -> tuple[Study, Problem, Fit]:
     """The joint fit and the records' own numbers (switching instants, zeros, starts), each taken anew at the other.
 

@@ -22,6 +22,7 @@ from ..fitting.fit import inverse
 from ..fitting.marginal import marginal
 from ..fitting.problem import Free, whitened
 from ..records.start import ZEROS
+from ..signals.noise import ROUNDED_OFF
 from .linearised import Linearised, wide, windows_of
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
 from .study import Piece, Study
@@ -33,6 +34,12 @@ LEAST_FILES = 3  # [1] files from which on a spread between them can be told
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions monitor_zeros laser_zero --seed 1000`
 ITERATIONS = 40  # [1] of expectation and maximisation
+
+# Set by theory: nothing beside 1, and all beside it. Check: `pytest tests/test_adjust.py`
+VAGUE = 1e-6  # [1] information that a mean of all files is zero, in units of its usual size, where they may tell it
+FIRM = 1e6  # [1] the same where a file shows at rest that it is, or where nothing but a fit is wanted
+NO_PRIOR = 1e-9  # [1] information that holds a parameter without a prior
+LEAST_VARIANCE = 1e-8  # [1] between files, in units of the usual one, that it comes down to
 
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
 # `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
@@ -128,18 +135,18 @@ def _estimated(
         target[at] -= gram[wide, -1]
     late = np.array([n.startswith(LATE_OF) for n in kinds])
     known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
-    information[range(p), range(p)] += 1 / study.prior**2 if study.prior else 1e-9
+    information[range(p), range(p)] += 1 / study.prior**2 if study.prior else NO_PRIOR
     seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
-    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, 1e6, 1e-6))
+    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, FIRM, VAGUE))
     alike = _alike(late)
     information[p : p + k, p : p + k] += alike
     target[p : p + k] -= known + alike @ known
     variance = np.where(late, (TURN / LATE) ** 2, 1.0)
     for _ in range(1 if few else ITERATIONS):
         penalised = information.copy()
-        penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, 1e-8), m)
+        penalised[range(p + k, size), range(p + k, size)] += np.tile(1 / np.maximum(variance, LEAST_VARIANCE), m)
         scale = 1 / np.sqrt(np.diag(penalised))
-        inverse = scipy.linalg.pinvh(penalised * np.outer(scale, scale), rtol=1e-15) * np.outer(scale, scale)
+        inverse = scipy.linalg.pinvh(penalised * np.outer(scale, scale), rtol=ROUNDED_OFF) * np.outer(scale, scale)
         solved = inverse @ target
         found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
         if not few:
@@ -178,7 +185,7 @@ def _longer(
         white = local.apply(np.column_stack([columns, along, left]))
         information += white[:, :-1].T @ white[:, :-1]
         target -= white[:, :-1].T @ white[:, -1]
-    information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else 1e-9
+    information[range(size - 1), range(size - 1)] += 1 / study.prior**2 if study.prior else NO_PRIOR
     information[-1, -1] += 1.0
     target[-1] -= known / rise.stderr
     by = known + float(inverse(information)[-1] @ target) * rise.stderr

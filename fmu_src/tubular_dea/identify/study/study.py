@@ -41,6 +41,7 @@ LONG = 3000  # [breakpoints] of a record whose beginning is fitted first
 RANGE = 0.98  # [1] quantile of a signal that is an end of its range
 
 # Set by judgement. Check: `pytest tests/test_discover.py -k held_out_experiments`
+THE_SAME = 1e-9  # [1] distance of experiments that are taken to be at least so far apart
 SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
 
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
@@ -375,7 +376,7 @@ def choose_held_out(recordings: Recordings) -> list[str]:
         others = {i: [j for j in training if j != i] for i in allowed}
         nearest = {i: min(float(np.linalg.norm(features[i] - features[j])) for j in others[i]) for i in allowed}
         apart = {i: min([1.0, *(float(np.linalg.norm(features[i] - features[j])) for j in chosen)]) for i in allowed}
-        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size / max(apart[i], 1e-9), i))
+        best = min(allowed, key=lambda i: (nearest[i] * experiments[i].time.size / max(apart[i], THE_SAME), i))
         chosen.append(best)
         training.remove(best)
     return [experiments[i].name for i in sorted(chosen)]
