@@ -103,13 +103,13 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
         return acceptance.accept(base, base, option("lag", excess=excess, turned=0.1, **more), 30.0)
 
     assert told(471.0, held_out=2500.0) == (False, "refitted, lag gains 29.0, less than chance can (30.0)")
-    assert told(471.0, held_out=2493.0)[0]  # with what it foretells, 36 and as much as doubt asks for more
+    assert told(471.0, held_out=2493.0)[0]  # with what it predicts, 36 and as much as uncertainty asks for more
     assert not told(471.0, held_out=2494.0)[0]
     assert not told(483.0, held_out=2300.0)[0]  # which counts as much as the gain itself at most
     blocks = told(450.0, cross=base.cross_validated, held_out=2400.0)
     assert blocks == (False, "lag does not improve the prediction of blocks left out")
     one_block = {"cross": base.cross_validated + 1000.0}
-    assert told(400.0, held_out=2490.0, **one_block)[0]  # strong, and foretold
+    assert told(400.0, held_out=2490.0, **one_block)[0]  # strong, and predicted
     assert not told(400.0, held_out=2495.0, **one_block)[0]
     assert told(450.0, held_out=2501.0) == (False, "lag does not improve the prediction of the held-out experiments")
     assert told(450.0, held_out=2499.0)[0]
@@ -287,7 +287,7 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
     assert equivalence.stands_in(rival, before, {"lag": 20 * LARGE}) is None
 
 
-def test_nothing_is_missing_only_if_the_held_out_experiments_are_foretold() -> None:
+def test_nothing_is_missing_only_if_the_held_out_experiments_are_predicted() -> None:
     nothing = found(option(excess=0.0), option(excess=0.0))
     assert engine.decide(nothing, 1.5, {}) == "no_effect"
     assert engine.decide(nothing, 1.6, {}) == "unexplained"
@@ -356,13 +356,14 @@ def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
 
 def test_held_out_experiments_settle_which_of_the_accepted_stays() -> None:
     one, two = option("lag", excess=2000.0, held_out=9000.0), option("lag", "creep", excess=0.0, held_out=9090.0)
-    assert acceptance.settled(BASE, [one, two]) is two  # worse by 90, less than a twentieth of its gain of 2000
+    assert acceptance.last_undenied(BASE, [one, two]) is two  # worse by 90, less than a twentieth of its gain of 2000
     worse = option("lag", "creep", excess=0.0, held_out=9101.0)
-    assert acceptance.settled(BASE, [one, worse]) is one
+    assert acceptance.last_undenied(BASE, [one, worse]) is one
     denied = option("lag", excess=LARGE - 100.0, held_out=BASE.held_out + 6.5)
-    assert acceptance.settled(BASE, [denied]) is BASE
+    assert acceptance.last_undenied(BASE, [denied]) is BASE
     together = option("lag", "creep", excess=0.0, held_out=2000.0)
-    assert acceptance.settled(BASE, [denied, together]) is together  # one of two alone may predict worse than none
+    # one of two alone may predict worse than none
+    assert acceptance.last_undenied(BASE, [denied, together]) is together
 
 
 def test_evidence_pays_for_parameters() -> None:

@@ -16,7 +16,7 @@ import step_margin
 import test_assist
 from hosts.compile import compile_host, run_host
 from tubular_dea.cli import main
-from tubular_dea.control.design import gains, linearised
+from tubular_dea.control.design import gains, open_loop
 from tubular_dea.control.peers import PI, Constant
 from tubular_dea.control.rig import Bench, Record, TubeController, experiment, fmu, rest_voltage
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
@@ -57,7 +57,7 @@ def test_the_gains_are_those_of_the_design() -> None:
     defaults, designed = tube_controller().parameter_values(), gains()
     for name, value in dataclasses.asdict(designed).items():
         assert defaults[name] == pytest.approx(value, rel=0.01), name
-    assert linearised()[1] > 0, "the design point is unstable"
+    assert open_loop()[1] > 0, "the design point is unstable"
 
 
 @pytest.mark.parametrize(

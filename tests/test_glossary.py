@@ -1,4 +1,5 @@
-"""One name, one meaning: the words of the README are in the code, no class twice, no discouraged word."""
+"""One name, one meaning: the words of the README are in the code, no class or public function of the engine twice, no
+discouraged word."""
 
 from __future__ import annotations
 
@@ -27,6 +28,8 @@ DISCOURAGED = {
     "feign": "explain",
     "betray": "show",
     "mend": "correct",
+    "foretell": "predict",
+    "foretold": "predicted",
 }
 
 
@@ -65,6 +68,18 @@ def test_no_class_is_defined_twice() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_no_public_function_of_the_engine_is_defined_twice() -> None:
+    names = Counter(
+        node.name
+        for path in SOURCES
+        if path.relative_to(PACKAGE).parts[0] in ("discover", "identify")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    )
+    assert len(names) > 150  # they are found at all
+    assert [name for name, count in names.items() if count > 1] == []
+
+
 def text_of(path: Path) -> Iterator[tuple[int, str]]:
     """Names, comments and texts of a source, with their lines."""
     kinds = (tokenize.NAME, tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING))
@@ -81,4 +96,5 @@ def test_no_discouraged_word_is_used() -> None:
         for line, text in text_of(path)
         for match in wrong.finditer(text)
     ]
+    found += [f"README.md: {match[1]!r}; say {DISCOURAGED[match[1].lower()]!r}" for match in wrong.finditer(README)]
     assert found == []

@@ -17,7 +17,7 @@ from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.identify.fitting.fit import fit, goodness, inverse
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
-from tubular_dea.identify.fitting.misfit import misfit
+from tubular_dea.identify.fitting.misfit import residual_over_noise
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study import procedure
 from tubular_dea.identify.study.adjust import adjusted
@@ -158,7 +158,7 @@ def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
 
 def test_no_misfit_is_said_where_there_is_none(work: Study) -> None:
     problem, best = procedure.joint(work, PLANT.model.parameter_values(), starts=1)
-    assert not misfit(problem, best).significant
+    assert not residual_over_noise(problem, best).significant
 
 
 def test_command_writes_parameters_and_a_model(null: tuple[Path, bench.Tube], tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_an_earlier_effect_is_exchanged_where_another_does_better_in_company(mon
     assert (("set", "creep"), ()) not in asked  # it was further behind than creep brought, times 2.5
 
 
-def test_an_effect_far_from_the_plant_is_exchanged_by_what_its_own_starts_foretell(
+def test_an_effect_far_from_the_plant_is_exchanged_by_what_its_own_starts_predict(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Far from the plant a start that was estimated with another effect makes the right one predict badly."""

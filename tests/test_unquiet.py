@@ -10,7 +10,7 @@ from tubular_dea.discover import engine
 from tubular_dea.discover.engine import discover
 from tubular_dea.identify.records.data import Experiment, Recordings
 from tubular_dea.identify.signals.noise_bound import TOO_MUCH
-from tubular_dea.identify.study.procedure import settled
+from tubular_dea.identify.study.procedure import alternating_fit
 from tubular_dea.identify.study.study import study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Build, Input, Output, Path, Plant
@@ -60,5 +60,5 @@ def test_a_fit_alone_limits_the_noise() -> None:
     """Before any fit the signal itself is taken for noise."""
     work = study(recordings(bent=0.0), held_out=())
     assert work.noise["reading"].rms > 2 * NOISE
-    found = settled(work, PLANT.model.parameter_values())[0]
+    found = alternating_fit(work, PLANT.model.parameter_values())[0]
     assert found.noise["reading"].rms == pytest.approx(NOISE, rel=0.05)

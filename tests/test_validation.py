@@ -1,4 +1,4 @@
-"""What fits foretell of data that took no part in them, against Gaussian densities written down."""
+"""What fits predict of data that took no part in them, against Gaussian densities written down."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from made_up import BASE, option
-from tubular_dea.discover.options.validation import foretold
+from tubular_dea.discover.options.validation import predictive_deviance
 from tubular_dea.identify.fitting.fit import Fit
 from tubular_dea.identify.fitting.problem import Free
 
@@ -52,19 +52,21 @@ def densities(columns: np.ndarray, record: np.ndarray, number: np.ndarray) -> fl
     )
 
 
-def test_what_is_foretold_are_the_densities_of_a_linear_model(
+def test_what_is_predicted_are_the_densities_of_a_linear_model(
     experiments: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     columns, record, number = experiments
     fold = np.append(number, [-1] * columns.shape[1])
-    assert foretold(fitted(columns, record), fold) == pytest.approx(densities(columns, record, number))
+    assert predictive_deviance(fitted(columns, record), fold) == pytest.approx(densities(columns, record, number))
 
 
 def test_an_effect_that_one_experiment_alone_shows_is_not_held_against_a_model(
     experiments: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     columns, record, number = experiments
-    gained = [foretold(fitted(c, record), np.append(number, [-1] * c.shape[1])) for c in (columns[:, :1], columns)]
+    gained = [
+        predictive_deviance(fitted(c, record), np.append(number, [-1] * c.shape[1])) for c in (columns[:, :1], columns)
+    ]
     assert gained[1] < gained[0] - 10
 
 

@@ -18,7 +18,7 @@ from ..errors import ArgumentError
 from ..files import write_atomically
 from ..identify.fitting.fit import Fit, goodness, rmse, uncertainty
 from ..identify.fitting.intervals import intervals, vanishing, with_coarse_residuals
-from ..identify.fitting.misfit import Misfit, misfit
+from ..identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from ..identify.fitting.problem import Problem
 from ..identify.study import procedure
 from ..identify.study.adjust import adjusted
@@ -242,7 +242,7 @@ def identify(
         if staged or isinstance(start, str):
             values = procedure.staged(work, values, tell)
         tell("all parameters jointly")
-        work, problem, best = procedure.settled(work, values, starts, seed, free)
+        work, problem, best = procedure.alternating_fit(work, values, starts, seed, free)
         tell("intervals")
         problem, best = vanishing(problem, best)
         best = with_monitor_noise(problem, best, [p.driven for p in work.training])
@@ -294,10 +294,10 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     } | ({"outputs": errors} if len(errors) > 1 else {})
 
 
-def _misfit(work: Study, problem: Problem, best: Fit) -> Misfit:
+def _misfit(work: Study, problem: Problem, best: Fit) -> ResidualOverNoise:
     """How the residual compares with noise, where that of the monitors, which drive the model, counts as such."""
     judged = weighted(work, best.values).problem((), best.free, problem.fixed)
-    return misfit(judged, replace(best, residual=judged.residuals(best.scaled)))
+    return residual_over_noise(judged, replace(best, residual=judged.residuals(best.scaled)))
 
 
 def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str, Any]:

@@ -45,7 +45,7 @@ class Gains:
 
 def gains() -> Gains:
     """LQR and Kalman gains at the design point."""
-    damping = linearised()[0]
+    damping = open_loop()[0]
     r_o = tubular_dea().parameter_values()["r_o"]
     A, C = np.array([[1.0, SAMPLE / damping], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     Q, R = np.diag([0.0, WANDER**2 * SAMPLE]), np.array([[(NOISE / r_o) ** 2]])
@@ -57,7 +57,7 @@ def gains() -> Gains:
     return Gains(RATE / ERROR, float(L[0, 0]), float(L[1, 0]))
 
 
-def linearised() -> tuple[float, float]:
+def open_loop() -> tuple[float, float]:
     """Damping [Pa s] and the rate of the open loop [1/s] at the design point, from the Jacobian: the mass left out."""
     kernel = Kernel(tubular_dea())
     stretch = RADIUS / kernel.defaults["r_o"]
@@ -75,7 +75,7 @@ def phase_margin(gain: float) -> float:
 
 
 if __name__ == "__main__":
-    found, (damping, rate) = gains(), linearised()
+    found, (damping, rate) = gains(), open_loop()
     print(f"design point: {RADIUS * 1e3:g} mm at {PRESSURE / MMHG:g} mmHg, {rest_voltage(RADIUS, PRESSURE):.0f} V")
     print(f"damping {damping:.0f} Pa s, open loop without branches {rate:+.3f} 1/s")
     print(f"tracking_gain {found.tracking_gain:.3g} 1/s, phase margin {phase_margin(found.tracking_gain):.0f} degrees")

@@ -19,7 +19,7 @@ from ..identify.study.study import PRIOR, Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
 from .alternatives import input_noise, numerics, wander, zeros
 from .alternatives.operating_point import repeats
-from .alternatives.settled_start import settled
+from .alternatives.settled_start import started_at_equilibrium
 from .experiments import next_experiment
 from .experiments.next_experiment import Proposal
 from .options import acceptance, base, residuals
@@ -188,14 +188,14 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
 
     Without quiet stretches a residual is all that limits the noise, and what the base lacks adds to it.
     """
-    found = selection.search(work, fitted, numeric, seed, tell)
+    found = selection.forward_selection(work, fitted, numeric, seed, tell)
     for _ in range(MOST_QUIETER):
         limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)
         if acceptance.far(found.chosen) or not quieter(found.study, limited):
             break
         tell("the noise is less")
         work, fitted = _base_settled(replace(found.base_study, noise=limited.noise), found.base.fitted, seed)
-        found = selection.search(work, fitted, numeric, seed, tell, found.rounds)
+        found = selection.forward_selection(work, fitted, numeric, seed, tell, found.rounds)
     return found
 
 
@@ -204,7 +204,7 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     of every file: each of these takes one from the misfit by chance, and their sum varies as chi squared does. Where
     nothing was found it has to explain more, and where what was found explains most from an equilibrium too, there is
     no other explanation."""
-    other = settled(prepared, [p.name for p in found.study.held_out], recordings)
+    other = started_at_equilibrium(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
     tell("the same from starts at equilibrium")
@@ -218,7 +218,7 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
         return found
     if first.options[0].ids[-1] in found.chosen.ids:
         return found
-    again = selection.search(work, fitted, numeric, seed, tell, [first])
+    again = selection.forward_selection(work, fitted, numeric, seed, tell, [first])
     enough = again.chosen.squares < found.chosen.squares + (by_chance if found.chosen.ids else 0)
     return again if again.chosen.ids and enough else found
 
@@ -256,10 +256,10 @@ def decide(
         return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
     noise = wanders or acceptance.noise_alone(state)
     if not found.chosen.ids:
-        return "no_effect" if noise and held_ratio <= acceptance.FORETOLD else "unexplained"
+        return "no_effect" if noise and held_ratio <= acceptance.PREDICTED else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
-    if held_ratio > acceptance.FORETOLD and acceptance.earned(found.base, found.chosen):
+    if held_ratio > acceptance.PREDICTED and acceptance.earned(found.base, found.chosen):
         return "partly_explained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 
@@ -376,7 +376,7 @@ def _seen_elsewhere(work: Study, fitted: Fit) -> bool:
     fit."""
     alone = option(work, (), fitted)
     enough = sum(p.record.size for p in work.held_out) >= LEAST_SAMPLES
-    return enough and acceptance.clean(alone.lack_of_fit) and _held_ratio(work, alone) > acceptance.FORETOLD
+    return enough and acceptance.clean(alone.lack_of_fit) and _held_ratio(work, alone) > acceptance.PREDICTED
 
 
 def _held_ratio(work: Study, chosen: Option) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import sympy
 
-from ..model.change import arriving, at_rest, at_start, effective, late_input, late_output, reading
+from ..model.change import arriving, at_rest, at_start, effective, reading, with_input_delay, with_output_delay
 from ..model.declare import DeclarationError, Definition, Model, Quantity, State, nearest, rate
 from ..model.effect import Effect
 from ..model.units import UnitError, combined, factor
@@ -337,16 +337,16 @@ class SignalSite(Site):
             return any(d.of == self.place.name for d in self.model.delays)
         return bool(late & sympy.sympify(self.model.expression(self.place.name)).free_symbols)
 
-    def late(self, model: Model, by: Knob) -> Model:
+    def delayed(self, model: Model, by: Knob) -> Model:
         """The model with the signal delayed by `by` seconds."""
         model = self.ready(model)
         q = model.quantity(self.place.name if self.is_input else self.signal)
-        late = Quantity(
+        delayed = Quantity(
             self.name("late"), q.unit, f"{q.description}, delayed", nominal=q.nominal, display_unit=q.display_unit
         )
         if self.is_input:
-            return late_input(model, late, self.place.name, by.quantity.name)
-        return late_output(model, late, self.place.name, self.signal, by.quantity.name)
+            return with_input_delay(model, delayed, self.place.name, by.quantity.name)
+        return with_output_delay(model, delayed, self.place.name, self.signal, by.quantity.name)
 
     def _moves(self, model: Model) -> bool:
         """Whether the model uses the rate of this input."""

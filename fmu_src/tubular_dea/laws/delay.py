@@ -41,6 +41,6 @@ def law(at: SignalSite) -> Effect | None:
     )
 
     def apply(model: Model) -> Model:
-        return at.late(model, delay)
+        return at.delayed(model, delay)
 
     return at.effect(f"A pure delay acts on {at.words}", "Normey-Rico 2007", apply, delay, exact=True)

@@ -68,11 +68,11 @@ def reading(model: Model, name: str, signal: str) -> Model:
     return model.replace(name, sympy.Symbol(signal, real=True))
 
 
-def late_input(model: Model, late: Quantity, name: str, by: str) -> Model:
-    """The model with the input `name` acting `by` seconds later, as `late`."""
+def with_input_delay(model: Model, delayed: Quantity, name: str, by: str) -> Model:
+    """The model with the input `name` acting `by` seconds later, as `delayed`."""
     q = model.quantity(name)
-    model = model.extend(delays=[Delay(late, of=name, by=by)])
-    for source, target in ((q.symbol, late.symbol), (rate(q), rate(late))):
+    model = model.extend(delays=[Delay(delayed, of=name, by=by)])
+    for source, target in ((q.symbol, delayed.symbol), (rate(q), rate(delayed))):
         definitions, states = _substituted(model, source, target)
         model = replace(model, definitions=definitions, states=states)
     return model
@@ -84,10 +84,10 @@ def delayed_input(model: Model, name: str, late: str, by: str) -> tuple[Model, s
     return model.extend(delays=[Delay(q, of=name, by=by)]), q.symbol
 
 
-def late_output(model: Model, late: Quantity, name: str, signal: str, by: str) -> Model:
-    """The model with the output `name`, which is `signal`, put out `by` seconds later, as `late`."""
-    model = model.extend(delays=[Delay(late, of=signal, by=by)])
-    return model.replace(name, late.symbol)
+def with_output_delay(model: Model, delayed: Quantity, name: str, signal: str, by: str) -> Model:
+    """The model with the output `name`, which is `signal`, put out `by` seconds later, as `delayed`."""
+    model = model.extend(delays=[Delay(delayed, of=signal, by=by)])
+    return model.replace(name, delayed.symbol)
 
 
 def effective(model: Model, name: str, signal: str) -> Model:

@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.answer.outcome import beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import shifted, still, thin
+from ..discover.answer.remarks import implausible_zero, still, thin
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.search.law_uncertainty import LAW
@@ -17,7 +17,7 @@ from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
-from .in_short import LEFT, WHITE, foretold, in_short, least, not_seen
+from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -89,7 +89,7 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
         said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
     few = [f"these recordings prove little: {little}"] if little else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
-    return [*said, *foretold(found, errors), *shifted(found), *few]
+    return [*said, *better_as_declared(found, errors), *implausible_zero(found), *few]
 
 
 def _error_line(

@@ -150,14 +150,14 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     first = found.study.plant.outputs[0].headings[0].replace("_", " ")
     where = seen or "on held-out experiments"
     after = f" (before) and with {effects} (after)" if effects else ""
-    declared = "" if seen else " ".join(foretold(found, outcome["error"]))
+    declared = "" if seen else " ".join(better_as_declared(found, outcome["error"]))
     return bars("errors", entries), (
         f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
         f"{least(found)} {declared}".strip()
     )
 
 
-def foretold(found: Discovery, errors: dict[str, Any]) -> list[str]:
+def better_as_declared(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """That the model as declared predicts the held-out experiments better than refitted, if so."""
     declared, refitted = errors["published"]["held_out_rmse"], errors["recalibrated"]["held_out_rmse"]
     if declared is None or refitted is None or declared >= refitted:

@@ -25,7 +25,7 @@ def taken(option: Option, columns: Iterable[np.ndarray]) -> Iterator[Curves]:
         begin = rows.stop
 
 
-def misfit(option: Option, curves: Iterable[Curves]) -> float:
+def marginal_misfit(option: Option, curves: Iterable[Curves]) -> float:
     """The sum of squares of the training pieces, with the curves integrated out."""
     explained = (float(option.fitted.residual[rows] @ columns @ found) for rows, columns, found in curves)
     return option.fitted.cost - sum(explained)

@@ -15,7 +15,7 @@ import numpy as np
 from ...identify.fitting.problem import whitened
 from ...identify.study.study import Piece, Study
 from ..options.options import Option
-from .beside import Curves, misfit, taken
+from .beside import Curves, marginal_misfit, taken
 
 # Set by theory: a sawtooth's waves fall as 1 / k, and faster with noise. Check: `pytest tests/test_rounding.py`
 WAVES = 3  # [1] waves of the sawtooth
@@ -26,7 +26,7 @@ def explained_by_rounding(study: Study, before: Option, after: Option, threshold
     `threshold`."""
     if not any(noise.grain for noise in study.noise.values()):
         return False
-    left, now = (misfit(one, sawtooth(study, one)) for one in (before, after))
+    left, now = (marginal_misfit(one, sawtooth(study, one)) for one in (before, after))
     return left - now < threshold
 
 

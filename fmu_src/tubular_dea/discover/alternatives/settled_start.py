@@ -15,7 +15,7 @@ from ...identify.records.start import UNKNOWN
 from ...identify.study.study import Study
 
 
-def settled(prepared: Study, held_out: Sequence[str], recordings: Recordings) -> Study | None:
+def started_at_equilibrium(prepared: Study, held_out: Sequence[str], recordings: Recordings) -> Study | None:
     """The study as `prepared` for fits, from an equilibrium wherever a start was found to be under load and bench.toml
     does not say what it is; None where there is no such start. `held_out` are the names of the pieces held out."""
     begun = {e.name: recordings.begun_by(e) for e in recordings.experiments}

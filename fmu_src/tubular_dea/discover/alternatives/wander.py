@@ -19,7 +19,7 @@ from ...identify.study.study import Piece, Study
 from ..options.acceptance import EARNS
 from ..options.options import Option
 from ..options.residuals import LackOfFit, lack_of_fit
-from .beside import Curves, misfit, taken
+from .beside import Curves, marginal_misfit, taken
 
 # Set by judgement: 1 to 4 um for the tube's laser.
 # Check: `python -m blind.score --nulls 12 --conventions drift --seed 1000`
@@ -83,7 +83,7 @@ def _likeliest(study: Study, option: Option) -> tuple[float, float]:
 
 def _misfit(study: Study, option: Option, size: float) -> float:
     """The sum of squares of the training pieces, with the wandering of each integrated out."""
-    return misfit(option, _found(study, option, size))
+    return marginal_misfit(option, _found(study, option, size))
 
 
 def _complexity(study: Study, option: Option, size: float) -> float:

@@ -27,7 +27,14 @@ MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experime
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
-    said = [*shifted(found), *_one_point(found), *_ended(found), *_beyond(found), *_implausible(found), *swinging]
+    said = [
+        *implausible_zero(found),
+        *_one_point(found),
+        *_ended(found),
+        *_beyond(found),
+        *_implausible(found),
+        *swinging,
+    ]
     said += [*_partly(found), *_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
@@ -182,7 +189,7 @@ def _spread(found: Discovery) -> list[str]:
     return said
 
 
-def shifted(found: Discovery) -> list[str]:
+def implausible_zero(found: Discovery) -> list[str]:
     """A zero that no sensor has."""
     if found.shifted is None:
         return []

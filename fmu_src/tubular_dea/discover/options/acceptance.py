@@ -1,8 +1,8 @@
 """When an effect is accepted, and when the residual is noise.
 
 A first effect must gain more than the largest score of nulls and more than numerical errors can, and must improve the
-prediction of blocks left out, unless it gains much and foretells the held-out experiments: what shows in one block
-alone, the others do not predict. What it foretells of the held-out experiments counts too. A further one must also
+prediction of blocks left out, unless it gains much and predicts the held-out experiments: what shows in one block
+alone, the others do not predict. What it predicts of the held-out experiments counts too. A further one must also
 remove most of the residual that the earlier ones leave, and more than another functional form of those would: no law of
 the catalogue is exactly that of the plant, and a candidate may explain part of the difference.
 
@@ -38,7 +38,7 @@ CLEARED = 0.8  # [1] share of what is left: another form of the first would hard
 NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
 NEARLY_EXPLAINED = 0.95  # [1] share explained from which on little is left
 ALMOST_RATIO = 1.2  # [1] residual over noise that is little where nearly all of a large effect is explained
-FORETOLD = 1.5  # [1] error on held-out experiments over noise up to which a model with effects predicts them
+PREDICTED = 1.5  # [1] error on held-out experiments over noise up to which a model with effects predicts them
 ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
@@ -97,8 +97,8 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
         needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
         return False, f"{name} would {needed}"
     strong = gain >= STRONG * threshold
-    foretells = strong and before.held_out - best.held_out > DENIAL
-    blocks_tell = not foretells and not far(before)  # so far off, linear models predict nothing
+    predicts = strong and before.held_out - best.held_out > DENIAL
+    blocks_tell = not predicts and not far(before)  # so far off, linear models predict nothing
     if blocks_tell and best.cross_validated >= before.cross_validated:
         return False, f"{name} does not improve the prediction of blocks left out"
     if (not strong or far(best)) and not confirmed(before, best):
@@ -114,9 +114,9 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
 
 
 def _with_held_out(before: Option, after: Option) -> float:
-    """What an effect gains with what it foretells of the held-out experiments, which counts as much at most.
+    """What an effect gains with what it predicts of the held-out experiments, which counts as much at most.
 
-    Where there may be slow noise, it foretells that too, and nothing is gained.
+    Where there may be slow noise, it predicts that too, and nothing is gained.
     """
     if far(after) or after.lack_of_fit.by_chance > 1:
         return 0.0
@@ -189,7 +189,7 @@ def earned(base: Option, chosen: Option) -> bool:
     return held > max(DENIAL, FURTHER * missed) and 1 - chosen.lack_of_fit.excess / before >= PARTLY
 
 
-def settled(base: Option, accepted: list[Option]) -> Option:
+def last_undenied(base: Option, accepted: list[Option]) -> Option:
     """The last of the options accepted in turn that the held-out experiments do not contradict."""
     best = base
     for one in accepted:

@@ -14,14 +14,14 @@ from ..scores.levels import passed
 from ..scores.parameters import at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
-from .validation import folds, foretold, held_out_residual, left_out
+from .validation import folds, held_out_residual, left_out, predictive_deviance
 
 
 @dataclass(frozen=True)
 class Option:
     """Effects `ids` fitted: the fit, and its residuals on data that took no part in it.
 
-    `blocks` and `experiments` are what fits without them foretell of blocks, and of experiments, left out in turn
+    `blocks` and `experiments` are what fits without them predict of blocks, and of experiments, left out in turn
     (`validation`), `unseen` (N,) the white residual of the held-out experiments. `widths` are the logarithms of the
     determinants that the records' own numbers give the likelihood, in training and held out: sums of squares compare
     with these alone, where options have records with other numbers of their own. `exact` is True where all the effects
@@ -103,7 +103,7 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
         ids,
         fitted,
         left_out(fitted, blocks),
-        foretold(fitted, experiments),
+        predictive_deviance(fitted, experiments),
         held_out_residual(study, ids, fitted),
         lack_of_fit(study, fitted),
         refined,

@@ -40,10 +40,10 @@ def left_out(fitted: Fit, fold: np.ndarray) -> float:
     return total
 
 
-def foretold(fitted: Fit, fold: np.ndarray) -> float:
-    """Minus twice the logarithm of the density that fits without a fold foretell for it, summed over folds.
+def predictive_deviance(fitted: Fit, fold: np.ndarray) -> float:
+    """Minus twice the logarithm of the density that fits without a fold predict for it, summed over folds.
 
-    A constant apart; linearised at the optimum. What the rest does not determine is foretold widely, not wrongly. With
+    A constant apart; linearised at the optimum. What the rest does not determine is predicted widely, not wrongly. With
     Q the least sum of squares and A the information, a density is the ratio of exp(-Q / 2) / sqrt(det A) with the fold
     and without it (Bishop, "Pattern recognition", eq. 3.86). `fold` (N,) is as in `left_out`.
     """

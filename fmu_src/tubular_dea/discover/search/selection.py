@@ -9,7 +9,7 @@ from ...identify.fitting.fit import AGREE, Fit, FitError
 from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
-from ..options.acceptance import far, settled
+from ..options.acceptance import far, last_undenied
 from ..options.options import Option, fitted_option, option
 from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start_values
 from ..scores import bank
@@ -44,7 +44,7 @@ BRANCHES = 4  # [1] of the first round's options with which pairs begin where tw
 SECONDS = 3  # [1] effects that are tried beside each
 
 
-def search(
+def forward_selection(
     study: Study, base_fit: Fit, numeric: float, seed: int, tell: Progress, earlier: Sequence[Round] = ()
 ) -> Search:
     """The whole search from the recalibrated base; `numeric` is the gain that numerical errors may cause, `earlier`
@@ -59,7 +59,7 @@ def search(
         step = take_round(found.study, base, found.chosen, numeric, seed, tell, known)
         deeper = _better_base(study, found, step.options)
         if deeper is not None:
-            return search(study, deeper, numeric, seed, tell, [step])
+            return forward_selection(study, deeper, numeric, seed, tell, [step])
         found.rounds.append(step)
         if not step.accepted:
             break
@@ -74,7 +74,7 @@ def search(
         if len(found.chosen.ids) == 2:
             _one_instead(found, tell)
         stages.append(replace(found))
-    return _settled(found, stages)
+    return _undenied(found, stages)
 
 
 def _begun_elsewhere(found: Search, tell: Progress) -> None:
@@ -188,9 +188,9 @@ def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit 
     return fitted if fitted.cost < found.base.fitted.cost - least else None
 
 
-def _settled(found: Search, stages: Sequence[Search]) -> Search:
+def _undenied(found: Search, stages: Sequence[Search]) -> Search:
     """Return to the last choice that the held-out experiments do not contradict; the later one becomes its rival."""
-    best = settled(found.base, [s.chosen for s in stages])
+    best = last_undenied(found.base, [s.chosen for s in stages])
     if best is found.chosen:
         return found
     nothing = Search(found.base, found.base, found.base_study, found.base_study)

@@ -20,7 +20,7 @@ SLOW_CHANCE = 5.0  # [standard deviations] of the slow parts up to which they ar
 
 
 @dataclass(frozen=True)
-class Misfit:
+class ResidualOverNoise:
     """A whitened residual compared with the noise: the `ratio` of their rms, and the excess of its slow part, `slow`.
 
     `slow` is the excess of the mean square over blocks of BLOCK samples, in its standard deviations under noise alone,
@@ -47,7 +47,7 @@ def block_sums(residuals: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([r[: r.size // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1) for r in residuals])
 
 
-def misfit(problem: Problem, best: Fit) -> Misfit:
+def residual_over_noise(problem: Problem, best: Fit) -> ResidualOverNoise:
     """How the residual of a fit compares with the noise of its problem."""
     each = parts(best.residual, problem.records)
     sums = block_sums(each)
@@ -55,4 +55,4 @@ def misfit(problem: Problem, best: Fit) -> Misfit:
     freedom = sum(r.size for r in each) - len(best.names)
     level = max(noise.uncertainty for noise in problem.noise.values())
     uncertainty = float(np.hypot(np.sqrt(2 / sums.size), level))
-    return Misfit(float(np.sqrt(sum(float(r @ r) for r in each) / freedom)), excess / uncertainty)
+    return ResidualOverNoise(float(np.sqrt(sum(float(r @ r) for r in each) / freedom)), excess / uncertainty)

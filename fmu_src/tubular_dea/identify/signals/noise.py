@@ -192,7 +192,7 @@ def estimate(records: Records) -> Noise:
     found, still = _told(records, chosen, quiet, rings), _before_events(records)
     if _freedom(still) < CALMEST:
         return found
-    alike = _left(chosen) < NOT_CALM * max(_left(still), coarseness(records) ** 2)
+    alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
     if found.quiet and alike and not (rings and _freedom(still) >= SOME_FREEDOM):
         return found
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
@@ -203,7 +203,7 @@ def _before_events(records: Records) -> list[Stretches]:
     """The calm stretches before anything happens in their records."""
     first = [next((e for e in events if time[0] < e < time[-1]), time[0]) for time, _, events in records]
     kept = []
-    for one in calm(stretches(records), coarseness(records)):
+    for one in calm(stretches(records), usual_resolution(records)):
         ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
         kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
     return [k for k in kept if k.record.size]
@@ -245,7 +245,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
 
 def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
-    coarse, every = coarseness(records), stretches(records)
+    coarse, every = usual_resolution(records), stretches(records)
     chosen = calm(every, coarse)
     mains = _mains(chosen, records)
     if mains:
@@ -267,7 +267,7 @@ def _with_room(every: list[Stretches], lines: Sequence[float]) -> list[Stretches
     return long if _freedom(long) >= ENOUGH_FREEDOM else every
 
 
-def coarseness(records: Records) -> float:
+def usual_resolution(records: Records) -> float:
     """The step of the sensor's readings."""
     return float(np.median([resolution(y) for _, y, _ in records]))
 

@@ -21,7 +21,7 @@ from ..fitting.marginal import Marginal, marginal
 from ..fitting.problem import Free, whitened
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
-from .linearised import Linearised, lasting_edges, linearised, wide, windows_of
+from .linearised import Linearised, lasting_edges, linearised_piece, wide, windows_of
 from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, prior, step_of, with_columns
 from .spreads import LATEST, Common, most_spread, spreads
 from .study import Piece, Study, carried
@@ -52,7 +52,7 @@ def adjusted(
     work = replace(study, pieces=[p for p in owned if p is not None])
     if not work.pieces:
         return study
-    linear = side_by_side(lambda p: linearised(work, ids, fixed, p), work.pieces)
+    linear = side_by_side(lambda p: linearised_piece(work, ids, fixed, p), work.pieces)
     spread, common = spreads(work, ids, fixed, linear, free)
     priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
     priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]

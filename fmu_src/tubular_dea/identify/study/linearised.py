@@ -39,7 +39,7 @@ class Linearised:
         return found
 
 
-def linearised(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Linearised:
+def linearised_piece(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Linearised:
     """The piece linearised: white residual, responses to its edges, columns of its nuisance parameters."""
     response = study.asked(ids, [piece.case])
     here = response.outputs_alone(values)[0]

@@ -110,7 +110,7 @@ def joint(
     return problem, with_monitor_noise(problem, best, [p.driven for p in work.training])
 
 
-def settled(
+def alternating_fit(
     work: Study,
     start: Mapping[str, float],
     starts: int = JOINT_STARTS,

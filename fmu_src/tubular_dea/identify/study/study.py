@@ -340,7 +340,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         if stated and not noise.quiet:  # the colour would be the signal's
             noise = replace(noise, correlation=0.0, white=0.0)
         if not stated:
-            noise = noises.rounded(noise, noises.coarseness(records))
+            noise = noises.rounded(noise, noises.usual_resolution(records))
         found[output.name] = replace(
             noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
         )
