@@ -157,8 +157,12 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
             Proposal("steps of force", 0.1),
             "no experiment of steps and sweeps of force within the recorded",
         ),
-        ("ambiguous", None, "range tells lag(a) from lag(b); a second sensor may."),
-        ("ambiguous", Proposal("steps of force", 50.0), "steps of force, which tells lag(a) from lag(b) by 10 "),
+        ("ambiguous", None, "range distinguishes lag(a) from lag(b); a second sensor may."),
+        (
+            "ambiguous",
+            Proposal("steps of force", 50.0),
+            "steps of force, which distinguishes lag(a) from lag(b) by 10 ",
+        ),
         ("effect_found", Proposal("steps of force", 0.1), "repeat the experiments on another specimen"),
     ]:
         chosen, equals = SimpleNamespace(ids=("lag(a)",)), {"lag(a)": ["lag(b)"]}

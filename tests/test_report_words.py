@@ -73,7 +73,10 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     assert third == "load barely moves in any experiment: what it does is not tested"
     better = errors | {"held_out_rmse": 15.2e-6}
     _, declared, *_ = close_loop.error_lines(found, told | {"published": better})
-    assert declared == "As declared, without any refit, the model predicts what was held out to 15.2 um."
+    assert (
+        declared
+        == "The model as declared, without any refit, predicts the held-out experiments with an error of 15.2 um."
+    )
 
 
 def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
@@ -242,9 +245,9 @@ def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
     quiet = made_up.option(z_slow=2.5)
     assert what_is_left("no_effect", quiet, 1.2) == []
     (said,) = what_is_left("no_effect", quiet, 175.0, 2.24)
-    assert "not white" in said and "read those of parameters as about 2.2 times as wide." in said
+    assert "not white" in said and "take them as about 2.2 times as wide." in said
     (said,) = what_is_left("effect_found", quiet, 2.5)
-    assert said.endswith("so that intervals may not be exact.") and "1/f" not in said
+    assert said.endswith("so intervals may not be exact.") and "1/f" not in said
     assert "looks like noise" not in " ".join(in_short.CONFIDENCE.values())
     assert left(quiet, quiet, "after", 5e-6, 175.0) == "it is no larger than the noise, but not white"
 

@@ -141,9 +141,9 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.text(
         f"The sensor's noise is {_size(found, outcome['noise_floor'])}. {least(found)} Held out of every fit: {held}. "
         "The other errors are those on the fitted experiments. Fits give less weight to samples "
-        "that the monitors' noise disturbs strongly; the errors weight all samples equally. What each record has of "
-        "its own (zeros and gains of sensors and monitors, instants of switching, its start) is taken off before any "
-        "error is told, that of the model as declared too."
+        "that the monitors' noise disturbs strongly; the errors weight all samples equally. Each record's own "
+        "numbers (zeros and gains of sensors and monitors, switching instants, start) are fitted before any error is "
+        "computed, also for the model as declared."
     )
 
 
@@ -159,9 +159,9 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     )
     page.text(
         f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "
-        "The sensor's noise counts as slow changes show it: as more than its rms where neighbouring samples err alike. "
-        "The noise of the monitors counts where the output follows the inputs. What an input may have done between two "
-        "samples counts near its edges; few samples there may make up most of the number."
+        "The sensor's noise counts as it disturbs slow changes: more than its rms if neighbouring errors are alike. "
+        "The noise of the monitors counts where the output follows the inputs. Near the edges "
+        "of an input counts what it may have done between two samples; a few samples there may dominate the number."
     )
     page.text(
         f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."

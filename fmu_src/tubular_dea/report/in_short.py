@@ -16,10 +16,10 @@ from .svg import bars
 
 CONFIDENCE = {
     "no_effect": "The residual is no larger than noise: no effect of the catalogue explains more of it than chance "
-    "does once in a thousand such sets of recordings.",
+    "does in 999 of 1000 such sets of recordings.",
     "effect_found": "Every other explanation that was tried explains the recordings worse than chance allows.",
-    "ambiguous": "It is certain that something of this kind is missing. Which of the named effects it is, these "
-    "recordings cannot show.",
+    "ambiguous": "It is certain that something of this kind is missing. These recordings cannot show which of "
+    "the named effects it is.",
     "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "
     "remaining residual is larger than the noise, so something else is missing too.",
     "unexplained": "It is certain that something is missing: the residual is larger than the noise. No effect of the "
@@ -28,7 +28,7 @@ CONFIDENCE = {
 }
 DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
-    "the catalogue explains clearly more of it than such a drift. A slow effect of this size could not be told from it."
+    "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
 )
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
@@ -77,12 +77,12 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         return [f"A small remainder is left: {small} rms beyond the noise, where {of} was before."]
     if found.tests_after["whiteness"] <= WHITE:
         return []
-    wider, said = f"{found.tests_after['widening']:.1f}", "The residual is not white, though: what it is at one time"
+    wider, said = f"{found.tests_after['widening']:.1f}", "The residual is not white, though: its values"
     if wider == "1.0":
-        return [f"{said} tells something of what it is a little later, so that intervals may not be exact."]
+        return [f"{said} depend on those shortly before, so intervals may not be exact."]
     return [
-        f"{said} resembles what it is a little later, as in slow (1/f) noise. Intervals may be too narrow: read those "
-        f"of parameters as about {wider} times as wide."
+        f"{said} resemble those shortly before, as in slow (1/f) noise. The intervals of parameters may be too narrow: "
+        f"take them as about {wider} times as wide."
     ]
 
 
@@ -106,7 +106,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     values = [value for sizes in outcome["invisible"].values() for value in sizes.values()]
     page.text(
         "The detection limit of every effect: the smallest size that would have been seen (with a power of 80 % and "
-        "5 % false alarms). For a parameter whose effect grows as it falls, such as a rate limit, it is the largest."
+        "5 % false alarms). Where an effect grows as its parameter falls (a rate limit), it is the largest value."
         + (f' "{ANY_SIZE}": the model\'s own parameters compensate for the effect.' if None in values else "")
     )
     rows = [
@@ -163,13 +163,13 @@ def better_as_declared(found: Discovery, errors: dict[str, Any]) -> list[str]:
     if declared is None or refitted is None or declared >= refitted:
         return []
     size = in_words(declared, errors["published"]["unit"])
-    return [f"As declared, without any refit, the model predicts what was held out to {size}."]
+    return [f"The model as declared, without any refit, predicts the held-out experiments with an error of {size}."]
 
 
 def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
     if not found.study.noise[found.study.plant.outputs[0].name].quiet:
-        return "No part of the recordings is quiet, so that the sensor's noise is not known well: it may be smaller."
+        return "No part of the recordings is quiet, so the sensor's noise is not known well: it may be smaller."
     return "The error of a model can be about as small as the sensor's noise, which is itself an estimate."
 
 
@@ -185,7 +185,7 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
     said = f"The nearest other explanation, {other}, leaves a residual on fitted recordings of {ratio:.2f} times {LEFT}"
     if ratio <= best["ratio"]:
-        return [f"{said}, this one {best['ratio']:.2f} times, but it predicts the held-out ones worse."]
+        return [f"{said}, this one {best['ratio']:.2f} times. But that one predicts the held-out experiments worse."]
     return [f"{said}; this one leaves {best['ratio']:.2f} times."]
 
 

@@ -286,11 +286,11 @@ def _apart(found: Discovery) -> str:
     names = " and ".join(alike or found.chosen.ids)
     if proposal is None or proposal.deviations < DIFFER:
         if found.verdict == "ambiguous":
-            return f"no experiment {kind(found.study.plant)} tells {names}; a second sensor may"
+            return f"no experiment {kind(found.study.plant)} distinguishes {names}; a second sensor may"
         return "repeat the experiments on another specimen to see whether the effect is the same"
     apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"record {proposal.words}, which tells {names} {apart} or more"
+        return f"record {proposal.words}, which distinguishes {names} {apart} or more"
     return f"to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}"
 
 

@@ -82,8 +82,8 @@ def _beyond(found: Discovery) -> list[str]:
             for parameter in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
                 end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
                 said.append(
-                    f"{name} would explain more, but its {parameter} would have to go beyond {end}, where its range "
-                    "ends. So something else acts there, or the usual size (nominal) declared in the plant is wrong."
+                    f"{name} would explain more, but its {parameter} would have to be beyond {end}, the end of its "
+                    "range. So something else acts there, or the usual size (nominal) declared in the plant is wrong."
                 )
     return list(dict.fromkeys(said))
 
@@ -147,8 +147,8 @@ def _partly(found: Discovery) -> list[str]:
     if found.verdict != "partly_explained":
         return []
     return [
-        "Intervals of parameters hold if the named effects are all that is missing. As more is, parameters may have "
-        "made up for it and lie outside."
+        "The intervals of parameters hold if nothing else is missing. Something is: the parameters may compensate "
+        "for it, and their true values may be outside."
     ]
 
 
@@ -165,15 +165,15 @@ def _starts(found: Discovery) -> list[str]:
     if free:
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
-            "estimated from the record, and a slow effect may hide in them. A file that began at rest under its first "
-            'load shows smaller ones if bench.toml says so: [start] and NAME = "equilibrium".'
+            "estimated from the record, and a slow effect may hide in them. If a file began at rest under its first "
+            'load, say so in bench.toml ([start] and NAME = "equilibrium"): smaller effects can then be seen in it.'
         )
     if settled:
         effects = " and ".join(found.search.chosen.ids) or "an effect"
         said.append(
             f"{', '.join(settled)} begin{'s' if len(settled) == 1 else ''} under load, and at equilibrium with it: "
-            f"together with {effects} that explains more than states of its own for every start. If it was not so, say "
-            'it in bench.toml: [start] and NAME = "unknown".'
+            f"together with {effects}, this explains more than unknown states at every start. If it was not so, say so "
+            'in bench.toml: [start] and NAME = "unknown".'
         )
     return said
 
@@ -197,8 +197,8 @@ def implausible_zero(found: Discovery) -> list[str]:
     q = found.study.plant.quantity(shift.output)
     off, usual = (_told(v, q) for v in (shift.value, found.study.zero(shift.output)))
     return [
-        f"In {shift.piece} {shift.output} would have to read {off} too much, where its zero is usually {usual}: the "
-        "plant differs between the files, or what shifts it is missing. Errors are told with this taken off."
+        f"In {shift.piece}, {shift.output} would have to read {off} too much; its zero is usually {usual}. The plant "
+        "differs between the files, or the model lacks what shifts it. Errors are computed without this shift."
     ]
 
 
