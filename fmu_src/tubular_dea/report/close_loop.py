@@ -160,8 +160,8 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.text(
         f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "
         "The sensor's noise counts as it disturbs slow changes: more than its rms if neighbouring errors are alike. "
-        "The noise of the monitors counts where the output follows the inputs. Near the edges "
-        "of an input counts what it may have done between two samples; a few samples there may dominate the number."
+        "The noise of the monitors counts where the output follows the inputs. What an input may have done between "
+        "two samples counts near its edges; a few samples there may dominate the number."
     )
     page.text(
         f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."
