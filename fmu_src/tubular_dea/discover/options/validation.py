@@ -15,8 +15,8 @@ from ...identify.study.study import Piece, Study
 FOLD_BLOCK = 125  # [samples] of a block that is left out
 FOLDS = 6  # [1] folds that blocks are dealt to
 
-# Set by theory: what rounding leaves of an information of 1 that is taken away again.
-# Check: `pytest tests/test_validation.py tests/test_acceptance.py`
+# Set by theory: what rounding leaves of an information of 1 that is taken away again; no unit test tells a factor of
+# four. Check: `pytest tests/test_validation.py tests/test_acceptance.py`
 UNDECIDED = 1e-10  # [1] scaled information in a direction that the rest does not determine, at most
 NO_INFORMATION = 1e-12  # [1] information that a parameter's scale is taken from at least
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr
 
-# Set by theory: what is left of 1 by rounding, or of the formulas below. Check: `pytest tests/test_marginal.py`
+# Set by theory: far from rounding and from what counts; no unit test tells a factor of four.
+# Check: `pytest tests/test_marginal.py`
 WEIGHTLESS = 1e-6  # [standard deviations] by which a nuisance parameter moves a record that need not be integrated out
 POINTLIKE = 1e-3  # [standard deviations] of a window below which a difference of large terms has lost its digits
 
