@@ -19,9 +19,7 @@ from ..signals.sampling import usual_step
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 FEW_ON_WAY = 3  # [samples] on the way at most for a ramp to stand for the edge; with more its shape is told
 STANDS_OUT = 8.0  # [standard deviations] of noise that a step between samples of an edge has at least
-LEADS_ON = (
-    5.7  # [standard deviations] of noise that the steps before and after those have: 4 of a difference of samples
-)
+LEADS_ON = 5.7  # [standard deviations] of noise that the steps beside those have: 4 of a difference of samples
 BESIDE = 8  # [samples] on either side whose median step an edge's steps exceed
 CONTRAST = 3.0  # [1] times by which they do
 GOES_ON = 0.005  # [1] of an edge's height: a smaller step is no part of it
