@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from dimensions import mismatches
+from tubular_dea.discover.scores.parameters import unusual
 from tubular_dea.emit.python import compile_python
 from tubular_dea.kernel import Kernel
-from tubular_dea.laws import Balance, Coefficient, Path, effects_at
+from tubular_dea.laws import Balance, Coefficient, Path, effects_at, seconds
 from tubular_dea.laws.places import laws
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError, Model
@@ -297,3 +299,18 @@ def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:
     with pytest.raises(DeclarationError) as problem:
         effects_at(tanks(), place)
     assert words in str(problem.value)
+
+
+def test_an_instrument_as_slow_as_the_plant_is_unusual() -> None:
+    """Whether a lag makes it so, or a resonance by its damping, unless it is said how fast instruments are there."""
+    model = tanks()
+    slow = 0.5 * seconds(model)
+    values = {"level_lag_tau": slow, "level_resonance_omega": 40 / slow, "level_resonance_damping": 20.0}
+    fitted = SimpleNamespace(names=list(values), values=values)
+
+    def sizes(declared: float | None) -> list[float]:
+        found = {e.id: e for e in effects_at(model, Path("level", seconds=declared))}
+        return [unusual(found[name], fitted) for name in ("lag(level)", "resonance(level)")]
+
+    assert sizes(None) == pytest.approx([10.0, 10.0])
+    assert sizes(2 * slow)[0] == pytest.approx(1.0)

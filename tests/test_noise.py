@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import firwin, lfilter
 
-from tubular_dea.identify.signals import noise
+from tubular_dea.identify.signals import noise, noise_bound
 from tubular_dea.identify.signals.colour import Colour
 from tubular_dea.identify.signals.hum import is_hum
-from tubular_dea.identify.signals.noise import Noise, estimate, rounded
+from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, rounded
 from tubular_dea.identify.signals.quiet import Clock, calm, stretches
 
 RMS = 15e-6
@@ -321,3 +321,15 @@ def test_short_stretches_without_hum_do_not_make_long_ones_look_loud() -> None:
         groups = stretches([(time, values, events)])
         kept = calm(groups, 0.0, lines=(60.0, 120.0, 180.0))
         assert {len(g.values) for g in kept} == {len(g.values) for g in groups}
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, np.exp(-1 / BRIEF)])
+def test_noise_is_no_louder_than_a_residual_is_where_it_is_calm(correlation: float) -> None:
+    """What a model lacks moves it where it is driven; noise with a brief memory is at all frequencies."""
+    random = np.random.default_rng(5)
+    noise = Colour(correlation).sample(20_000, random)
+    lacks = np.convolve(random.standard_normal(20_200), firwin(201, 0.5), "valid")
+    lacks *= 15 / lacks.std()
+    known = Noise(15.0, 0.0, 20_000.0, quiet=False)
+    assert noise_bound.BRIEFLY_COLOURED * noise_bound.calmest([noise]) > 1.0  # noise alone is left as it is
+    assert noise_bound.limited(known, [noise + lacks]).rms < 5.0

@@ -164,6 +164,7 @@ def test_of_equals_far_from_the_plant_the_usual_size_is_taken() -> None:
             off={name: 0.0},
             typical={name: typical},
             fit=(name,),
+            trades={},
             recording=False,
             parameters=[SimpleNamespace(name=name, nominal=1.0)],
         )

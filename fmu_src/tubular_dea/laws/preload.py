@@ -1,4 +1,4 @@
-"""A preload: a constant part with the sign of the signal (brushes' contact voltage, yield stress, Coulomb's friction).
+"""A preload: a constant part with the sign of a state (brushes' contact voltage, yield stress, Coulomb's friction).
 
 ::
 
@@ -6,10 +6,10 @@
             |    .'
             |  .'
             | | size
-      ------+-|------------ signal
+      ------+-|------------ of
             |.'
 
-Equation: signal' = signal + size tanh(signal / corner).
+Equation: signal' = signal + size tanh((of - turn) / corner), where turn = 0.
 
 Source: A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System Design", McGraw-Hill
 1968, appendix B (preload); W. H. Herschel, R. Bulkley, Kolloid-Zeitschrift 39 (1926) 291 (yield stress).
@@ -25,23 +25,26 @@ from ._site import SignalSite
 from .places import Coefficient
 
 KINDS = (Coefficient,)
-CORNER = 0.01  # of the nominal value, within which it turns
-NEEDS = "a definition that is not constant"
+CORNER = 0.01  # of the nominal value of `of`, within which it turns
+NEEDS = "`of`, a state"
 
 
 def law(at: SignalSite) -> Effect | None:
-    """The signal has a constant part with its own sign."""
-    if at.is_constant:
+    """The signal has a constant part with the sign of a state."""
+    of = at.other
+    if of is None or of.name not in [s.quantity.name for s in at.model.states]:
         return None
-    size = at.knob(
-        "size", at.unit, f"Part of {at.words} that is there at once", 0.05 * at.nominal, 0.0, 5 * at.nominal, off=0.0
-    )
+    n = at.nominal
+    size = at.knob("size", at.unit, f"Part of {at.words} that is there at once", 0.05 * n, 0.0, 5 * n, off=0.0)
+    # Where no record passes it, a preload is an offset, or another curve.
+    turn = at.knob("turn", of.unit, f"The {of.name} at which it turns", 0.0, -of.nominal, of.nominal, on=0.0)
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
         model, corner = at.constant(
-            model, "corner", at.unit, CORNER * at.nominal, "Within which the preload turns", before=at.name("from")
+            model, "corner", of.unit, CORNER * of.nominal, "Within which the preload turns", before=at.name("from")
         )
-        return at.put(model, signal + size.symbol * sympy.tanh(signal / corner))
+        return at.put(model, signal + size.symbol * sympy.tanh((of.symbol - turn.symbol) / corner))
 
-    return at.effect(f"A preload adds to {at.words}", "Gelb 1968", apply, size)
+    levels = {turn.quantity.name: of.name}
+    return at.effect(f"A preload adds to {at.words}", "Gelb 1968", apply, size, turn, levels=levels)

@@ -9,8 +9,8 @@ signal' = signal + share (swing - signal).
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004, section 6.6 (transmission lines).
 
-Typical: an angular frequency of one over the usual time there, damped critically; where none is declared, an
-instrument's is ten times that.
+Typical: an angular frequency of one over the usual time there, damped critically; where none is declared, an instrument
+is as late as one with a lag.
 """
 
 from ..model.declare import Model
@@ -20,6 +20,7 @@ from .places import Path
 
 KINDS = (Path,)
 NEEDS = "nothing else"
+AS_LATE = 4.0  # over the usual time there: twice the damping over it is as long as a lag usually is
 FREQUENCIES, DAMPINGS = (0.3, 1.0, 3.0), (0.4, 1.5)  # over the usual time there
 
 
@@ -30,7 +31,7 @@ def law(at: SignalSite) -> Effect:
         "omega",
         "1/s",
         f"Angular eigenfrequency of {at.words}",
-        usual / at.quickness,
+        usual if at.quickness == 1 else AS_LATE / at.quickness * usual,
         0.02 * usual,
         200 * usual,
         shapes=[f * usual for f in FREQUENCIES],

@@ -78,16 +78,18 @@ def is_share(quantity: Quantity) -> bool:
 def unusual(effect: Effect, fitted: Fit) -> float:
     """The size of an effect relative to its usual one, or how many powers of ten beyond one its time constants are.
 
-    What takes the place of a size (`trades`), such as the time constant of a whole lag, is one.
+    What takes the place of a size (`trades`), such as the time constant of a whole lag, counts as one, and the more,
+    the less usual the rest of its shape is: slow by its damping is slow, too.
     """
-    sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in effect.off.items() if n in fitted.names]
-    sizes += [(fitted.values[n] / effect.typical[n]) ** p for n, p in effect.trades.items() if n in fitted.names]
-    lengths = [
-        fitted.values[n] / effect.typical[n]
+    shape = {
+        n: fitted.values[n] / effect.typical[n]
         for n in effect.fit
-        if n in fitted.names and n not in effect.off and n not in effect.trades and effect.typical[n] != 0
-    ]
-    return max([0.0, *sizes, *(10 ** (abs(np.log10(x)) - 1) if x > 0 else 1.0 for x in lengths)])
+        if n in fitted.names and n not in effect.off and effect.typical[n] != 0
+    }
+    if effect.trades:
+        return float(np.prod([x ** effect.trades.get(n, np.sign(x - 1)) for n, x in shape.items()]))
+    sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in effect.off.items() if n in fitted.names]
+    return max([0.0, *sizes, *(10 ** (abs(np.log10(x)) - 1) if x > 0 else 1.0 for x in shape.values())])
 
 
 def switched_on(effect: Effect) -> dict[str, float]:

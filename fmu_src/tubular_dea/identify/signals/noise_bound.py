@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
+from scipy.signal import welch
 
 from .noise import BRIEF, Noise
 
@@ -26,9 +27,16 @@ LOOKS_BACK = 4  # [1] times as long as that a record is at least; of shorter one
 # Set by theory: nothing beside 1. Check: `pytest tests/test_acceptance.py`, `python -m measured.table`
 REGULAR = 1e-9  # [1] of the variance, added to it: what is predicted without error has an answer too
 
+# Set by theory: noise with a memory of BRIEF samples has 8 times the variance of white noise that is as strong at the
+# frequency above which lies CALM_PART of all. Check: `pytest tests/test_noise.py -k louder`, `python -m measured.table`
+BRIEFLY_COLOURED = 4.0  # [1] times the rms of white noise as strong as a record where it is calm: that of its noise
+CALM_PART = 0.33  # [1] of all frequencies: what filters leave out above a third of the sampling tells no noise
+PERIODOGRAM = 256  # [samples] of the periodograms that are averaged
+
 
 def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise:
     """Noise, limited to what the residuals `left` (each (n,)) allow; `hummed`: its level was estimated with hum."""
+    known = known if known.quiet else _no_louder(known, left)
     bound = prediction_error(left)
     if not np.isfinite(known.freedom) or bound <= 0:
         return known
@@ -49,6 +57,21 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
     if hummed and innovation > bound:
         known = replace(known, rms=known.rms * bound / innovation)
     return _no_larger(known, left)
+
+
+def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
+    """Noise no louder than it can be where the residuals (each (n,)) are calm: noise is at every frequency, and more
+    than a brief memory cannot be told from what a model lacks."""
+    most = BRIEFLY_COLOURED * calmest(left)
+    return known if known.rms <= most else Noise(most, 0.0, known.freedom, known.hum, form=known.form, quiet=False)
+
+
+def calmest(records: list[np.ndarray]) -> float:
+    """The rms of white noise as strong as records (each (n,)) are at the calmest part of all frequencies."""
+    size = min(PERIODOGRAM, *(r.size for r in records))
+    powers = [(r.size, welch(r, nperseg=size)[1][1:]) for r in records]
+    power = sum(n * p for n, p in powers) / sum(n for n, _ in powers)
+    return float(np.sqrt(0.5 * np.quantile(power, CALM_PART)))  # up to half a cycle a sample
 
 
 def _no_larger(known: Noise, left: list[np.ndarray]) -> Noise:
