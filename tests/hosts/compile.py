@@ -84,6 +84,28 @@ def compile_host(target: Target, out_dir: Path) -> Path:
     return executable
 
 
+def compile_ones(out_dir: Path) -> Path:
+    """A library to preload on Linux, which tells at once who uses what C++ has deleted (`ones.c`)."""
+    library = out_dir / "ones.so"
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-shared",
+        "-fPIC",
+        "-O2",
+        "-g0",
+        "-s",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+    ]
+    files = ["-o", str(library), str(SOURCE.with_name("ones.c"))]
+    subprocess.run([*command, *files], env=compiler_environment(), check=True)
+    return library
+
+
 def _on_windows() -> list[str]:
     """What the host needs besides to begin, write and find libraries on Windows, with the system's C library alone."""
     own = resources.files("tubular_dea") / "native" / WINDOWS_SOURCE

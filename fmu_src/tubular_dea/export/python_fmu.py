@@ -33,7 +33,18 @@ from .package import archive, icon, licence
 from .slave_source import SourceModule, merged_imports
 
 FUNCTIONS = ("derivatives", "outputs", "start", "equilibrium")
-MODULES = ("table", "stand_in", "step_control", "integrator", "curve", "guard", "snapshot", "messages", "instance")
+MODULES = (
+    "table",
+    "stand_in",
+    "step_control",
+    "integrator",
+    "curve",
+    "guard",
+    "ending",
+    "snapshot",
+    "messages",
+    "instance",
+)
 LIBRARIES = {"linux64/libpythonfmu-export.so": ".so", "win64/pythonfmu-export.dll": ".dll"}
 USAGE = """\
 As an FMU this file is run by pythonfmu. It needs Python 3.9 or later, nothing else, and works by itself::

@@ -11,6 +11,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .curve import fold_point, rest_state
+from .ending import release_at_exit
 from .guard import Refused, entry, instances_alive, tell_python
 from .integrator import HELD, NO_FOLD, Unsolvable, advance
 from .messages import check_range, explained, variable_of
@@ -48,6 +49,8 @@ class PythonSlave(Fmi2Slave):
         self._fold_key: Any = None
         self._fold = (0.0, 0.0)  # unknown and load
         instances_alive.add(self)
+        if self.resources:
+            release_at_exit(self.resources)
 
     # Initialization
 
