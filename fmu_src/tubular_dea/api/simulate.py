@@ -192,7 +192,8 @@ def simulate(
     if not 1e-12 <= tolerance <= 1e-2:
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     remarks += tuple(_unset(chosen, values))
-    found = Kernel(chosen).simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
+    kernel = Kernel(chosen, differentiated=False)
+    found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
     return SimulationResult(
         found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks, jumps=protocol.jumps
     )

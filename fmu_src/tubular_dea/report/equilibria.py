@@ -20,7 +20,7 @@ def equilibrium_curves(plan: Plan) -> Curves:
     """The load over the unknown at rest, for some values of the other input; stable branches solid, folds marked."""
     model = plan.model
     assert isinstance(model, Model) and model.curve is not None
-    kernel, curve = Kernel(model), model.curve
+    kernel, curve = Kernel(model, differentiated=False), model.curve
     other, levels = _levels(plan, model)
     load, unit = model.quantity(curve.load), model.quantity(curve.load).display_unit or model.quantity(curve.load).unit
     scale = factor(load.unit, unit)
@@ -81,7 +81,7 @@ def snap_boundary(plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown
     model = plan.model
     if not isinstance(model, Model) or model.curve is None:
         return None
-    curve, kernel = model.curve, Kernel(model)
+    curve, kernel = model.curve, Kernel(model, differentiated=False)
     others = [q.name for q in model.inputs if q.name != curve.load]
     axes = {first.name: first, second.name: second}
     feeding = {name: _feeding(plan, name) & set(axes) for name in (curve.load, *others)}

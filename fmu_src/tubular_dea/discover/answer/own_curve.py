@@ -82,7 +82,7 @@ class IsolatedEffect:
         """`fitted` has the effect's parameters; `jumping` are inputs that are held between samples."""
         self.base, self.effect, self.fitted, self.jumping = base, effect, fitted, jumping
         self.cut = alone(base, effect)
-        self._kernel = Kernel(self.cut.model)
+        self._kernel = Kernel(self.cut.model, differentiated=False)
         values = switched_on(effect) | dict(fitted.values)
         self.on = {n: v for n, v in values.items() if n in self.cut.model.parameter_values()}
         self.off = self.on | dict(effect.off)

@@ -10,6 +10,7 @@ import numpy as np
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit
 from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, block_sums, parts
+from ...identify.signals.colour import filtered
 from ...identify.study.study import Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k far`,
@@ -211,10 +212,8 @@ def _signals(study: Study, ids: Ids, fitted: Fit) -> dict[str, list[np.ndarray]]
 
 
 def _lagged(values: np.ndarray, step: float, tau: float) -> np.ndarray:
-    from scipy.signal import lfilter
-
     keep = float(np.exp(-step / tau))
-    return lfilter([1 - keep], [1, -keep], values, zi=[keep * values[0]])[0]
+    return filtered([1 - keep], [1, -keep], values, keep * values[:1])
 
 
 def _block_averages(columns: Sequence[np.ndarray], pieces: Sequence[Piece]) -> np.ndarray:

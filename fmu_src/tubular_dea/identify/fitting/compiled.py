@@ -2,7 +2,8 @@
 
 Compiling one model takes as long as several hundred thousand steps of the integrator. So for short records the
 candidates of a round share a few kernels, all off except the requested ones. Long records have a kernel for every
-combination. Effects with switching states, which shorten the integrator's steps, are kept from the others.
+combination. Effects with switching states, which shorten the integrator's steps, are kept from the others, and so are
+delays, which add points to the inputs.
 """
 
 from __future__ import annotations
@@ -30,13 +31,18 @@ Ids = tuple[str, ...]
 # one; compiling them all takes 35, 8.5 and 4.3 s on one core. Check: `python tests/benchmarks/scoring.py`
 SHARED = 6  # [1] effects in one library for scores
 
+# Set by measurement: of the silverbox's six laws that switch, a trajectory of 1000 samples takes 22 ms in a library of
+# all nine that are lively and the 22 without dynamics, 18 with these six alone, 6.5 with three; three delays 1 ms.
+# Check: `python tests/benchmarks/first_run.py`
+SWITCHING = 3  # [1] effects that switch, in one library for scores on short records
+
 # Set by measurement: of the tanks a trajectory of 1023 steps takes 0.4 ms with one law in the kernel and 0.8 with all
 # 32 that have no dynamics, its sensitivities 0.7 and 2.6; to compile either takes 0.5 s. With all 38 of the silverbox,
 # the 344 000 points of one record took 3.2 s and not 0.05. Check: `python -m measured.table`
 FEW_POINTS = 20_000  # [1] samples (or points of inputs) up to which the candidates of a round share kernels
 MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 
-STILL, CALM, LIVELY = "still", "calm", "lively"  # own dynamics of an effect: none, linear, anything else
+STILL, CALM, LATE, LIVELY = "still", "calm", "late", "lively"  # own dynamics of an effect: none, linear, a delay, else
 
 
 class Compiled:
@@ -102,16 +108,15 @@ class Compiled:
         """A compiled model with each candidate in addition to `present`, by the candidate's id.
 
         The catalogue's effects (`effects` None) share libraries: SHARED a library, or all of a kind beside those
-        present, which so are the same whatever was found, and compiled once. On short records all without dynamics are
-        in each. Other effects have one each.
+        present, which so are the same whatever was found, and compiled once. Other effects have one each.
         """
         if effects is not None:
             made = side_by_side(lambda effect: self._scorer(self._ordered(present), effect), effects)
             return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
         groups = self._groups(present)
-        named = self._named(present, groups)
-        shared = self._of(STILL) if self._few else ()
-        self._gathered += named[: len(shared[:1])]  # it has all without dynamics beside those present
+        named = [self._ordered((*present, *group)) for group in groups]
+        if self._few and self._of(STILL):
+            self._gathered.append(named[0])  # it has all without dynamics beside those present
         kernels = side_by_side(self._scorer, named)
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}
 
@@ -119,7 +124,7 @@ class Compiled:
         """Compile the base, and what the first scores of the catalogue will need, beside what the caller does until
         then: they are in the cache, for any other of these."""
         Thread(target=self._ahead, args=[lambda: [()]]).start()
-        Thread(target=self._ahead, args=[lambda: self._named((), self._groups(()))]).start()
+        Thread(target=self._ahead, args=[lambda: self._groups(())]).start()
 
     def _ahead(self, wanted: Callable[[], Iterable[Ids]]) -> None:
         with suppress(UserError):  # whoever asks for the kernel meets the same
@@ -127,17 +132,13 @@ class Compiled:
                 if main_thread().is_alive():  # else the program has ended, early
                     self._compiled(names, differentiated=not names)
 
-    def _named(self, present: Ids, groups: Iterable[Ids]) -> list[Ids]:
-        """The effects of the libraries for scores of `groups`."""
-        shared = self._of(STILL) if self._few else ()
-        return [self._ordered((*shared, *present, *group)) for group in groups]
-
     def _groups(self, present: Ids) -> list[Ids]:
         """The catalogue's effects in groups that share a library for scores."""
         names = list(self.catalogue)
         if self._few:
-            return [g for g in (self._of(STILL), *_cut(self._of(CALM), SHARED), self._of(LIVELY)) if g]
-        lively = [n for n in names if self.kinds[n] == LIVELY]
+            still, late = ([g] if g else [] for g in (self._of(STILL), self._of(LATE)))
+            return [*still, *late, *_cut(self._of(CALM), SHARED), *_cut(self._of(LIVELY), SWITCHING)]
+        lively = [n for n in names if self.kinds[n] in (LATE, LIVELY)]
         calm = [n for n in names if n not in lively]
         size = len(names) if present else SHARED
         return [*_cut(calm, size), *_cut(lively, 1 if self._many else size)]
@@ -152,13 +153,13 @@ class Compiled:
         return {name: self._kind(effect) for name, effect in self.catalogue.items()}
 
     def _kind(self, effect: Effect) -> str:
-        """Delays break the inputs into more pieces; a state is calm whose own rate is a number."""
+        """A state is calm whose own rate is a number."""
         with unchecked():
             model = effect(self.base)
         fixed = {p.quantity.symbol for p in model.parameters}
         own = model.states[len(self.base.states) :]
         if len(model.delays) > len(self.base.delays):
-            return LIVELY
+            return LATE
         calm = all(_linear(sympy.sympify(s.derivative), s.quantity.symbol, fixed) for s in own)
         return (CALM if calm else LIVELY) if own else STILL
 

@@ -19,8 +19,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from ...laws.places import Path
 from ...model.declare import Model, Parameter, Quantity
@@ -158,7 +157,7 @@ def _in_common(zeros: np.ndarray, usual: float) -> float:
     if zeros.size < SEVERAL:
         return float(zeros.mean()) if zeros.size and abs(zeros.mean()) > usual else 0.0
     error = float(np.std(zeros, ddof=1)) / float(np.sqrt(zeros.size))
-    surely = float(student.isf(normal.sf(IN_COMMON), zeros.size - 1))  # few files tell little of their spread
+    surely = -float(stdtrit(zeros.size - 1, ndtr(-IN_COMMON)))  # few files tell little of their spread
     return float(zeros.mean()) if abs(zeros.mean()) > surely * error else 0.0
 
 

@@ -7,10 +7,10 @@ Noise whose spectrum falls over decades (1/f) is that behind a filter which rais
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 # Set by theory: what is left of its start is 2 %. Check: `pytest tests/test_noise.py -k colour`
 FADED = 4.0  # [time constants] after which a filter has settled
@@ -88,10 +88,10 @@ class Colour:
         if self.pole > self.zero:
             settles = int(FADED / (1 - self.pole))
             before = Colour(self.phi, self.white).sample(settles + count, random)
-            return lfilter([1.0, -self.zero], [1.0, -self.pole], before)[settles:] / np.sqrt(self.raised)
+            return filtered([1.0, -self.zero], [1.0, -self.pole], before)[settles:] / np.sqrt(self.raised)
         fresh = random.standard_normal(count) * np.sqrt(1 - self.phi**2)
         fresh[:1] /= np.sqrt(1 - self.phi**2)
-        coloured = lfilter([1.0], [1.0, -self.phi], fresh)
+        coloured = filtered([1.0], [1.0, -self.phi], fresh)
         return np.sqrt(1 - self.white) * coloured + np.sqrt(self.white) * random.standard_normal(count)
 
 
@@ -103,4 +103,14 @@ def _sieved(values: np.ndarray, pole: float, zero: float, known: float) -> np.nd
         found[1:] -= pole * values[:-1]
         return found
     begin = (zero * known - pole) * values[:1]
-    return np.concatenate([values[:1], lfilter([1.0, -pole], [1.0, -zero], values[1:], axis=0, zi=begin)[0]])
+    return np.concatenate([values[:1], filtered([1.0, -pole], [1.0, -zero], values[1:], begin)])
+
+
+def filtered(
+    above: Sequence[float], below: Sequence[float], values: np.ndarray, begin: np.ndarray | None = None
+) -> np.ndarray:
+    """Values (n,) or (n, k) behind a recursive filter with these coefficients, from the state `begin` or from rest."""
+    from scipy.signal import lfilter  # a third of a second, in which the compiler works
+
+    rest = np.zeros((max(len(above), len(below)) - 1, *values.shape[1:]))
+    return lfilter(above, below, values, axis=0, zi=rest if begin is None else begin)[0]
