@@ -17,12 +17,18 @@ from .checks import KernelError
 
 BATCH_SOURCES = ("kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
 TANGENT_SOURCES = ("tangent.c", "tangent.h")
+TOGETHER = {  # files that are compiled as one: for every file the compiler reads the headers anew
+    "plain.c": ("model.c", "equilibrium.c", "start.c", "kernel.c"),
+    "solver.c": ("rosenbrock.c", "pieces.c"),
+}
 
 
 def trajectory_library(model: Model) -> ctypes.CDLL:
     """Trajectories of `model` alone: the same code as in `kernel_library`, in half of the time to compile that."""
     kind = "trajectories"
-    return load(remembered_library(model, kind, lambda: core_sources(model, *KERNEL_SOURCES), processor_flags()))
+    return load(
+        remembered_library(model, kind, lambda: _together(core_sources(model, *KERNEL_SOURCES)), processor_flags())
+    )
 
 
 def kernel_library(model: Model, observed: tuple[str, ...]) -> ctypes.CDLL:
@@ -34,7 +40,7 @@ def kernel_library(model: Model, observed: tuple[str, ...]) -> ctypes.CDLL:
             "gradients.c": sensitivities.source(model, observed),
         }
         tangents = {name: native_source(name) for name in TANGENT_SOURCES}
-        return core_sources(model, *KERNEL_SOURCES) | tangents | gradients
+        return _together(core_sources(model, *KERNEL_SOURCES)) | tangents | gradients
 
     return load(remembered_library(model, f"kernel of {observed}", sources, processor_flags()))
 
@@ -43,6 +49,13 @@ def batch_library(model: Model) -> ctypes.CDLL:
     """Many rows of `model` at once."""
     kind = "batch"
     return load(remembered_library(model, kind, lambda: core_sources(model, *BATCH_SOURCES), processor_flags()))
+
+
+def _together(sources: Mapping[str, str]) -> dict[str, str]:
+    """The same sources with those files in one that are compiled as one."""
+    joined = {name: "".join(f'#include "{part}.h"\n' for part in parts) for name, parts in TOGETHER.items()}
+    inside = {part for parts in TOGETHER.values() for part in parts}
+    return {f"{name}.h" if name in inside else name: text for name, text in sources.items()} | joined
 
 
 def load(path: Path) -> ctypes.CDLL:
