@@ -12,6 +12,7 @@ from ..identify.fitting.fit import AGREE, NORMAL_95, Fit
 from ..identify.fitting.problem import Problem
 from ..identify.records.data import Recordings
 from ..identify.study.adjust import MOST_SETTLES, SETTLES, adjusted
+from ..identify.study.common_nuisances import common_nuisances
 from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.procedure import ordered_fit
@@ -377,6 +378,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
+    wider = common_nuisances(work).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
     wider = wider.with_covariance(wider.covariance * option.lack_of_fit.by_chance)
