@@ -73,7 +73,12 @@ BASE = option(excess=LARGE, held_out=12_000.0)
 STUDY = SimpleNamespace(
     catalogue={
         name: SimpleNamespace(
-            typical={name: 1.0}, off={name: 0.0}, fit=(name,), parameters=[SimpleNamespace(name=name)], refine=refine
+            typical={name: 1.0},
+            off={name: 0.0},
+            fit=(name,),
+            trades={},
+            parameters=[SimpleNamespace(name=name)],
+            refine=refine,
         )
         for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
     }

@@ -15,6 +15,7 @@ from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.records.data import DataError, read_experiment
+from tubular_dea.identify.records.lost import lost
 from tubular_dea.identify.records.spikes import spikes
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -423,6 +424,40 @@ def test_single_samples_that_stand_out_are_left_out_and_said(tmp_path: Path) -> 
     said = next(m for m in found.remarks() if "spike" in m)
     assert "radius is 0.0553 m in line 702" in said
     assert "1 more" in said
+
+
+@pytest.mark.parametrize(
+    ("column", "number"),
+    [(1, -9999), (1, 99999), (1, -99990), (1, 1e30), (2, -9999), (2, 1e9), (3, -9999), (3, -32768), (3, 1e30)],
+)
+def test_numbers_that_stand_for_lost_samples_are_left_out_and_said(tmp_path: Path, column: int, number: float) -> None:
+    """-99990 among pressures up to 10 000 Pa was driven through the model; among voltages up to 1e5 V it was refused as
+    kV labelled V."""
+    random, time = np.random.default_rng(4), np.arange(2000) / 250
+    table = np.column_stack([time, 1e4 * np.clip(time - 2, 0, 1), np.where(time > 4, 5000.0, 0.0), 15 + 0 * time])
+    table[:, 1:] += [25, 4, 0.015] * random.standard_normal((time.size, 3))
+    table[:, 3] += np.clip(time - 2, 0, 1)
+    table[[300, 700, 701, 702, 1500], column] = number
+    rows = "\n".join(",".join(f"{x:.10g}" for x in r) for r in table)
+    saved(tmp_path, "time [s],pressure [Pa],voltage [V],radius [mm]\n" + rows)
+    found = read_recordings(tmp_path)
+    name = ("", "pressure", "voltage", "radius")[column]
+    assert f"a.csv: {name} is {number:.10g} in line 302 and in 4 more: lost samples, left out" in found.remarks()
+    values = list((found["a"].inputs | found["a"].outputs).values())[column - 1]
+    assert np.nanmax(np.abs(values)) < 1.1e4
+    assert np.count_nonzero(np.isnan(values)) == (5 if column == 3 else 0)
+
+
+def test_what_may_be_a_level_is_no_lost_sample() -> None:
+    """A speed of 9999 rpm, a level below that another one is farther from: these are what was commanded."""
+    time = np.arange(2000)
+    possible = np.zeros(time.size, dtype=bool)
+    for levels in ([0.0, 9999.0], [0.0, 3000.0, 6000.0, 9999.0, 0.0], [0.0, 5000.0, -999.0], [0.0, 0.01, 5.0]):
+        assert lost(np.array(levels)[time // 50 % len(levels)], possible, sensed=False) == {}
+    noise = np.random.default_rng(4).standard_normal(time.size)
+    assert lost(noise, possible, sensed=True) == {}
+    assert lost(np.where(time == 700, 1e6, noise), possible, sensed=True) == {}  # a spike, told as one
+    assert list(lost(np.where(time % 500 == 7, -9999.0, 0.0), possible, sensed=False)) == [-9999.0]
 
 
 def test_the_last_sample_of_a_record_is_no_spike() -> None:

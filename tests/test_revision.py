@@ -31,7 +31,7 @@ def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> lis
 
 def taken(*options: Option) -> Round:
     """A round in which the first of some options was accepted."""
-    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "", {})
+    return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "")
 
 
 def two_effects(**more: object) -> Search:
@@ -114,7 +114,7 @@ def test_a_refit_that_keeps_nothing_of_its_promise_begins_anew(
         BASE,
         chosen,
         rivals=[rival],
-        rounds=[replace(Round((), [], None, 30.0, [chosen, rival], True, "", {}), scores=scores)],
+        rounds=[replace(Round((), [], None, 30.0, [chosen, rival], True, ""), scores=scores)],
     )
     search.gains = {"slew": 1000.0}
     selection._settle(search, BASE, lambda what: None)
@@ -256,7 +256,7 @@ def test_a_pair_begins_elsewhere_where_two_effects_leave_far_more_than_noise(
 
     monkeypatch.setattr(selection, "_pairs_with", pairs)
     monkeypatch.setattr(selection, "own_nuisances", lambda study, one: ("its own", one))
-    step = Round((), [], None, 30.0, first, True, "", {})
+    step = Round((), [], None, 30.0, first, True, "")
     search = found(BASE, chosen, rounds=[step], gains={"drift": LARGE})
     selection._begun_elsewhere(search, lambda what: None)
     assert begun == ["stop", "slew", "set", "gain"]  # what is chosen has had its turn
@@ -282,7 +282,7 @@ def test_one_effect_takes_the_place_of_two_if_it_explains_as_much_with_instants_
     monkeypatch.setattr(selection, "fitted_option", alone)
     own = ("its own", option("offset", excess=1000.0 + behind))
     monkeypatch.setattr(selection, "own_nuisances", lambda study, one: own)
-    search = found(base, chosen, rounds=[Round((), [], None, 30.0, first, True, "", {})])
+    search = found(base, chosen, rounds=[Round((), [], None, 30.0, first, True, "")])
     selection._one_instead(search, lambda what: None)
     assert tried == [("offset",)]  # the best has had its turn, and the lag is far behind
     assert search.chosen.ids == taken

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..identify.fitting.fit import AGREE, NORMAL_95, Fit
 from ..identify.fitting.problem import Problem
 from ..identify.records.data import Recordings
 from ..identify.study.adjust import MOST_SETTLES, SETTLES, adjusted
+from ..identify.study.common_nuisances import common_nuisances
 from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.procedure import ordered_fit
@@ -28,6 +29,7 @@ from .scores import channels
 from .scores.channels import Isolation
 from .scores.held_out import with_held_out
 from .scores.parameters import base_parameters
+from .scores.power import Sizes, detection_limits, needed
 from .search import equivalence, second_output, selection
 from .search.law_uncertainty import still_there, with_law, with_rivals
 from .search.revision import Search
@@ -59,7 +61,7 @@ Progress = Callable[[str], None]
 class Discovery:
     """The result of a discovery and how it was found: the source of result.json and the report.
 
-    `repeated` is True where all records repeat one course at one operating point.
+    `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
     """
 
     recordings: Recordings
@@ -77,6 +79,7 @@ class Discovery:
     repeated: bool
     wandering: tuple[str, float] | None = None
     shifted: zeros.Shift | None = None
+    limits: dict[str, Sizes] = field(default_factory=dict)
 
     @property
     def base(self) -> Option:
@@ -171,7 +174,17 @@ def discover(
         repeated,
         wandering,
         shifted,
+        _limits(found),
     )
+
+
+def _limits(found: Search) -> dict[str, Sizes]:
+    """The detection limits of all effects beside the base: what acceptance asks of a score there."""
+    if not found.rounds:
+        return {}
+    first, base = found.rounds[0], found.base
+    least = needed(first.threshold * base.lack_of_fit.by_chance)
+    return detection_limits(found.base_study, base.fitted, first.guessed, least)
 
 
 def _check_enough(recordings: Recordings, count: int, what: str) -> None:
@@ -365,6 +378,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
+    wider = common_nuisances(work).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
     wider = wider.with_covariance(wider.covariance * option.lack_of_fit.by_chance)

@@ -105,8 +105,9 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("What these recordings would not have shown", level=3)
     values = [value for sizes in outcome["invisible"].values() for value in sizes.values()]
     page.text(
-        "The detection limit of every effect: the smallest size that would have been seen (with a power of 80 % and "
-        "5 % false alarms). Where an effect grows as its parameter falls (a rate limit), it is the largest value."
+        "The detection limit of every effect: the smallest size that would have been seen with a probability of 80 %, "
+        "whatever else of each record is fitted. Where an effect grows as its parameter falls (a rate limit), it is "
+        "the largest value."
         + (f' "{ANY_SIZE}": the model\'s own parameters compensate for the effect.' if None in values else "")
     )
     rows = [

@@ -59,7 +59,7 @@ def result(found: Discovery) -> dict[str, Any]:
         },
         "noise_floor": floor(study, after["rmse"]),
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
-        "invisible": found.search.rounds[0].limits if found.search.rounds else {},
+        "invisible": found.limits,
         "remarks": remarks.remarks(found, waves),
         "next_experiment": advice(found),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},

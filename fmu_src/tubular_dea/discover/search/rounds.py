@@ -20,7 +20,7 @@ from ..scores import bank
 from ..scores.bank import Score
 from ..scores.bootstrap import NullScores, null_scores
 from ..scores.parameters import lost, unusual
-from ..scores.power import Sizes, detection_limits
+from ..scores.power import Guess, guesses, needed
 from .equivalence import CHANCE, error_reach
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
@@ -61,7 +61,7 @@ Progress = Callable[[str], None]
 class Round:
     """One round: scores of the catalogue, the largest scores of nulls, refitted options (best first), the decision.
 
-    `limits` are the detection limits of all effects; `listed` the candidates with their columns, kept where they are
+    `guessed` are sizes at which effects would be seen; `listed` the candidates with their columns, kept where they are
     needed again.
     """
 
@@ -72,7 +72,7 @@ class Round:
     options: list[Option]
     accepted: bool
     reason: str
-    limits: dict[str, Sizes]
+    guessed: list[Guess] = field(default_factory=list, repr=False)
     listed: list[bank.Candidate] = field(default_factory=list, repr=False)
 
 
@@ -109,10 +109,10 @@ def _scored(study: Study, chosen: Option, numeric: float, seed: int) -> tuple[Ro
     start = _Start(chosen.fitted, bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian))
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
     threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
-    limits = detection_limits(listed, chosen.fitted.jacobian, null)
+    guessed = guesses(listed, chosen.fitted.jacobian, needed(threshold))
     kept = [] if chosen.ids or study.plant.latent else listed
     ranked = bank.best_of_each(start.scored)
-    return Round(chosen.ids, ranked, null, threshold, [], False, "", limits, kept), start
+    return Round(chosen.ids, ranked, null, threshold, [], False, "", guessed, kept), start
 
 
 def _hopeless(base: Option, chosen: Option, step: Round) -> str:

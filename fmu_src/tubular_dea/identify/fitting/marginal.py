@@ -57,6 +57,17 @@ class Marginal:
             out += self.basis @ (np.reshape(shrink(self.sizes), (-1, *[1] * (along.ndim - 1))) * along)
         return out
 
+    def undone(self, white: np.ndarray) -> np.ndarray:
+        """What `apply` makes of values (n,) or columns (n, m), whitened as before; a new array."""
+        out = white.copy()
+        if self.basis is not None and self.sizes.size:
+            along = self.basis.T @ out
+            out += self.basis @ (np.reshape(np.hypot(1, self.sizes) - 1, (-1, *[1] * (along.ndim - 1))) * along)
+        for window in self.windows:
+            part = out[window.where]
+            part += _outer(window.unit, (np.hypot(1, window.size) - 1) * (window.unit @ part))
+        return out
+
     @property
     def log_determinant(self) -> float:
         """By how much the nuisance parameters widen the likelihood: the logarithm of the covariance's determinant.
@@ -85,14 +96,17 @@ def marginal(
         length = float(np.linalg.norm(column))
         if length > 0 and deviation > 0:
             made.append(Window(where, column / length, deviation * length, deviation * usual))
-    local = Marginal(tuple(made))
-    used = sd > 0
+    return beside_windows(tuple(made), columns, sd)
+
+
+def beside_windows(windows: tuple[Window, ...], columns: np.ndarray, sd: np.ndarray) -> Marginal:
+    """The nuisances of known windows with whitened columns (n, k) throughout, and sd (k,)."""
+    local, used = Marginal(windows), sd > 0
     if not np.any(used):
         return local
-    scaled = local.apply(columns[:, used] * sd[used])
-    left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+    left, sizes, _ = np.linalg.svd(local.apply(columns[:, used] * sd[used]), full_matrices=False)
     kept = sizes > WEIGHTLESS
-    return Marginal(local.windows, left[:, kept], sizes[kept])
+    return Marginal(windows, left[:, kept], sizes[kept])
 
 
 def shrink(size: np.ndarray | float) -> np.ndarray | float:

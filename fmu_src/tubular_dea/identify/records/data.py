@@ -23,6 +23,7 @@ from ..signals.sampling import sampling, usual_step
 from . import checks
 from .bench_file import BenchFile, read_bench
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
+from .lost import is_mark, lost_samples
 from .spikes import spikes
 from .start import RESTED, detected
 
@@ -237,7 +238,7 @@ def experiment_of(
 ) -> Experiment:
     """One table of numbers, checked; the arguments are those of `read_experiment`."""
     path, chosen = table.path, chosen or {}
-    columns = assigned(table, plant, chosen, rate)
+    columns, gone = _without_lost(table, plant, assigned(table, plant, chosen, rate))
     if table.lines.size < plant.least_samples:
         raise DataError(
             f"{path}: too few samples: {table.lines.size} {table.row}s of numbers; expected at least "
@@ -263,8 +264,33 @@ def experiment_of(
         for name in output.headings
         if name in values and name not in chosen and columns[name].column.name != plain(name)
     ]
-    source = _source(table, columns, [*told, *taken.remarks, *idle])
+    source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _without_lost(table: Table, plant: Plant, columns: Mapping[str, Assigned]) -> tuple[dict[str, Assigned], list[str]]:
+    """The columns with gaps where a number stands for a sample that was lost, and what is said of it."""
+    most = {s.name: s.most for s in plant.inputs} | {name: o.most for o in plant.outputs for name in o.headings}
+    sensed = {name for o in plant.outputs for name in o.headings}
+    found, said = dict(columns), []
+    for name in most.keys() & columns.keys():
+        column, values = columns[name].column, columns[name].values
+        numbers = lost_samples(column.values, np.abs(values) > most[name], name in sensed)
+        for number, at in numbers.items():
+            more = f" and in {at.size - 1} more" if at.size > 1 else ""
+            said.append(f"{name} is {number:.10g} in {table.row} {table.lines[at[0]]}{more}: lost samples, left out")
+        gone = np.isin(column.values, list(numbers))
+        empty = replace(column, values=np.where(gone, np.nan, column.values))
+        found[name] = replace(columns[name], column=empty, values=np.where(gone, np.nan, values))
+        left = empty.values[np.isfinite(empty.values)]
+        for end in {float(left.min()), float(left.max())} if left.size else ():
+            if is_mark(end):
+                line = table.lines[int(np.flatnonzero(empty.values == end)[0])]
+                said.append(
+                    f"{name} is {end:.10g} in {table.row} {line}, which may be a value or a mark of a lost sample; if "
+                    "it is a mark, empty these cells"
+                )
+    return found, sorted(said)
 
 
 def _outputs(

@@ -138,9 +138,9 @@ def _estimated(
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else NO_PRIOR
     seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
     information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, FIRM, VAGUE))
-    alike = _alike(late)
-    information[p : p + k, p : p + k] += alike
-    target[p : p + k] -= known + alike @ known
+    together = alike(late)
+    information[p : p + k, p : p + k] += together
+    target[p : p + k] -= known + together @ known
     variance = np.where(late, (TURN / LATE) ** 2, 1.0)
     for _ in range(1 if few else ITERATIONS):
         penalised = information.copy()
@@ -197,7 +197,7 @@ def _shown(piece: Piece, name: str) -> bool:
     return name in piece.driven.zeros and float(piece.driven.protocol.inputs[name][0]) == 0.0
 
 
-def _alike(late: np.ndarray) -> np.ndarray:
+def alike(late: np.ndarray) -> np.ndarray:
     """The information (k, k) that delays of monitors, where `late` (k,), are alike: their filters are of one kind."""
     count = int(late.sum())
     if count < 2:
