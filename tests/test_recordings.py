@@ -15,7 +15,7 @@ from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.records.data import DataError, read_experiment
-from tubular_dea.identify.records.lost import lost
+from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -453,11 +453,11 @@ def test_what_may_be_a_level_is_no_lost_sample() -> None:
     time = np.arange(2000)
     possible = np.zeros(time.size, dtype=bool)
     for levels in ([0.0, 9999.0], [0.0, 3000.0, 6000.0, 9999.0, 0.0], [0.0, 5000.0, -999.0], [0.0, 0.01, 5.0]):
-        assert lost(np.array(levels)[time // 50 % len(levels)], possible, sensed=False) == {}
+        assert lost_samples(np.array(levels)[time // 50 % len(levels)], possible, sensed=False) == {}
     noise = np.random.default_rng(4).standard_normal(time.size)
-    assert lost(noise, possible, sensed=True) == {}
-    assert lost(np.where(time == 700, 1e6, noise), possible, sensed=True) == {}  # a spike, told as one
-    assert list(lost(np.where(time % 500 == 7, -9999.0, 0.0), possible, sensed=False)) == [-9999.0]
+    assert lost_samples(noise, possible, sensed=True) == {}
+    assert lost_samples(np.where(time == 700, 1e6, noise), possible, sensed=True) == {}  # a spike, told as one
+    assert list(lost_samples(np.where(time % 500 == 7, -9999.0, 0.0), possible, sensed=False)) == [-9999.0]
 
 
 def test_the_last_sample_of_a_record_is_no_spike() -> None:
