@@ -7,20 +7,25 @@ that of the monitors times the squared static gain, both at low frequencies, whe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from ...identify.fitting.misfit import BLOCK
+from ...identify.fitting.problem import whitened
 from ...identify.study.monitor_uncertainty import constant_gains
+from ...identify.study.nuisances import with_nuisances
 from ...identify.study.study import Piece, Study
 from ...protocol import Protocol
+from ..options.residuals import block_means, expected_variance, over_blocks
 
 # Set by theory. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
+LEVELS = 13  # [1] levels of a monitor's noise that are compared
 STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
 BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
@@ -34,6 +39,45 @@ def weighted(study: Study, values: Mapping[str, float]) -> Study:
     driven = _fast_rms(study, gains)
     noise = {name: replace(n, driven=driven[name] if n.quiet and n.tau > 0 else 0.0) for name, n in study.noise.items()}
     return replace(study, noise=noise).weighted(weights(study, gains))
+
+
+def told_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
+    """The study with monitors' noise as large as the outputs say, between what changes from sample to sample and what
+    their own records allow.
+
+    What moves a monitor slowly is its noise, or the plant follows it and it is a supply that wanders: only noise
+    is in the outputs' residual. Averages over blocks of that tell the likelier level. What a model lacks makes them
+    larger and the level no smaller.
+    """
+    levels = {name: _fastest(study, name) for name in study.monitor_noise}
+    unsure = [name for name, level in study.monitor_noise.items() if level > levels[name] > 0]
+    if not unsure:
+        return study
+    gains = input_gains(study, values)
+    answers = study.response((), study.pieces).outputs(values)
+    for name in unsure:
+        known = study.monitor_noise
+        tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
+        costs = [_block_misfit(replace(study, monitor_noise=one), gains, answers) for one in tried]
+        study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
+    return study
+
+
+def _fastest(study: Study, name: str) -> float:
+    """The noise of a monitor that changes from sample to sample."""
+    return float(np.median([p.driven.noise[name] for p in study.pieces]))
+
+
+def _block_misfit(study: Study, gains: Mapping[str, list[np.ndarray]], answers: Sequence[np.ndarray]) -> float:
+    """Minus twice the log likelihood of the training's residual, averaged over blocks, with the study's noise."""
+    found = 0.0
+    for piece, answer, weight in zip(study.pieces, answers, weights(study, gains), strict=True):
+        if piece.held_out:
+            continue
+        left = whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise)
+        variance = expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2
+        found += float(np.sum(block_means(left, [piece]) ** 2 / (mean := over_blocks(variance)) + np.log(mean)))
+    return found
 
 
 def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:

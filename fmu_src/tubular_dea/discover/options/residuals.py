@@ -91,10 +91,10 @@ def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
 
     Where the switching instants of a piece were fitted, their part is removed.
     """
-    return float(sum(np.sum(_variance(study, p, 1)) for p in pieces))
+    return float(sum(np.sum(expected_variance(study, p, 1)) for p in pieces))
 
 
-def _variance(study: Study, piece: Piece, block: int) -> np.ndarray:
+def expected_variance(study: Study, piece: Piece, block: int) -> np.ndarray:
     """The variance of every whitened sample (N,), as it counts in averages over `block` samples."""
     sensor = piece.weight**2
     transmitted = _transmitted(study, piece, block) * (1 - sensor) * _beside_the_sensor(study, piece, block)
@@ -130,8 +130,12 @@ def _transmitted(study: Study, piece: Piece, block: int) -> float:
 
 def _block_variance(study: Study, pieces: Sequence[Piece]) -> np.ndarray:
     """The variance of `block_means` under noise alone."""
-    each = [_variance(study, p, BLOCK) for p in pieces]
-    return np.concatenate([v[: v.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1) for v in each])
+    return np.concatenate([over_blocks(expected_variance(study, p, BLOCK)) for p in pieces])
+
+
+def over_blocks(values: np.ndarray) -> np.ndarray:
+    """The averages of values (n,) over blocks; samples after the last full one are left out."""
+    return values[: values.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
 
 
 def block_means(residual: np.ndarray, pieces: Sequence[Piece]) -> np.ndarray:
