@@ -17,14 +17,14 @@ from ...kernel import KernelError
 from ...model.declare import Model
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
-from ..experiments.next_experiment import DIFFER, at_channel, kind
+from ..experiments.next_experiment import DIFFER, Proposal, at_channel, kind
 from ..options import residuals
 from ..options.acceptance import noise_alone, size_interval
 from ..options.options import Option
 from ..options.residuals import LackOfFit
 from ..scores.channels import Isolation
 from ..scores.parameters import switched_on
-from ..search import second_output
+from ..search import equivalence, second_output
 from . import remarks
 from .oscillations import Oscillation, oscillations
 
@@ -290,8 +290,18 @@ def _apart(found: Discovery) -> str:
         return "repeat the experiments on another specimen to see whether the effect is the same"
     apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
-        return f"record {proposal.words}, which distinguishes {names} {apart} or more"
+        times = _times(found, proposal)
+        often = f" {times} times, each of" if times > 1 else ","
+        return f"record {proposal.words}{often} which distinguishes {names} {apart} or more"
     return f"to confirm {names}, record {proposal.words}, for which it differs from the nearest rival {apart}"
+
+
+def _times(found: Discovery, proposal: Proposal) -> int:
+    """How often to record what is proposed, so that no set of equivalent effects is left."""
+    form = equivalence.form_share(found.chosen, found.repeated)
+    gains = [found.chosen_gains[name] for name, others in found.equivalent.items() if others]
+    least = max((equivalence.told_apart(found.chosen, gain, form) for gain in gains), default=0.0)
+    return math.ceil(least / (2 * proposal.discrimination))
 
 
 def _beside(found: Discovery) -> str:

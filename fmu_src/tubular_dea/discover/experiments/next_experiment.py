@@ -1,6 +1,8 @@
 """Design of the next experiment: the feasible protocol on which the competing models differ most.
 
-The expected discrimination is half the squared distance between the models' outputs in units of the sensor's noise.
+The expected discrimination is half the squared distance between the models' outputs in units of the sensor's noise, as
+far as neither parameters within their uncertainty nor zeros and delays of the new record would make up for it (Box and
+Hill, Technometrics 9 (1967) 57). Nothing is proposed that tells less than one of the recordings does.
 Feasible protocols are those of the plant (`Plant.experiments`), or steps and sweeps of every input within the recorded
 range, on which the output stays near the range where it was recorded (a push to one side runs a slide into its end).
 """
@@ -8,13 +10,17 @@ range, on which the output stays near the range where it was recorded (a push to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from ...identify.fitting.cases import Case, Reading
+from ...identify.fitting.marginal import beside_windows
 from ...identify.fitting.problem import whitened
 from ...identify.signals.sampling import usual_step
+from ...identify.study.monitor_uncertainty import shifted
+from ...identify.study.nuisances import LATE, TURN
 from ...identify.study.study import Study
 from ...kernel import KernelError
 from ...laws.places import Balance, Coefficient
@@ -47,27 +53,71 @@ class Proposal:
 
 
 def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
-    """The protocol that best discriminates the two closest of `options`; None where fewer than two are given."""
-    best: Proposal | None = None
+    """The protocol that best discriminates the two closest of `options`; None where fewer than two are given, or none
+    tells more than what was recorded."""
+    if len(options) < 2:
+        return None
     reading = study.pieces[0].case.readings[0]
-    step = reading.clock.step
-    for words, protocol in feasible(study).items():
-        times = np.arange(protocol.time[0], protocol.time[-1], step)
-        case = Case(protocol, (Reading(reading.output, times),))
+
+    def proposal(words: str, case: Case) -> Proposal | None:
         try:
-            answers = [study.asked(o.ids, [case]).outputs_alone(o.fitted.values)[0] for o in options]
+            told = _discrimination(study, options, case, study.plant.experiments is None)
         except KernelError:
-            continue
-        if study.plant.experiments is None and not _within(study, reading.output, answers):
-            continue
-        apart = [
-            float(np.sum(whitened(case, a - b, study.noise) ** 2)) / 2
-            for i, a in enumerate(answers)
-            for b in answers[:i]
-        ]
-        if apart and (best is None or min(apart) > best.discrimination):
-            best = Proposal(words, min(apart))
-    return best
+            return None
+        return None if told is None else Proposal(words, told)
+
+    cases = {
+        words: Case(p, (Reading(reading.output, np.arange(p.time[0], p.time[-1], reading.clock.step)),))
+        for words, p in feasible(study).items()
+    }
+    proposals = [p for words, case in cases.items() if (p := proposal(words, case)) is not None]
+    recorded = [
+        p
+        for piece in study.pieces
+        if (p := proposal(piece.name, replace(piece.case, readings=piece.case.readings[:1]))) is not None
+    ]
+    best = max(proposals, key=lambda p: p.discrimination, default=None)
+    known = max((p.discrimination for p in recorded), default=0.0)
+    return best if best is not None and best.discrimination > known else None
+
+
+def _discrimination(study: Study, options: Sequence[Option], case: Case, bounded: bool) -> float | None:
+    """What an experiment tells of the two closest models (log likelihood); None where one leaves what was recorded, if
+    that is `bounded`."""
+    answers, loose = [], []
+    for one in options:
+        free = one.fitted.free
+        outputs, columns = study.asked(one.ids, [case]).sensitivities(one.fitted.values, [f.name for f in free])
+        slopes = np.array([f.slope(one.fitted.values[f.name]) for f in free])
+        answers.append(outputs[0])
+        loose.append(columns[0] * slopes @ _root(one.fitted.covariance))
+    if bounded and not _within(study, case.readings[0].output, answers):
+        return None
+    own = _own_numbers(study, options[0], case, answers[0])
+    told = []
+    for i, j in combinations(range(len(options)), 2):
+        beside = whitened(case, np.hstack([loose[i], loose[j], own]), study.noise)
+        apart = whitened(case, answers[i] - answers[j], study.noise)
+        told.append(float(np.sum(beside_windows((), beside, np.ones(beside.shape[1])).apply(apart) ** 2)) / 2)
+    return min(told)
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A matrix whose product with itself turned is the covariance (k, k)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _own_numbers(study: Study, option: Option, case: Case, answer: np.ndarray) -> np.ndarray:
+    """What zeros and delays of usual size change in a new record (N, columns)."""
+    step = case.readings[0].clock.step
+    by, usually = TURN * step, (LATE if study.filtered else TURN) * step
+    zeros = [(*shifted(case, s.name), study.zero(s.name)) for s in study.plant.inputs if study.zero(s.name) > 0]
+    delays = [replace(case, protocol=case.protocol.with_delay(s.name, -by)) for s in study.plant.inputs]
+    moved = [*zeros, *((c, by, usually) for c in delays)]
+    others = study.asked(option.ids, [c for c, _, _ in moved]).possible(option.fitted.values)
+    columns = [(o - answer) / of * size for o, (_, of, size) in zip(others, moved, strict=True) if o is not None]
+    return np.column_stack([np.full(answer.size, study.zero(case.readings[0].output)), *columns])
 
 
 def at_channel(plant: Plant, channel: str) -> str:

@@ -50,9 +50,13 @@ def stands_in(
         return None
     if clean(chosen.lack_of_fit) and rival.squares > WORSE * chosen.squares:
         return None
-    gain = gains[missing[0]]
-    reach = max(CHANCE, form * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))
-    return (missing[0], extra[0]) if 2 * (chosen.evidence - rival.evidence) < reach else None
+    apart = 2 * (chosen.evidence - rival.evidence)
+    return (missing[0], extra[0]) if apart < told_apart(chosen, gains[missing[0]], form) else None
+
+
+def told_apart(chosen: Option, gain: float, form: float = FORM_SHARE) -> float:
+    """The difference in misfit from which on another effect is no equivalent of one of `chosen` that gains so much."""
+    return max(CHANCE, form * gain, min(WEAK_SHARE * gain, WEAK_MOST), error_reach(chosen))
 
 
 def error_reach(chosen: Option) -> float:
