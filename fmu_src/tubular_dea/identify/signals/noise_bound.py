@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import welch
 
 from .noise import BRIEF, Noise
 
@@ -68,6 +67,8 @@ def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
 
 def calmest(records: list[np.ndarray]) -> float:
     """The rms of white noise as strong as records (each (n,)) are at the calmest part of all frequencies."""
+    from scipy.signal import welch  # as in colour.py
+
     size = min(PERIODOGRAM, *(r.size for r in records))
     powers = [(r.size, welch(r, nperseg=size)[1][1:]) for r in records]
     power = sum(n * p for n, p in powers) / sum(n for n, _ in powers)
