@@ -17,18 +17,24 @@ import time
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import resample
+from scipy.signal.windows import tukey
 
 import tubular_dea as td
 
 PLANT = Path(__file__).parents[2] / "cosim_examples" / "plants" / "silverbox.py"
-SAMPLES, RATE = 1000, 610.35
+SAMPLES, RATE, FINE = 1000, 610.35, 16
 
 
 def made_up(folder: Path) -> list[str]:
-    """Arguments of close-loop for a recording of noise through the silverbox's base, with noise on it."""
+    """Arguments of close-loop for a recording of noise through the silverbox's base, with noise on it.
+
+    The force is band-limited between samples, as the plant says, and begins and ends with nothing.
+    """
     random, time_s = np.random.default_rng(1), np.arange(SAMPLES) / RATE
-    force = 0.05 * np.convolve(random.standard_normal(SAMPLES + 8), np.ones(9) / 3, "valid")
-    protocol = td.Protocol.of(time_s, force=force)
+    force = 0.05 * np.convolve(random.standard_normal(SAMPLES + 8), np.ones(9) / 3, "valid") * tukey(SAMPLES, 0.1)
+    fine = np.arange(FINE * SAMPLES) / (FINE * RATE)
+    protocol = td.Protocol.of(fine, force=resample(force, fine.size))
     run = td.simulate(td.load_plant(str(PLANT)).model, protocol, times=time_s)
     read = run["displacement"] + 3e-4 * random.standard_normal(SAMPLES)
     table = np.column_stack([time_s, force, read])
