@@ -39,6 +39,9 @@ WHY = {
 # Check: `pytest tests/test_discover.py -k floor`
 TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
 
+# Set by judgement: nobody repeats an experiment ten times. Check: `pytest tests/test_next_experiment.py`
+OFTEN = 4  # [1] times that an experiment is proposed at most
+
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
 
@@ -284,7 +287,7 @@ def _apart(found: Discovery) -> str:
     proposal = found.proposal
     alike = [f"{name} from {' or '.join(others)}" for name, others in found.equivalent.items() if others]
     names = " and ".join(alike or found.chosen.ids)
-    if proposal is None or proposal.deviations < DIFFER:
+    if proposal is None or proposal.deviations < DIFFER or _times(found, proposal) > OFTEN:
         if found.verdict == "ambiguous":
             return f"no experiment {kind(found.study.plant)} distinguishes {names}; a second sensor may"
         return "repeat the experiments on another specimen to see whether the effect is the same"
