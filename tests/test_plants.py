@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from made_up import option
 from tubular_dea.discover.answer.outcome import advice
 from tubular_dea.discover.experiments.next_experiment import Proposal, at_channel, kind, sweeps
 from tubular_dea.laws.places import Balance, Coefficient, Path
@@ -160,13 +161,14 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
         ("ambiguous", None, "range distinguishes lag(a) from lag(b); a second sensor may."),
         (
             "ambiguous",
-            Proposal("steps of force", 50.0),
-            "steps of force, which distinguishes lag(a) from lag(b) by 10 ",
+            Proposal("steps of force", 72.0),
+            "steps of force, which distinguishes lag(a) from lag(b) by 12 ",
         ),
         ("effect_found", Proposal("steps of force", 0.1), "repeat the experiments on another specimen"),
     ]:
-        chosen, equals = SimpleNamespace(ids=("lag(a)",)), {"lag(a)": ["lag(b)"]}
+        chosen, equals = option("lag(a)"), {"lag(a)": ["lag(b)"]}
         found = SimpleNamespace(verdict=verdict, proposal=proposal, chosen=chosen, equivalent=equals, study=study)
+        found.chosen_gains, found.repeated = {"lag(a)": 1000.0}, False
         assert words in advice(found)
     assert kind(PLANT) == "of those declared for the TubularDEA"
 
