@@ -37,7 +37,7 @@ POWER = 0.8  # [1] share of records with an effect of that size in which it is s
 SLOWEST_GAIN = 2.0  # [1] power of the gain over a size beyond those that were simulated, at least
 FASTEST_GAIN = 4.0  # [1] the same at most
 
-# Set by measurement: after two the limits of twelve sets change by less than a tenth.
+# Set by judgement: where the second says, the third would hardly differ.
 # Check: `python -m blind.limits --seed 500`
 SIMULATED = 2  # [1] sizes at which an effect is simulated, each where the one before says the limit is
 FARTHEST_SIZE = 30.0  # [1] times by which that may differ from the one before
