@@ -11,6 +11,8 @@ Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (first-
 Typical: half the usual time there; where none is declared, an instrument's is a twentieth of the plant's own times.
 """
 
+from dataclasses import replace
+
 from ..model.declare import Model
 from ..model.effect import Effect
 from ._site import SignalSite
@@ -25,7 +27,8 @@ def law(at: SignalSite) -> Effect | None:
     """The signal follows with a time constant."""
     if at.is_constant:
         return None
-    tau = at.time_constant(f"Time constant of {at.words}", 0.5 * at.quickness, 5e-3, 500.0, TIMES, trade=1)
+    tau = at.time_constant(f"Time constant of {at.words}", 0.5, 5e-3, 500.0, TIMES, trade=1)
+    tau = replace(tau, typical=tau.typical * at.quickness)
     share = at.knob("share", "1", "Share of the signal that lags", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
     def apply(model: Model) -> Model:

@@ -13,6 +13,8 @@ Typical: an angular frequency of one over the usual time there, damped criticall
 is as late as one with a lag.
 """
 
+from dataclasses import replace
+
 from ..model.declare import Model
 from ..model.effect import Effect
 from ._site import SignalSite
@@ -31,12 +33,14 @@ def law(at: SignalSite) -> Effect:
         "omega",
         "1/s",
         f"Angular eigenfrequency of {at.words}",
-        usual if at.quickness == 1 else AS_LATE / at.quickness * usual,
+        usual,
         0.02 * usual,
         200 * usual,
         shapes=[f * usual for f in FREQUENCIES],
         trade=-1,
     )
+    if at.quickness < 1:
+        omega = replace(omega, typical=AS_LATE / at.quickness * usual)
     damping = at.knob("damping", "1", "Its damping ratio", 1.0, 0.02, 50.0, shapes=DAMPINGS)
     share = at.knob("share", "1", "Share of the signal that resonates", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 

@@ -72,7 +72,8 @@ def common_nuisances(study: Study, followed: bool = False) -> CommonNuisances:
         mine = [known.index(n) if n in known else -1 for n in names]
         here = np.array([usual_size(study, piece, n) if i >= 0 else 0.0 for n, i in zip(names, mine, strict=True)])
         free.append(own)
-        parts.append(own.apply(white[:, mine] * here))
+        with_none = np.pad(white, ((0, 0), (0, 1)))  # the last column is that of what a record does not have
+        parts.append(own.apply(with_none[:, mine] * here))
     prior = np.linalg.cholesky(inverse(np.eye(len(names)) + alike(np.array([n not in same for n in names], bool))))
     rows = tuple(p.record.size for p in study.training)
     return CommonNuisances(tuple(p.marginal for p in study.training), tuple(free), rows, np.concatenate(parts) @ prior)
