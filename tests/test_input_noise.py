@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from tubular_dea.discover.alternatives.input_noise import told_by_outputs
+from tubular_dea.discover.alternatives.input_noise import input_gains, told_by_outputs
 from tubular_dea.identify.inputs.drive import joined
 from tubular_dea.identify.records.data import Experiment, Recordings
 from tubular_dea.identify.study.adjust import adjusted
@@ -40,7 +40,8 @@ def told(follows: bool) -> tuple[Study, Study]:
     """The study of four such recordings at the true parameters, and the same with what the radius says of the noise."""
     recordings = Recordings(PLANT, [recorded(i, follows) for i in range(4)], {}, {}, "wandering")
     work = adjusted(study(recordings, held_out=(), prior=PRIOR), (), PLANT.model.parameter_values())
-    return work, told_by_outputs(work, PLANT.model.parameter_values())
+    values = PLANT.model.parameter_values()
+    return work, told_by_outputs(work, values, input_gains(work, values))
 
 
 def test_a_supply_that_wanders_is_no_noise_of_its_monitor() -> None:

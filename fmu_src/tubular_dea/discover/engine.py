@@ -351,7 +351,8 @@ def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
     for number in range(MOST_SETTLES):
         before = work.late
         work = adjusted(with_noise_of(work, fitted), (), fitted.values, base_parameters(work.plant))
-        work = input_noise.weighted(input_noise.told_by_outputs(work, fitted.values), fitted.values)
+        gains = input_noise.input_gains(work, fitted.values)
+        work = input_noise.weighted(input_noise.told_by_outputs(work, fitted.values, gains), gains)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
         moved = max((abs(by - before.get(name, 0.0)) for name, by in work.late.items()), default=0.0)
         if number + 1 >= SETTLES and moved < SAME_DELAY:

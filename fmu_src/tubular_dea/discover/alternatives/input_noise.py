@@ -29,19 +29,20 @@ LEVELS = 13  # [1] levels of a monitor's noise that are compared
 STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
 BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
+Gains = Mapping[str, list[np.ndarray]]  # of every piece (N,), by input
 
-def weighted(study: Study, values: Mapping[str, float]) -> Study:
-    """The study with every sample weighted by the sensor's share of its standard deviation.
+
+def weighted(study: Study, gains: Gains) -> Study:
+    """The study with every sample weighted by the sensor's share of its standard deviation; `gains` are `input_gains`.
 
     A sensor whose noise is slow has little that is new in a sample: there the monitors' fast noise counts by itself.
     """
-    gains = input_gains(study, values)
     driven = _fast_rms(study, gains)
     noise = {name: replace(n, driven=driven[name] if n.quiet and n.tau > 0 else 0.0) for name, n in study.noise.items()}
     return replace(study, noise=noise).weighted(weights(study, gains))
 
 
-def told_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
+def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> Study:
     """The study with monitors' noise as large as the outputs say, between what changes from sample to sample and what
     their own records allow.
 
@@ -53,7 +54,6 @@ def told_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
     unsure = [name for name, level in study.monitor_noise.items() if level > levels[name] > 0]
     if not unsure:
         return study
-    gains = input_gains(study, values)
     answers = study.response((), study.pieces).outputs(values)
     for name in unsure:
         known = study.monitor_noise
@@ -68,7 +68,7 @@ def _fastest(study: Study, name: str) -> float:
     return float(np.median([p.driven.noise[name] for p in study.pieces]))
 
 
-def _block_misfit(study: Study, gains: Mapping[str, list[np.ndarray]], answers: Sequence[np.ndarray]) -> float:
+def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray]) -> float:
     """Minus twice the log likelihood of the training's residual, averaged over blocks, with the study's noise."""
     found = 0.0
     for piece, answer, weight in zip(study.pieces, answers, weights(study, gains), strict=True):
@@ -80,7 +80,7 @@ def _block_misfit(study: Study, gains: Mapping[str, list[np.ndarray]], answers: 
     return found
 
 
-def weights(study: Study, gains: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:
+def weights(study: Study, gains: Gains) -> list[np.ndarray]:
     """The weight of every sample (N,), one array a piece: the sensor's share of its standard deviation."""
     result = []
     for i, piece in enumerate(study.pieces):
@@ -142,7 +142,7 @@ def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict
     return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
 
 
-def _fast_rms(study: Study, gains: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
+def _fast_rms(study: Study, gains: Gains) -> dict[str, float]:
     """The rms in every output [SI] of noise that changes from sample to sample, up to the plant's own bandwidth.
 
     Lines with few corners follow little of it.
@@ -164,7 +164,7 @@ def _followed(piece: Piece, name: str) -> float:
     return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
 
 
-def input_gains(study: Study, values: Mapping[str, float]) -> dict[str, list[np.ndarray]]:
+def input_gains(study: Study, values: Mapping[str, float]) -> Gains:
     """The static gains of every piece: output over a constant added to each monitor, each (N,)."""
     response = study.response((), study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]

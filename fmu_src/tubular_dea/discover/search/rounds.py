@@ -61,8 +61,8 @@ Progress = Callable[[str], None]
 class Round:
     """One round: scores of the catalogue, the largest scores of nulls, refitted options (best first), the decision.
 
-    `guessed` are sizes at which effects would be seen; `listed` the candidates with their columns, kept where they are
-    needed again.
+    `guessed` are sizes at which effects would be seen (in the first round), `listed` the candidates with their columns,
+    both kept where they are needed again.
     """
 
     present: Ids
@@ -109,7 +109,7 @@ def _scored(study: Study, chosen: Option, numeric: float, seed: int) -> tuple[Ro
     start = _Start(chosen.fitted, bank.scores(listed, chosen.fitted.residual, chosen.fitted.jacobian))
     null = null_scores(listed, chosen.fitted.jacobian, seed=seed)
     threshold = max(NULL_MARGIN * null.threshold(FALSE_ALARMS), numeric)
-    guessed = guesses(listed, chosen.fitted.jacobian, needed(threshold))
+    guessed = [] if chosen.ids else guesses(listed, chosen.fitted.jacobian, needed(threshold))
     kept = [] if chosen.ids or study.plant.latent else listed
     ranked = bank.best_of_each(start.scored)
     return Round(chosen.ids, ranked, null, threshold, [], False, "", guessed, kept), start

@@ -27,7 +27,8 @@ LOOKS_BACK = 4  # [1] times as long as that a record is at least; of shorter one
 REGULAR = 1e-9  # [1] of the variance, added to it: what is predicted without error has an answer too
 
 # Set by theory: noise with a memory of BRIEF samples has 8 times the variance of white noise that is as strong at the
-# frequency above which lies CALM_PART of all. Check: `pytest tests/test_noise.py -k louder`, `python -m measured.table`
+# frequency above which lies CALM_PART of all; twice that is allowed, by judgement.
+# Check: `pytest tests/test_noise.py -k louder`, `python -m measured.table`
 BRIEFLY_COLOURED = 4.0  # [1] times the rms of white noise as strong as a record where it is calm: that of its noise
 CALM_PART = 0.33  # [1] of all frequencies: what filters leave out above a third of the sampling tells no noise
 PERIODOGRAM = 256  # [samples] of the periodograms that are averaged
