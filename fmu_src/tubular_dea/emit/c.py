@@ -13,13 +13,6 @@ from .functions import SCALARS, Function, functions, layout
 from .solver import solver_functions
 from .variables import Variable, guid, moved_by, variables
 
-POWERS = {
-    "square": "static inline double square(double a) { return a * a; }",
-    "cube": "static inline double cube(double a) { return a * a * a; }",
-    "fourth": "static inline double fourth(double a) { return (a * a) * (a * a); }",
-}
-
-
 REFERENCES = (
     "/* The variable of a value reference: its place in the table from 1 on (to some hosts 0 is none), or NULL. */",
     "static inline const Variable *model_variable(unsigned reference)",
@@ -28,7 +21,7 @@ REFERENCES = (
     "}",
 )
 
-# C's own words, and what math.h and the printed powers are called: a local variable must not hide them.
+# C's own words, and what math.h and powers.h define: a local variable must not hide them.
 _WORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm
@@ -36,8 +29,9 @@ _WORDS = """
     fabs fmax fmin fmod floor ceil round trunc copysign sqrt cbrt hypot pow exp exp2 expm1 log log2 log10 log1p
     sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh erf erfc tgamma lgamma gamma
     j0 j1 jn y0 y1 yn
+    square cube fourth
 """
-RESERVED = frozenset([*_WORDS.split(), *POWERS])
+RESERVED = frozenset(_WORDS.split())
 
 
 class _CPrinter(C99CodePrinter):
@@ -119,10 +113,10 @@ def header(model: Model, directional: bool = True) -> str:
             f"#define CURVE_SWITCH {[str(s) for s in arrays.p].index(curve.start_switch)} /* {curve.start_switch} */",
             f"#define CURVE_MOVED_BY {{{', '.join(str(int(u in moved_by(model))) for u in arrays.u)}}} /* inputs */",
         ]
-    lines += ["", '#include "variable.h"', "", *REFERENCES, ""]
+    lines += ["", '#include "powers.h"', '#include "variable.h"', "", *REFERENCES, ""]
     lines += [prototype(f) + ";" for f in functions(model, directional)]
     lines += ["", "#ifdef MODEL_SOLVER /* the equations as the integrator wants them: emit/solver.py */"]
-    lines += ["#include <math.h>", "", *with_powers([definition(f, "static inline ") for f in solver.functions])]
+    lines += ["#include <math.h>", "", *(definition(f, "static inline ") for f in solver.functions)]
     lines += _below(model)
     lines += ["#endif", "", "#endif", ""]
     return "\n".join(lines)
@@ -160,15 +154,9 @@ def source(model: Model, directional: bool = True) -> str:
         + (", ".join(repr(float(s.quantity.nominal)) for s in model.states) or "0 /* C has no empty arrays */")
         + "};",
         "",
-        *with_powers([definition(f) for f in functions(model, directional)]),
+        *(definition(f) for f in functions(model, directional)),
     ]
     return "\n".join(lines)
-
-
-def with_powers(definitions: list[str]) -> list[str]:
-    """The definitions, and before them the powers they use."""
-    used = [text for name, text in POWERS.items() if any(f"{name}(" in d for d in definitions)]
-    return [*used, "", *definitions] if used else definitions
 
 
 def prototype(function: Function) -> str:

@@ -62,9 +62,10 @@ def source(model: Model, observed: Sequence[str]) -> str:
     lines = [
         f"/* {model.name}: generated from its declaration; edit the declaration, not this file. */",
         '#include "gradients.h"',
+        '#include "powers.h"',
         "#include <math.h>",
         "",
-        *c.with_powers([c.definition(f) for f in functions]),
+        *(c.definition(f) for f in functions),
     ]
     return "\n".join(lines)
 

@@ -148,6 +148,11 @@ def universal(x86_64: bytes, arm64: bytes) -> bytes:
     return header + b"\0" * (page - len(header)) + body
 
 
+def zig() -> list[str]:
+    """The command of the compiler, without the Python that `python -m ziglang` starts first."""
+    return [str(resources.files("ziglang") / ("zig.exe" if sys.platform == "win32" else "zig"))]
+
+
 def _zig_version() -> str:
     from importlib.metadata import version
 
@@ -161,7 +166,7 @@ def windows_headers() -> list[str]:
 
 def _zig_cc(target: Platform, compiled: list[str], library: Path, flags: tuple[str, ...]) -> None:
     """Compile into `library`, beside the sources."""
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, *flags, "-I.", "-o", str(library)]
+    command = [*zig(), "cc", "-target", target.target, *flags, "-I.", "-o", str(library)]
     if target.system == "windows":
         command += windows_headers()
     done = subprocess.run(

@@ -25,6 +25,7 @@ CORE_SOURCES = (
     "start.c",
     "start.h",
     "variable.h",
+    "powers.h",
 )
 FMU_SOURCES = (
     "instance.c",

@@ -9,14 +9,13 @@ from __future__ import annotations
 import hashlib
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from ..files import working_folder
 from .cache import compiler_environment, keep, kept
-from .compile import CompileError
+from .compile import CompileError, zig
 from .wasm_runtime import TARGET, include_flags, runtime
 
 # As for shared libraries: no fused operations. WebAssembly has none, so both compute the same bits.
@@ -84,7 +83,7 @@ def _compiled(
 
 def _zig_cc(folder: Path, *arguments: str) -> str:
     """Compile in a folder; what the compiler said where it failed, else nothing."""
-    command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *arguments]
+    command = [*zig(), "cc", *FLAGS, *arguments]
     done = subprocess.run(command, cwd=folder, env=compiler_environment(), capture_output=True, text=True, check=False)
     return (done.stderr.strip() or "no word from the compiler") if done.returncode else ""
 

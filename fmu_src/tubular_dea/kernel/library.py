@@ -17,9 +17,9 @@ from .checks import KernelError
 
 BATCH_SOURCES = ("kernel.h", "batch.c", "batch.h", "lanes.c", "lanes.h")
 TANGENT_SOURCES = ("tangent.c", "tangent.h")
-TOGETHER = {  # files that are compiled as one: for every file the compiler reads the headers anew
-    "plain.c": ("model.c", "equilibrium.c", "start.c", "kernel.c"),
-    "solver.c": ("rosenbrock.c", "pieces.c"),
+TOGETHER = {  # files that are compiled as one: for every file the compiler starts and reads the headers anew
+    "trajectories.c": ("rosenbrock.c", "pieces.c", "model.c", "equilibrium.c", "start.c", "kernel.c"),
+    "tangents.c": ("tangent.c", "gradients.c"),
 }
 
 
@@ -40,7 +40,7 @@ def kernel_library(model: Model, observed: tuple[str, ...]) -> ctypes.CDLL:
             "gradients.c": sensitivities.source(model, observed),
         }
         tangents = {name: native_source(name) for name in TANGENT_SOURCES}
-        return _together(core_sources(model, *KERNEL_SOURCES)) | tangents | gradients
+        return _together(core_sources(model, *KERNEL_SOURCES) | tangents | gradients)
 
     return load(remembered_library(model, f"kernel of {observed}", sources, processor_flags()))
 
@@ -53,8 +53,9 @@ def batch_library(model: Model) -> ctypes.CDLL:
 
 def _together(sources: Mapping[str, str]) -> dict[str, str]:
     """The same sources with those files in one that are compiled as one."""
-    joined = {name: "".join(f'#include "{part}.h"\n' for part in parts) for name, parts in TOGETHER.items()}
-    inside = {part for parts in TOGETHER.values() for part in parts}
+    units = {unit: [part for part in parts if part in sources] for unit, parts in TOGETHER.items()}
+    joined = {unit: "".join(f'#include "{part}.h"\n' for part in parts) for unit, parts in units.items() if parts}
+    inside = {part for parts in units.values() for part in parts}
     return {f"{name}.h" if name in inside else name: text for name, text in sources.items()} | joined
 
 

@@ -13,7 +13,7 @@ estimated anew: there they are estimated from recordings with the effect.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -105,30 +105,54 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
     """
     common = common_nuisances(study, followed=True)
     basis, held = (np.linalg.qr(j)[0] for j in (common.beside(fitted.jacobian), fitted.jacobian))
+    searches = {g.effect.id: _SizeSearch(g, [g.size]) for g in guessed if g.size is not None}
+    for _ in range(SIMULATED):
+        chords = _chords(study, fitted, [s for s in searches.values() if not s.ended])
+        for name, search in searches.items():
+            if name in chords and not search.ended:
+                left = _left(replace(chords[name], columns=common.apply(chords[name].columns)), basis)
+                search.scored(left, least, taken=left < TAKEN * _left(chords[name], held))
+            else:  # the model has no answer there
+                search.ended = True
 
     def limit(guess: Guess) -> float | None:
-        if guess.size is None:
+        search = searches.get(guess.effect.id)
+        if search is None:
             return None
-        sizes, scored, taken = [guess.size], list[float](), False
-        for _ in range(SIMULATED):
-            made = _chord(study, fitted, guess, sizes[-1])
-            if made is None:  # the model has no answer there
-                return sizes[-1]
-            scored.append(_left(replace(made, columns=common.apply(made.columns)), basis))
-            taken = scored[-1] < TAKEN * _left(made, held)
-            sizes.append(_next(sizes, scored, least, guess.growth))
-        followed = _followed(study, fitted, guess, sizes[-1]) if taken else None
-        return sizes[-1] if followed is None else _next(sizes[-1:], [followed], least, guess.growth)
+        followed = _followed(study, fitted, guess, search.sizes[-1]) if search.taken and not search.ended else None
+        return search.sizes[-1] if followed is None else _next(search.sizes[-1:], [followed], least, guess.growth)
 
     return {g.effect.id: {g.name: size} for g, size in zip(guessed, side_by_side(limit, guessed), strict=True)}
 
 
-def _chord(study: Study, fitted: Fit, guess: Guess, size: float) -> Candidate | None:
-    """What an effect of that size changes, in one column; None where it cannot be simulated."""
-    rows = fitted.residual.size
-    made = candidates_at(study, fitted.values, rows, (), [guess.effect], lambda effect: [guess.at(size)])
-    strength = next(iter(guess.at(size)[1].values()))
-    return replace(made[0], columns=strength * made[0].columns[:, :1]) if made else None
+@dataclass
+class _SizeSearch:
+    """The sizes of an effect so far, the last of them not simulated yet, and what the others scored.
+
+    `taken`: instants, delays and rises take most of it. `ended`: the model had no answer at the last size.
+    """
+
+    guess: Guess
+    sizes: list[float]
+    scores: list[float] = field(default_factory=list)
+    taken: bool = False
+    ended: bool = False
+
+    def scored(self, score: float, least: float, taken: bool) -> None:
+        """Take in what the last size scored, of which the rest of the fit has `taken` most or not."""
+        self.scores.append(score)
+        self.taken = taken
+        self.sizes.append(_next(self.sizes, self.scores, least, self.guess.growth))
+
+
+def _chords(study: Study, fitted: Fit, searches: Sequence[_SizeSearch]) -> dict[str, Candidate]:
+    """What each effect changes at its present size, in one column, by id; without those that cannot be simulated."""
+    asked = {s.guess.effect.id: s.guess.at(s.sizes[-1]) for s in searches}
+    made = candidates_at(
+        study, fitted.values, fitted.residual.size, points=lambda e: [asked[e.id]] if e.id in asked else []
+    )
+    strengths = {name: next(iter(strength.values())) for name, (_, strength) in asked.items()}
+    return {c.effect.id: replace(c, columns=strengths[c.effect.id] * c.columns[:, :1]) for c in made}
 
 
 def _followed(study: Study, fitted: Fit, guess: Guess, size: float) -> float | None:
