@@ -177,6 +177,18 @@ def test_rates_may_differ_from_file_to_file() -> None:
         assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(white.size)
 
 
+def test_noise_that_is_slow_makes_no_file_of_a_lower_rate_look_loud() -> None:
+    """From sample to sample, noise of 100 ms changes five times as much at 100 Hz as at 500 Hz, and is as quiet."""
+    random = np.random.default_rng(4)
+    quiet = [
+        record(rate, RMS * Colour(0.962 ** (250 / rate)).sample(int(16 * rate), random)) for rate in (100.0, 500.0)
+    ]
+    groups = stretches(quiet)
+    assert sum(g.freedom for g in calm(groups, 0.0)) > 0.9 * sum(g.freedom for g in groups)
+    found = estimate(quiet)
+    assert found.quiet and found.rms == pytest.approx(RMS, rel=0.25)
+
+
 def test_without_any_quiet_stretch_the_uncertainty_is_larger() -> None:
     random = np.random.default_rng(2)
     time = np.arange(0, 60, 0.004)

@@ -39,8 +39,11 @@ BARELY_CALM = 50  # [1] the same where records hardly rest
 NOT_CALM = 5.0  # [1] times their variance of differences from which on a stretch is not quiet
 LOUDER = 1.5  # [1] times it from which on stretches together are louder than quiet ones
 COARSE = 4.0  # [1] squared steps of a sensor, that its readings differ by at most where nothing moves
-DIFFERENCES = {1: 8, 4: 32, 16: 256}  # [samples] over which differences are taken, of stretches that last how long:
-# in shorter ones a smooth curve takes much of what noise with a colour changes over the lag, and they would seem calm
+DIFFERENCES = (1, 4, 16)  # [samples] over which differences are taken, of each sampling step,
+LAGS_A_STRETCH = 8  # [1] times which stretches last at least,
+LONG_LAG = 4  # [samples] and those of more than that by the root of it more: in shorter ones a smooth curve takes much
+# of what noise with a colour changes over the lag, and they would seem calm
+SAME_SPAN = 1.05  # [1] ratio up to which two times are one lag
 
 Records = Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -155,25 +158,46 @@ def calm(
     """
     rings = [np.zeros(g.values.shape[1], dtype=bool) for g in groups]
     left = [g.without(lines).left for g in groups] if lines else [g.values for g in groups]
-    for lag in DIFFERENCES if groups else ():
-        moved = [_differences(v, lag) for v in left]
+    for span in _spans(groups):
+        moved = [_differences(v, span / g.step) for v, g in zip(left, groups, strict=True)]
         calmest = _calmest([(m, len(g.values) - g.basis.shape[1]) for m, g in zip(moved, groups, strict=True)], enough)
         limit = max(NOT_CALM * calmest, COARSE * step**2)
         rings = [r | (m > limit) for r, m in zip(rings, moved, strict=True)]
     return [g.only(~r) if r.any() else g for g, r in zip(groups, rings, strict=True) if not r.all()]
 
 
+def _spans(groups: Sequence[Stretches]) -> list[float]:
+    """The times [s] over which differences are taken: DIFFERENCES of every sampling step.
+
+    Noise with a colour changes more over 10 ms than over 2 ms, so records of different rates are compared over the same
+    time.
+    """
+    spans: list[float] = []
+    for span in sorted(lag * step for step in {g.step for g in groups} for lag in DIFFERENCES):
+        if not spans or span > SAME_SPAN * spans[-1]:
+            spans.append(span)
+    return spans
+
+
 def louder(groups: Sequence[Stretches], quiet: Sequence[Stretches]) -> bool:
-    """Whether stretches move more from sample to sample than quiet ones, of which there are enough to tell."""
+    """Whether stretches move more from sample to sample than quiet ones of their sampling step, of which there are
+    enough to tell."""
     if sum(g.freedom for g in quiet) < CALMEST:
         return False
-    here, there = (np.concatenate([_differences(g.values, 1) for g in each]) for each in (groups, quiet))
-    return bool(here.mean() > LOUDER * there.mean())
+    here, there = 0.0, 0.0
+    for step in {g.step for g in groups} & {g.step for g in quiet}:
+        moves, rests = (
+            np.concatenate([_differences(g.values, 1) for g in each if g.step == step]) for each in (groups, quiet)
+        )
+        here, there = here + moves.sum(), there + moves.size * rests.mean()
+    return bool(here > LOUDER * there)
 
 
-def _differences(values: np.ndarray, lag: int) -> np.ndarray:
-    """The mean square of differences over a lag of every stretch (m,); not a number where it is too short for that."""
-    if len(values) < DIFFERENCES[lag]:
+def _differences(values: np.ndarray, lag: float) -> np.ndarray:
+    """The mean square of differences over a lag [samples] of every stretch (m,); not a number where the stretch is too
+    short for that, or the lag is less than a sample."""
+    lag = round(lag)
+    if lag < 1 or len(values) < LAGS_A_STRETCH * lag * max(lag / LONG_LAG, 1.0) ** 0.5:
         return np.full(values.shape[1], np.nan)
     return np.asarray(np.mean((values[lag:] - values[:-lag]) ** 2, axis=0))
 
