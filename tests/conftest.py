@@ -29,7 +29,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 # Files that take longest begin first, and each goes to one worker as a whole (--dist=loadfile in pyproject.toml).
-FIRST = ["readme", "measured", "discover", "assist", "kills", "importers", "api", "package", "page", "numbers"]
+FIRST = ["readme", "discover", "assist", "kills", "importers", "api", "package", "page", "numbers"]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
