@@ -362,6 +362,29 @@ def test_a_missing_library_is_named(
         read(saved(tmp_path, start + b"\0" * 64))
 
 
+def test_a_current_that_follows_the_voltage_s_rate_is_not_odd() -> None:
+    """A beating voltage draws hundreds of times what a ramp does; one that is 200 times too large is told still."""
+    time, random = np.arange(0, 10, 0.004), np.random.default_rng(2)
+
+    def table(voltage: np.ndarray) -> dict[str, np.ndarray]:
+        return {
+            "time [s]": time,
+            "pressure [Pa]": 12e3 + 25 * random.standard_normal(time.size),
+            "voltage [V]": voltage,
+            "radius [m]": 0.018 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
+            "current [A]": 1e-8 * np.gradient(voltage, time) + 1e-9 * random.standard_normal(time.size),
+        }
+
+    up_and_down = np.interp(time, [0, 5, 10], [0, 1, 0])
+    ramps = {f"ramp {n}": table(5e3 * up_and_down * n / 3) for n in (1, 2, 3)}
+    beats = np.interp(time % 0.5, [0, 0.01, 0.2, 0.21], [0, 5e3, 5e3, 0])
+    found = unusual.findings(read_recordings(ramps | {"beats": table(beats)}, PLANT))
+    assert not [text for text in found if "is its unit in this file right" in text]
+    ramps["ramp 2"]["current [A]"] *= 200
+    found = unusual.findings(read_recordings(ramps | {"beats": table(beats)}, PLANT))
+    assert [text for text in found if text.startswith("ramp 2: current spans")]
+
+
 def test_what_is_odd_about_a_set_is_said() -> None:
     """A unit that is wrong by a thousand, gaps, a file that is a copy; nothing of a set as it should be."""
     m = Build("Tank")

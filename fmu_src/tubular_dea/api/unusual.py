@@ -32,7 +32,7 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
     most = {s.name: s.most for s in plant.inputs} | {o.name: o.most for o in plant.outputs}
     for name, declared in most.items():
         q = plant.quantity(name)
-        records = [v[~_alone(v)] for e in recordings.experiments if (v := _values(e, name)).size]
+        records = [_together(v) for e in recordings.experiments if (v := _values(e, name)).size]
         largest = max((float(np.abs(v).max()) for v in records), default=0.0)
         large = largest > max(FACTOR * q.nominal, declared if np.isfinite(declared) else 0.0)
         if large or (0 < largest < q.nominal / FACTOR and any(map(_moves, records))):
@@ -68,9 +68,10 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
     inputs = [*dict.fromkeys(name for e in experiments for name in e.inputs)]
     outputs = [*dict.fromkeys(name for e in experiments for name in e.outputs)]
     ratios = {name: _ratios(experiments, name) for name in (*inputs, *outputs)}
+    rates = {name: _ratios(experiments, name, rate=True) for name in inputs}  # a current follows the voltage's
     for name, answers in [*((n, outputs) for n in inputs), *((n, inputs) for n in outputs)]:
         for file, ratio in ratios[name].items():
-            beside = [ratios[a][file] for a in answers if file in ratios[a]]
+            beside = [r[a][file] for r in (ratios, rates) for a in answers if file in r.get(a, {})]
             larger = ratio > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
             smaller = ratio < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
             driven = name in inputs and any(file in ratios[n] for n in inputs if n != name)  # by another, as it may be
@@ -81,12 +82,18 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
                 )
 
 
-def _ratios(experiments: Sequence[Experiment], name: str) -> dict[str, float]:
-    """By file in which a signal moves, what it spans there over what it usually spans in the others."""
-    moving = {e.name: v for e in experiments if (v := _values(e, name)).size and _moves(v[~_alone(v)])}
+def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False) -> dict[str, float]:
+    """By file in which a signal moves, what it (or its rate) spans there over what it usually spans in the others."""
+    moving = {e.name: _values(e, name, rate) for e in experiments if _moves(_together(_values(e, name)))}
     spans = {file: float(np.subtract(*np.quantile(v, (0.995, 0.005)))) for file, v in moving.items()}
+    spans = {file: span for file, span in spans.items() if span > 0}  # 0: it moves in too few samples to tell
     usual = {file: [s for other, s in spans.items() if other != file] for file in spans}
-    return {f: spans[f] / float(np.median(u)) for f, u in usual.items() if len(u) >= OTHERS and np.median(u) > 0}
+    return {f: spans[f] / float(np.median(u)) for f, u in usual.items() if len(u) >= OTHERS}
+
+
+def _together(values: np.ndarray) -> np.ndarray:
+    """Values without those that stand alone."""
+    return values[~_alone(values)]
 
 
 def _alone(values: np.ndarray) -> np.ndarray:
@@ -116,9 +123,10 @@ def _copies(recordings: Recordings) -> Iterator[str]:
             yield f"{first} and {e.name} hold the same numbers: held out, one tests nothing of the other; remove one"
 
 
-def _values(experiment: Experiment, name: str) -> np.ndarray:
+def _values(experiment: Experiment, name: str, rate: bool = False) -> np.ndarray:
     values = (experiment.inputs | experiment.outputs).get(name, np.empty(0))
-    return values[np.isfinite(values)]
+    there = np.isfinite(values)
+    return np.diff(values[there]) / np.diff(experiment.time[there]) if rate and values.size else values[there]
 
 
 def _moves(values: np.ndarray) -> bool:
