@@ -12,7 +12,7 @@ from tubular_dea.identify.inputs.edges import Edge
 from tubular_dea.identify.inputs.trigger import triggered
 from tubular_dea.identify.records.data import DataError, Experiment
 from tubular_dea.identify.signals import monitors
-from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline
+from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline, slow_level
 from tubular_dea.plants.plant import Input
 
 TIME = np.arange(0, 16, 0.004)
@@ -346,3 +346,25 @@ def test_a_monitor_that_is_off_in_one_file_has_noise_there_and_no_edges(zero: fl
     assert len(found[0].edges) == 2 and not found[1].edges
     assert found[1].noise["voltage"] == pytest.approx(np.hypot(4, step / np.sqrt(12)), rel=0.3)
     assert found[1].protocol.time.size < TIME.size / 50
+
+
+def test_corners_and_steps_are_no_slow_noise() -> None:
+    """The levels over long lags count where few differences have an event in them."""
+    time, random = np.arange(0, 6, 0.002), np.random.default_rng(3)
+    ramps = np.interp(time, [0, 1, 3, 5, 6], [0, 0, 5, -3, -3])
+    steps = 2.0 * np.searchsorted([1, 1.6, 2.3, 3.1, 4.2], time)
+    white = 0.02 * random.standard_normal((2, time.size))
+    assert 0.018 < (found := slow_level(ramps + white[0]) or (0, 0.0))[1] < 0.023
+    assert found[0] >= 32
+    assert 0.018 < (slow_level(steps + white[1]) or (0, 0.0))[1] < 0.023
+    assert slow_level(3 * np.sin(2 * np.pi * 8 * time) + white[0]) is None
+
+
+@pytest.mark.parametrize("tau", [0.02, 0.06])
+def test_slow_noise_beside_corners_is_found(tau: float) -> None:
+    time, random = np.arange(0, 30, 0.002), np.random.default_rng(3)
+    phi = float(np.exp(-0.002 / tau))
+    slow = 0.03 * lfilter([np.sqrt(1 - phi**2)], [1, -phi], random.standard_normal(time.size))
+    noise = slow + 0.02 * random.standard_normal(time.size)
+    found = slow_level(np.interp(time, [0, 5, 15, 25, 30], [0, 0, 5, -3, -3]) + noise)
+    assert found is not None and found[1] > 2 * 0.02

@@ -311,6 +311,19 @@ def test_what_rings_out_does_not_hide_the_rest_before_the_first_event() -> None:
     assert found.quiet and found.rms == pytest.approx(1e-4, rel=0.15)
 
 
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_noise_with_a_memory_that_is_not_there_at_rest_is_the_plants(at_rest: bool) -> None:
+    random, time, events = np.random.default_rng(6), np.arange(3000) / 500, np.array([0.0, 1.0, 2.6, 4.1, 6.0])
+    made = []
+    for _ in range(6):
+        stirred = 0.7 * RMS * Colour(0.9).sample(time.size, random) * (at_rest | (time > 1.0))
+        moving = 50 * RMS * (1 - np.exp(-3 * np.maximum(time - 1.0, 0)))
+        made.append((time, moving + stirred + RMS * random.standard_normal(time.size), events))
+    found = estimate(made)
+    assert found.correlation == pytest.approx(0.3 if at_rest else 0.0, abs=0.08)
+    assert found.rms == pytest.approx(np.hypot(1, 0.7) * RMS if at_rest else RMS, rel=0.06)
+
+
 def test_what_moves_five_times_as_much_as_at_rest_is_no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """The load of a drive with play coasts: of stretches as short as its rest, none tells that the long ones move."""
     time, listed = 1e-3 * np.arange(4000), []

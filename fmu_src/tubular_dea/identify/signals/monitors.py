@@ -77,6 +77,7 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 FEW_STEPS = 2.0  # [1] steps of a monitor, below which its noise shows as toggling between readings
 SWITCHED = 5.0  # [standard deviations] beyond which such a change is a switching
+CALM_PART = 0.5  # [1] of all differences over a lag, at least, that are without one
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
@@ -109,8 +110,12 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
     """
     if values.size < LEAST_LAGS * lag:
         return 0.0
-    thirds = values[3 * lag :] - 3 * values[2 * lag : -lag] + 3 * values[lag : -2 * lag] - values[: -3 * lag]
-    return float(GAUSSIAN_MAD * np.median(np.abs(thirds))) / float(np.sqrt(THIRDS))
+    return float(GAUSSIAN_MAD * np.median(np.abs(_thirds(values, lag)))) / float(np.sqrt(THIRDS))
+
+
+def _thirds(values: np.ndarray, lag: int) -> np.ndarray:
+    """The third differences of samples `lag` apart."""
+    return values[3 * lag :] - 3 * values[2 * lag : -lag] + 3 * values[lag : -2 * lag] - values[: -3 * lag]
 
 
 def changes_by_itself(values: np.ndarray) -> bool:
@@ -142,23 +147,46 @@ def memory(values: np.ndarray) -> tuple[float, float] | None:
     return None
 
 
-def slow_level(values: np.ndarray) -> float | None:
-    """White noise that weighs as much on averages over many samples as a monitor's noise at rest does.
+def slow_level(values: np.ndarray) -> tuple[int, float] | None:
+    """White noise that weighs as much on averages over many samples as a monitor's noise at rest does, behind the
+    longest lag [samples] that tells it.
 
     1/f noise has a memory of every length: its differences grow with the lag, at most to twice the variance for each
-    doubling. So the first lag counts from which no longer one shows more. None where a signal moves.
+    doubling. So the first lag counts from which no longer one shows more. Lags of which few differences are without an
+    event tell nothing. None where a signal moves.
     """
-    lag, levels = 1, [noise_level(values)]
-    most = LARGEST * float(np.abs(values).max())
-    while levels[0] > 0 and values.size > LAGS * 2 * lag:
-        levels.append(noise_level(values, 2 * lag))
-        if levels[-1] > most or levels[-1] ** 2 > levels[-2] ** 2 * (2 + _chance(lag, values.size)):
+    first = _calm_level(values, 1)
+    if not first:
+        return None
+    lag, levels, most = 1, [first], LARGEST * float(np.abs(values).max())
+    while values.size > LAGS * 2 * lag and (here := _calm_level(values, 2 * lag)) is not None:
+        if here > most or here**2 > levels[-1] ** 2 * (2 + _chance(lag, values.size)):
             return None
+        levels.append(here)
         lag = 2 * lag
     ends = [n**2 / (PLATEAU + _chance(2**i, values.size)) for i, n in enumerate(levels)]  # the least that they may end
     last = next(i for i, n in enumerate(levels) if n**2 >= max(ends[i:]))
     phi = _correlation((levels[0] / levels[last]) ** 2) if last else 0.0
-    return levels[last] * float(np.sqrt((1 + phi) / (1 - phi)))
+    return lag, levels[last] * float(np.sqrt((1 + phi) / (1 - phi)))
+
+
+def _calm_level(values: np.ndarray, lag: int) -> float | None:
+    """The `noise_level` without differences that noise does not make, nor those beside them: corners and switchings of
+    a signal. None where most are gone then.
+    """
+    thirds = np.abs(_thirds(values, lag))
+    calm = np.ones(thirds.size, dtype=bool)
+    while True:
+        noise = GAUSSIAN_MAD * float(np.median(thirds[calm]))
+        events = np.flatnonzero(calm & (thirds > SWITCHED * noise))
+        if not events.size:
+            return noise / float(np.sqrt(THIRDS))
+        reach = np.zeros(thirds.size + 1, dtype=int)
+        np.add.at(reach, np.maximum(events - 3 * lag, 0), 1)
+        np.add.at(reach, np.minimum(events + 3 * lag + 1, thirds.size), -1)
+        calm &= np.cumsum(reach[:-1]) == 0
+        if calm.mean() < CALM_PART:
+            return None
 
 
 def _chance(lag: int, size: int) -> float:

@@ -28,6 +28,10 @@ from .sampling import usual_step
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 MOST_LINES = 12  # [1] lines that are looked for
 
+# Set by judgement. Check: `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
+MEMORIES = 8.0  # [time constants] that stretches before the first event last at least to tell that noise has none
+SPREAD = 3.0  # [standard errors] by which what is slow has to be less there
+
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which on they tell the noise by themselves
@@ -194,9 +198,21 @@ def estimate(records: Records) -> Noise:
         return found
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
     if found.quiet and alike and not (rings and _freedom(still) >= SOME_FREEDOM):
-        return found
+        return _as_at_rest(records, found, still)
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found
+
+
+def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise:
+    """Noise as it is before anything happens, where enough stretches show there that it has less of a memory: the rest
+    is what the plant does."""
+    still = [s.without([*found.hum, *found.lines]) for s in still]
+    plain = found.correlation > 0 and found.slower[0] == 0.0
+    if not plain or _longest(still) < MEMORIES * found.tau or _freedom(still) < ENOUGH_FREEDOM:
+        return found
+    told = replace(_told(records, still, True, True), hum=found.hum, lines=found.lines)
+    chance = SPREAD * float(np.hypot(found.uncertainty, told.uncertainty))
+    return told if told.quiet and found.slow**2 > (1 + chance) * told.slow**2 else found
 
 
 def _before_events(records: Records) -> list[Stretches]:

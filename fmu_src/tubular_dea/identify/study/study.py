@@ -257,13 +257,15 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     """The noise of every monitor as it weighs on averages over many samples (SI).
 
     1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
-    like more of it, so the record with the least counts.
+    like more of it, so the record with the least counts, of those that tell the slowest noise.
     """
     found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
             values = without_hum(recordings.experiments, signal.name)
-            found[signal.name] = max([found[signal.name], *sorted(n for v in values if (n := slow_level(v)))[:1]])
+            told = [(d.step * n[0], n[1]) for d, v in zip(drives, values, strict=True) if (n := slow_level(v))]
+            slowest = max((lag for lag, _ in told), default=0.0)
+            found[signal.name] = max([found[signal.name], *sorted(n for lag, n in told if 2 * lag > slowest)[:1]])
     return found
 
 
