@@ -301,6 +301,30 @@ def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:
     assert words in str(problem.value)
 
 
+def test_laws_of_a_temperature_count_from_where_it_starts() -> None:
+    """From 0 K, a factor that goes with a temperature would change all parameters at rest, and a gain the zero."""
+    m = Build("Foil", "A foil in air, heated")
+    volts, air, loss = m.input("volts", "V"), m.parameter("air", "K", 295.0), m.parameter("loss", "1/s", 0.5)
+    heats = m.parameter("heats", "K/s/V^2", 0.1)
+    foil = m.state("foil", "K", start=air, nominal=330)
+    power = m.define("power", "K/s", heats * volts**2)
+    m.derivative(foil, power - loss * (foil - air))
+    m.output("reading", "K", foil)
+    model, time = m.model(), np.array([0.0, 0.01])
+    named = {e.id: e for place in (Coefficient("power", of="foil"), Path("reading")) for e in effects_at(model, place)}
+    assert "orifice(power)" not in named
+    for name in ("dependence(power)", "gain(reading)"):
+        effect = named[name]
+        kernel = Kernel(effect(model))
+        heated = Protocol(time, {"volts": np.full(2, 10.0)})
+        base, there = (
+            kernel.simulate(heated, time, dict(values))["reading"] for values in (effect.off, effect.typical)
+        )
+        assert there[0] == 295.0
+        assert there[1] - 295.0 == pytest.approx(base[1] - 295.0, rel=0.031)
+        assert there[1] != base[1]
+
+
 def test_an_instrument_as_slow_as_the_plant_is_unusual() -> None:
     """Whether a lag makes it so, or a resonance by its damping, unless it is said how fast instruments are there."""
     model = tanks()

@@ -67,6 +67,24 @@ def _start(model: Model) -> dict[sympy.Symbol, float]:
     return at
 
 
+@lru_cache(maxsize=256)
+def at_first(model: Model, name: str) -> float:
+    """The value of an input, a state or a definition at the model's start, as declared; 0 where it is not known."""
+    values = _start(model) | {s.quantity.symbol: _known(model, s.start) for s in model.states}
+    for d in model.definitions:
+        arguments, function = evaluator(d.expression)
+        values[d.quantity.symbol] = function(*(values[a] for a in arguments))
+    found = values[model.quantity(name).symbol]
+    return found if math.isfinite(found) else 0.0
+
+
+def _known(model: Model, start: object) -> float:
+    """A start as a number, from the declared values of parameters; nan where it is none."""
+    given = {p.quantity.symbol: float(p.quantity.value or 0.0) for p in model.parameters}
+    value = sympy.sympify(start).subs(given)
+    return float(value) if value.is_number else math.nan
+
+
 @lru_cache(maxsize=8)
 def _evaluator(model: Model) -> Callable[[dict[sympy.Symbol, float]], np.ndarray]:
     """The derivatives of the states as a function of everything that is given; nan where they have no value."""

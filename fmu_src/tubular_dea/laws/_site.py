@@ -12,7 +12,7 @@ from ..model.change import arriving, at_rest, at_start, effective, reading, with
 from ..model.declare import DeclarationError, Definition, Model, Quantity, State, nearest, rate
 from ..model.effect import Effect
 from ..model.units import UnitError, combined, factor
-from ._scales import rate_size, seconds
+from ._scales import at_first, rate_size, seconds
 from .places import Balance, Coefficient, Path, Place
 
 ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")
@@ -249,6 +249,17 @@ class SignalSite(Site):
         of = getattr(self.place, "of", "")
         return self.model.quantity(of) if of else None
 
+    def start_of(self, model: Model, of: Quantity) -> tuple[Model, sympy.Expr]:
+        """The model, and where a quantity starts as declared.
+
+        A temperature in kelvin does not begin at 0: a law that counted from there would change what the plant's own
+        parameters are at rest.
+        """
+        first = at_first(self.model, of.name)
+        if first == 0.0:
+            return model, sympy.Integer(0)
+        return self.constant(model, "start", of.unit, first, f"{of.name} at the start", before=self.name("from"))
+
     def ready(self, model: Model) -> Model:
         """The model with the signal under its name."""
         if self.is_input:
@@ -370,7 +381,7 @@ class BalanceSite(Site):
     def moves(self) -> bool:
         """Whether the balance is that of a speed; else it is that of a store."""
         angular = {"rad", "deg", "rpm"} & {*re.split(r"[./]", self.unit)}
-        return self.displaced is not None or _alike(self.unit, "m/s") or bool(angular)
+        return self.displaced is not None or alike(self.unit, "m/s") or bool(angular)
 
     @property
     def travelled(self) -> tuple[str, float]:
@@ -468,10 +479,11 @@ def site(model: Model, place: Place) -> AnySite:
 
 
 def _same(unit: str, other: str) -> bool:
-    return _alike(unit, other) and abs(factor(unit, other) - 1) < 1e-9
+    return alike(unit, other) and abs(factor(unit, other) - 1) < 1e-9
 
 
-def _alike(unit: str, other: str) -> bool:
+def alike(unit: str, other: str) -> bool:
+    """Whether both are units of one kind of quantity."""
     try:
         factor(unit, other)
     except UnitError:

@@ -4,11 +4,12 @@
 
     coefficient' / coefficient |      .'   slope: dependence
                                |   .'
-                           1 --+.'-------- of
+                           1 --+.'-------- of - start
 
-Equation: coefficient' = coefficient exp(slope of), which keeps its sign at any value, also beyond what was recorded; a
-signal' = signal + slope of. What is bent besides is another law: with a bend as well, it would be any curve, and would
-fit better than the law that holds.
+Equation: coefficient' = coefficient exp(slope (of - start)), which keeps its sign at any value, also beyond what was
+recorded; a signal' = signal + slope (of - start). The start is where the other quantity begins as declared (293 K), so
+that parameters keep their meaning there. What is bent besides is another law: with a bend as well, it would be any
+curve, and would fit better than the law that holds.
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (modifying and interfering inputs).
 
@@ -46,7 +47,8 @@ def law(at: SignalSite) -> Effect | None:
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
-        change = slope.symbol * of.symbol
+        model, start = at.start_of(model, of)
+        change = slope.symbol * (of.symbol - start)
         return at.put(model, signal * sympy.exp(change) if factor else signal + change)
 
     return at.effect(f"A dependence on {of.name} changes {at.words}", "Doebelin 2004", apply, slope)

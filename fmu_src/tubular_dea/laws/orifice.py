@@ -8,8 +8,9 @@
           +-----------|-- of
                     supply
 
-Equation: flow' = flow sqrt([1 - share s of / nominal]+), s the sign of the flow, nominal that of `of`; the supply is
-nominal / share. The flow vanishes where the load takes all of the supply, and grows where it pulls.
+Equation: flow' = flow sqrt([1 - share s load / nominal]+), s the sign of the flow, load how far `of` is from where it
+starts (an absolute pressure from that of the air), nominal that of `of`; the supply is nominal / share. The flow
+vanishes where the load takes all of the supply, and grows where it pulls.
 
 Source: H. E. Merritt, "Hydraulic Control Systems", Wiley 1967, section 5.2 (flow of a four-way valve).
 
@@ -21,11 +22,11 @@ import sympy
 from ..model.declare import Model
 from ..model.effect import Effect
 from ..model.smooth import magnitude, positive_part
-from ._site import SignalSite
+from ._site import SignalSite, alike
 from .places import Coefficient
 
 KINDS = (Coefficient,)
-NEEDS = "a definition that an input moves, and `of`, what loads it"
+NEEDS = "a definition that an input moves, and `of`, what loads it (no temperature)"
 TURNS = 1e-3  # of the flow's nominal value: where its sign turns
 LEAST = 1e-6  # of the supply: below it the root is straight
 
@@ -33,17 +34,18 @@ LEAST = 1e-6  # of the supply: below it the root is straight
 def law(at: SignalSite) -> Effect | None:
     """A flow that falls with the root of what the load leaves."""
     of = at.other
-    if of is None or not at.is_steered:
+    if of is None or not at.is_steered or alike(of.unit, "K"):
         return None
     share = at.knob("share", "1", f"Usual {of.name} over the supply of {at.words}", 0.4, 0.0, 5.0, off=0.0)
 
     def apply(model: Model) -> Model:
         model, flow = at.taken(model)
+        model, start = at.start_of(model, of)
         model, full = at.constant(model, "full", of.unit, of.nominal, f"Usual {of.name}", before=at.name("from"))
         model, turns = at.constant(
             model, "turns", at.unit, TURNS * at.nominal, "Flow at which its sign turns", before=at.name("from")
         )
-        left = 1 - share.symbol * flow / (magnitude(flow) + turns) * of.symbol / full
+        left = 1 - share.symbol * flow / (magnitude(flow) + turns) * (of.symbol - start) / full
         below = sympy.Float(LEAST**0.5)
         opened = (sympy.sqrt(positive_part(left) + LEAST) - below) / (sympy.sqrt(1 + sympy.Float(LEAST)) - below)
         return at.put(model, flow * opened)
