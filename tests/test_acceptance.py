@@ -17,6 +17,7 @@ from tubular_dea.discover.scores import held_out, parameters, power
 from tubular_dea.discover.scores.bank import Candidate, scores
 from tubular_dea.discover.scores.bootstrap import null_scores
 from tubular_dea.discover.search import equivalence
+from tubular_dea.identify.fitting import misfit
 from tubular_dea.identify.fitting.intervals import interval
 from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.signals import noise_bound
@@ -431,7 +432,7 @@ def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
     state = before.lack_of_fit
     assert not acceptance.noise_alone(replace(state, z_total=3.0))
     assert acceptance.noise_alone(replace(state, z_total=3.0, coloured=9.0))
-    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * acceptance.MOST_COLOURED))
+    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * misfit.MOST_COLOURED))
     assert not acceptance.noise_alone(replace(state, z_total=5.0, coloured=9.0))
 
 

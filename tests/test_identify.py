@@ -17,7 +17,7 @@ from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.identify.fitting.fit import fit, goodness, inverse
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
-from tubular_dea.identify.fitting.misfit import residual_over_noise
+from tubular_dea.identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study import procedure
 from tubular_dea.identify.study.adjust import adjusted
@@ -159,6 +159,14 @@ def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
 def test_no_misfit_is_said_where_there_is_none(work: Study) -> None:
     problem, best = procedure.joint(work, PLANT.model.parameter_values(), starts=1)
     assert not residual_over_noise(problem, best).significant
+
+
+def test_slow_noise_that_no_stretch_tells_is_said_in_place_of_a_misfit() -> None:
+    """A servo valve that never rests: close-loop says no_effect there, and identify must not say otherwise."""
+    known, unknown = ResidualOverNoise(1.03, 7.4, 2.0), ResidualOverNoise(1.03, 7.4, 2.0, coloured=1.4)
+    assert known.significant and not known.may_be_slow_noise
+    assert unknown.may_be_slow_noise and not unknown.significant
+    assert ResidualOverNoise(1.6, 30.0, 20.0, coloured=1.4).significant
 
 
 def test_command_writes_parameters_and_a_model(null: tuple[Path, bench.Tube], tmp_path: Path) -> None:

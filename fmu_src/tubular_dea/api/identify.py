@@ -130,6 +130,11 @@ class IdentificationResult:
                 "and sampling allow (the sensor's noise: "
                 f"{in_words(self.content['noise_floor'], self.content['unit'])}), so the intervals are too narrow"
             )
+        if self.content["slow_noise_unknown"]:
+            said.append(
+                "nothing rests long enough in these recordings to tell how slow the noise is: with slow noise the "
+                "model explains them, without it the model lacks something; record some seconds in which nothing moves"
+            )
         return said
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -283,6 +288,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
         "verdict": "misfit" if left.significant else "adequate",
         "residual_over_noise": left.ratio,
         "residual_slow_z": left.slow,
+        "slow_noise_unknown": left.may_be_slow_noise,
         "parameters": parameters,
         "undetermined": best.undetermined(),
         "at_bounds": {name: "least" if side < 0 else "largest" for name, side in best.at_bounds().items()},

@@ -26,7 +26,7 @@ TIMES = (0.1, 1.0, 10.0)  # of the usual time there
 LONGEST = 20.0  # longer, and it holds a store at its start
 SLOW_TIMES = (*TIMES, 100.0)  # in the balance of a speed, where the usual time is that of a ringing
 SLOWEST = 300.0
-STRESS_TIMES = (1.0, 10.0, 100.0)  # of the usual time of a stress without a balance
+STRESS_TIMES = (0.1, 1.0, 10.0, 100.0)  # of the usual time of a stress without a balance
 
 
 def law(at: SignalSite | BalanceSite) -> Effect | None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...identify.fitting.fit import NORMAL_95, Fit
 from ...identify.fitting.intervals import interval
-from ...identify.fitting.misfit import SLOW_CHANCE
+from ...identify.fitting.misfit import CLEAN_TOTAL, SLOW_CHANCE, coloured_noise
 from ...model.effect import Effect
 from ..scores.parameters import at_bounds
 from .options import Option
@@ -60,10 +60,6 @@ UNKNOWN_SIZE = 50.0  # [1] logarithm of an interval's end over its middle, at mo
 DENIAL = 6.0  # [squared standard deviations] rise on held-out experiments: odds of 20 to 1 against an effect
 EARNS = 10.8  # [squared standard deviations] that an effect gains, over what the misfit makes of noise: 1 in 1000
 
-# Set by judgement. Check: `pytest tests/test_acceptance.py`, `python -m blind.score --nulls 60 --seed 1000`
-CLEAN_TOTAL = 4.0  # [standard deviations] of all samples up to which an excess is noise
-MOST_COLOURED = 16.0  # [1] times the variance of white noise that slow noise may have where no stretch tells
-
 
 def far(option: Option) -> bool:
     """Whether the residual of an option is dominated by the error of the model's form, not by noise."""
@@ -77,7 +73,7 @@ def clean(state: LackOfFit) -> bool:
 
 def noise_alone(state: LackOfFit) -> bool:
     """Whether the residual may be noise alone: where no stretch shows slow noise, noise with a colour too."""
-    return clean(state) or (1 < state.coloured < MOST_COLOURED and state.z_total < CLEAN_TOTAL)
+    return clean(state) or coloured_noise(state.coloured, state.z_total)
 
 
 def nearly(state: LackOfFit, before: LackOfFit, held_ratio: float = 1.0) -> bool:
