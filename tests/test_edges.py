@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cheby1, firwin, lfilter
 
+from tubular_dea.identify.inputs.clocked import sent_at
 from tubular_dea.identify.inputs.drive import drive, drives
 from tubular_dea.identify.inputs.edges import BENDING, EXPONENTIAL, RISEN, _EdgeSamples, _together
 from tubular_dea.identify.inputs.transitions import Transitions, few, transitions
@@ -301,3 +302,35 @@ def test_an_exact_command_that_chatters_at_its_limits_stands_as_it_is() -> None:
     found = drives([Experiment("a", time, {"u": values}, {}, np.arange(600) + 2)], [signal], {"u": 0.0})[0]
     np.testing.assert_array_equal(found.protocol.at(time)["u"], values)
     assert found.protocol.time.size < 40  # nothing stands where nothing changes
+
+
+def clocked(period: float, step: float, jitter: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, a wave that a computer sends every `period` [s] to 5 mV, after a second of rest, and when it did."""
+    random, time = np.random.default_rng(4), step * np.arange(3000)
+    clock = np.arange(0.37 * period, time[-1], period)
+    clock = clock + jitter * random.standard_normal(clock.size)
+    wave = np.where(clock > 1.0, 3.0 * np.sin(9.3 * (clock - 1.0)), 0.0)
+    sent = np.append(0.0, np.round(wave / 0.005) * 0.005)
+    values = sent[np.searchsorted(clock, time, side="right")]
+    return time, values, clock[np.flatnonzero(np.diff(sent))]
+
+
+@pytest.mark.parametrize(("period", "step"), [(0.0071, 0.002), (0.01, 0.004), (0.003, 0.002), (1 / 60, 1e-3)])
+def test_a_command_with_a_clock_of_its_own_was_sent_between_samples(period: float, step: float) -> None:
+    time, values, truth = clocked(period, step)
+    found = sent_at(time, values)
+    assert found is not None
+    assert np.abs(found[0] - truth).max() <= found[1] + 1e-9
+    assert found[1] <= 0.26 * step
+    held = Experiment("one", time, {"u": values}, {}, np.arange(time.size) + 2)
+    driven = drive(held, [Input("u", held=True)], {"u": 0.0})
+    assert driven.room == {"u": found[1]} and not driven.edges
+    assert np.array_equal(driven.protocol.time[1:-1:2], found[0])
+
+
+@pytest.mark.parametrize(("period", "step", "jitter"), [(0.0071, 0.002, 5e-4), (0.01, 0.002, 0.0), (0.8, 0.002, 0.0)])
+def test_steps_on_no_clock_or_on_that_of_the_samples_have_none_of_their_own(
+    period: float, step: float, jitter: float
+) -> None:
+    time, values, _ = clocked(period, step, jitter)
+    assert sent_at(time, values) is None

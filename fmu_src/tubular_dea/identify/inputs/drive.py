@@ -34,6 +34,7 @@ from ..signals.monitors import (
 from ..signals.sampling import usual_step
 from ..threads import one_blas_thread
 from .band import JITTER, band_limited, even, evened, noise_floor
+from .clocked import sent_at
 from .edges import MATTERS, Edge, Rise, located
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
@@ -83,7 +84,8 @@ class Drive:
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
     are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
     are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
-    Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name).
+    Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name), and of
+    those that a computer sent on its own clock, `room` by how much earlier or later that was.
     """
 
     protocol: Protocol
@@ -98,6 +100,7 @@ class Drive:
     rises: Mapping[str, Rise] = field(default_factory=dict)
     step: float = 0.0
     begun: Mapping[str, float] = field(default_factory=dict)
+    room: Mapping[str, float] = field(default_factory=dict)
 
     def begun_later(self, name: str, by: float) -> Drive:
         """The drive with an input that began to move `by` [s] later."""
@@ -144,6 +147,7 @@ class _Drawn:
     shown: bool = False
     unheld: bool = False
     rise: Rise | None = None
+    room: float = 0.0
 
 
 def drive(
@@ -173,6 +177,8 @@ def drive(
         elif not signal.held:
             lines = _mains([experiment], name) if mains is None else mains[name]
             drawn[name] = _continuous(experiment, signal, levels[name], lines, name in (noise or {}))
+        elif (sent := sent_at(experiment.time, values)) is not None:
+            drawn[name] = replace(_sent(experiment, values, levels[name], sent[0]), room=sent[1])
         elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
@@ -194,6 +200,7 @@ def drive(
         unheld=frozenset(n for n, d in drawn.items() if d.unheld),
         rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
         step=usual_step(experiment.time),
+        room={n: d.room for n, d in drawn.items() if d.room > 0},
     )
 
 
@@ -370,11 +377,14 @@ def _stairs(experiment: Experiment, values: np.ndarray, noise: float, how: Rise 
     time = experiment.time
     if how is not None and how.seen:
         return _Drawn(_unmoved(time, values), noise, 0.0, time, shown=True)
-    begins = np.flatnonzero(np.diff(values, prepend=np.nan))
-    ends = np.append(time[begins[1:]], time[-1])
-    return _Drawn(
-        _unmoved(np.column_stack([time[begins], ends]).ravel(), np.repeat(values[begins], 2)), noise, 0.0, time
-    )
+    return _sent(experiment, values, noise, time[np.flatnonzero(np.diff(values)) + 1])
+
+
+def _sent(experiment: Experiment, values: np.ndarray, noise: float, sent: np.ndarray) -> _Drawn:
+    """A held signal that steps at known instants `sent` (k,) [s]."""
+    time, begins = experiment.time, np.flatnonzero(np.diff(values, prepend=np.nan))
+    corners = np.column_stack([np.append(time[0], sent), np.append(sent, time[-1])]).ravel()
+    return _Drawn(_unmoved(corners, np.repeat(values[begins], 2)), noise, 0.0, time)
 
 
 def _held(

@@ -55,6 +55,9 @@ START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of
 # Check: `pytest tests/test_adjust.py -k noise_of_a_monitor`
 SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces a sample
 
+# Set by theory. Check: `pytest tests/test_edges.py -k clock_of_its_own`
+EVENLY = float(np.sqrt(3.0))  # [1] half the width over the standard deviation of what is as likely anywhere in it
+
 # Set by judgement: wide beside any. Check: `python -m blind.score --nulls 12 --conventions hum --seed 1000`
 HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at mains frequency
 
@@ -65,6 +68,7 @@ USUAL_DRIFT = 0.1  # [1] of the usual zero by which each of them usually drifts:
 GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
 RISE_OF = "rise of "  # name of how much longer the amplifier behind a monitor rises than its samples tell
 BEGUN_OF = "begun "  # name of when an input that moves from the first sample on began to
+SENT_OF = "sent "  # name of when an input with a clock of its own was sent
 DRIFT_OF = "drift "  # names of a sensor's drifts within a file, by number
 EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
 
@@ -96,6 +100,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     switching = {e.input for e in piece.driven.edges}
     cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises if name in switching]
     cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
+    cases += [(f"{SENT_OF}{name}", _earlier(piece, name, by), by) for name, by in piece.driven.room.items()]
     if study.sought:
         cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
     own = dict(piece.case.own)
@@ -168,7 +173,12 @@ def _amplified(case: Case, name: str) -> Case:
 def _delayed(piece: Piece, name: str) -> tuple[Case, float]:
     """The case with one of its inputs a little earlier, and by how much [s]: an edge that passes a sample is a kink."""
     by = TURN * step_of(piece)
-    return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by)), by
+    return _earlier(piece, name, by), by
+
+
+def _earlier(piece: Piece, name: str, by: float) -> Case:
+    """The case with one of its inputs earlier [s]."""
+    return replace(piece.case, protocol=piece.case.protocol.with_delay(name, -by))
 
 
 def _widened(piece: Piece, name: str) -> tuple[Case, float]:
@@ -208,6 +218,8 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
         return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
     if name.startswith(BEGUN_OF):
         return piece.driven.begun[name.removeprefix(BEGUN_OF)]
+    if name.startswith(SENT_OF):
+        return piece.driven.room[name.removeprefix(SENT_OF)] / EVENLY
     if name.startswith("hum "):
         return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
     unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
@@ -217,7 +229,7 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
 
 def usual_size(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain, a delay or a rise (SI); 0 for the other nuisance parameters."""
-    if name.startswith((SMOOTH_OF, BEGUN_OF)):
+    if name.startswith((SMOOTH_OF, BEGUN_OF, SENT_OF)):
         return 0.0
     if name.startswith(RISE_OF):
         return study.rises[name.removeprefix(RISE_OF)].stderr
