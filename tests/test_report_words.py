@@ -274,7 +274,7 @@ def test_the_summary_gives_no_number_that_is_not_determined() -> None:
 
 def test_a_share_that_is_all_of_it_is_no_bound() -> None:
     def said(name: str) -> list[str]:
-        content = {"converged": True, "undetermined": [], "at_bounds": {name: "largest"}}
+        content = {"converged": True, "undetermined": [], "at_bounds": {name: "largest"}, "slow_noise_unknown": False}
         model = add_effects(PLANT, ["amplifier_slew"])
         return identify.IdentificationResult.remarks(SimpleNamespace(model=model, content=content, verdict="adequate"))
 

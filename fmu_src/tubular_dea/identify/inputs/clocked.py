@@ -20,7 +20,7 @@ from ..signals.sampling import usual_step
 
 # Set by judgement: by chance, twenty steps on whole samples do not lie on such a clock.
 # Check: `pytest tests/test_edges.py -k clock_of_its_own`
-LEAST_STEPS = 20  # [1] steps of the command
+ENOUGH_STEPS = 20  # [1] steps of the command
 UNSURE = 0.25  # [periods] by which the number of periods in a pause may be uncertain
 
 
@@ -28,7 +28,7 @@ def sent_at(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float] | 
     """When each step of `values` (n,) at `time` (n,) [s] was sent (k,) [s], and how much earlier or later all of them
     may have been [s]; None where they are on no clock that is told from the sampling."""
     first = np.flatnonzero(np.diff(values)) + 1
-    if first.size < LEAST_STEPS or not steady(time).all():
+    if first.size < ENOUGH_STEPS or not steady(time).all():
         return None
     numbers = _numbers(first)
     found = None if numbers is None else _clock(first, numbers)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solveh_banded
+from scipy.ndimage import maximum_filter1d
 from scipy.special import ndtri
 
 # Set by measurement: of 8, 12, 16 and 20 it leaves the least error over heartbeats, holds and sines at 250 Hz to 5 kHz
@@ -77,7 +78,7 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 FEW_STEPS = 2.0  # [1] steps of a monitor, below which its noise shows as toggling between readings
 SWITCHED = 5.0  # [standard deviations] beyond which such a change is a switching
-CALM_PART = 0.5  # [1] of all differences over a lag, at least, that are without one
+WITHOUT_EVENTS = 0.5  # [1] of all differences over a lag, at least, that are without one
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
 
 # Set by theory: some of the 16 digits of a number. Check: `pytest tests/test_monitors.py -k exact`
@@ -175,18 +176,15 @@ def _calm_level(values: np.ndarray, lag: int) -> float | None:
     a signal. None where most are gone then.
     """
     thirds = np.abs(_thirds(values, lag))
+    around = 2 * (values.size - thirds.size) + 1  # differences that have samples in common with one in their middle
     calm = np.ones(thirds.size, dtype=bool)
-    while True:
+    while calm.mean() >= WITHOUT_EVENTS:
         noise = GAUSSIAN_MAD * float(np.median(thirds[calm]))
-        events = np.flatnonzero(calm & (thirds > SWITCHED * noise))
-        if not events.size:
+        events = calm & (thirds > SWITCHED * noise)
+        if not events.any():
             return noise / float(np.sqrt(THIRDS))
-        reach = np.zeros(thirds.size + 1, dtype=int)
-        np.add.at(reach, np.maximum(events - 3 * lag, 0), 1)
-        np.add.at(reach, np.minimum(events + 3 * lag + 1, thirds.size), -1)
-        calm &= np.cumsum(reach[:-1]) == 0
-        if calm.mean() < CALM_PART:
-            return None
+        calm &= ~maximum_filter1d(events, around)
+    return None
 
 
 def _chance(lag: int, size: int) -> float:

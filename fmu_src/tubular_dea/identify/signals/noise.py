@@ -30,7 +30,7 @@ MOST_LINES = 12  # [1] lines that are looked for
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
 MEMORIES = 8.0  # [time constants] that stretches before the first event last at least to tell that noise has none
-SPREAD = 3.0  # [standard errors] by which what is slow has to be less there
+LESS_SLOW = 3.0  # [standard errors] by which what is slow has to be less there
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -211,7 +211,7 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
     if not plain or _longest(still) < MEMORIES * found.tau or _freedom(still) < ENOUGH_FREEDOM:
         return found
     told = replace(_told(records, still, True, True), hum=found.hum, lines=found.lines)
-    chance = SPREAD * float(np.hypot(found.uncertainty, told.uncertainty))
+    chance = LESS_SLOW * float(np.hypot(found.uncertainty, told.uncertainty))
     return told if told.quiet and found.slow**2 > (1 + chance) * told.slow**2 else found
 
 
