@@ -46,7 +46,7 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/records/start.py: _begun": ({3}, "terms of a parabola"),
     "identify/signals/colour.py: theta": ({4}, "a quadratic equation"),
     "identify/signals/monitors.py: _thirds": ({3}, "a third difference"),
-    "identify/signals/monitors.py: _correlation": ({30}, "third differences of an autoregression"),
+    "identify/signals/monitors.py: _seen": ({30}, "third differences of an autoregression"),
     "identify/signals/monitors.py: _toggling": ({3}, "a third difference"),
     "identify/signals/monitors.py: polyline": ({3}, "samples of which each one is a corner"),
     "identify/signals/monitors.py: _cubic": ({6}, "the cubic through four samples"),

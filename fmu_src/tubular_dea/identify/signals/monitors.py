@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import maximum_filter1d
+from scipy.optimize import nnls
 from scipy.special import ndtri
 
 # Set by measurement: of 8, 12, 16 and 20 it leaves the least error over heartbeats, holds and sines at 250 Hz to 5 kHz
@@ -68,6 +69,10 @@ LEAST_LAGS = 8  # [1] times a lag that a record lasts at least for its noise to 
 LAGS = 20  # [1] times a lag that a record lasts at least for differences over it
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
+MOST_GROWTH = 2.2  # [1] growth of it from one lag to twice that: 2 of noise whose memory is longer, and some chance
+LEAST_ERROR = 0.02  # [1] relative error of such a variance at least: noise is not quite normally distributed
+SLOW_EARNS = 9.0  # [squared standard errors] by which slow noise beside white noise has to explain them better
+MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] that are tried
 FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
 LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
@@ -152,23 +157,38 @@ def slow_level(values: np.ndarray) -> tuple[int, float] | None:
     """White noise that weighs as much on averages over many samples as a monitor's noise at rest does, behind the
     longest lag [samples] that tells it.
 
-    1/f noise has a memory of every length: its differences grow with the lag, at most to twice the variance for each
-    doubling. So the first lag counts from which no longer one shows more. Lags of which few differences are without an
-    event tell nothing. None where a signal moves.
+    Noise with a memory has differences that grow with the lag, at most to twice the variance for each doubling; what a
+    moving signal adds grows faster. None where a signal moves. Lags of which few differences are without an event tell
+    nothing.
     """
     first = _calm_level(values, 1)
     if not first:
         return None
     lag, levels, most = 1, [first], LARGEST * float(np.abs(values).max())
     while values.size > LAGS * 2 * lag and (here := _calm_level(values, 2 * lag)) is not None:
-        if here > most or here**2 > levels[-1] ** 2 * (2 + _chance(lag, values.size)):
+        if here > most or here**2 > levels[-1] ** 2 * (MOST_GROWTH + _chance(lag, values.size)):
             return None
         levels.append(here)
         lag = 2 * lag
-    ends = [n**2 / (PLATEAU + _chance(2**i, values.size)) for i, n in enumerate(levels)]  # the least that they may end
-    last = next(i for i, n in enumerate(levels) if n**2 >= max(ends[i:]))
-    phi = _correlation((levels[0] / levels[last]) ** 2) if last else 0.0
-    return lag, levels[last] * float(np.sqrt((1 + phi) / (1 - phi)))
+    return lag, _lasting(np.square(levels), values.size)
+
+
+def _lasting(variances: np.ndarray, size: int) -> float:
+    """The level over many samples of noise whose differences over 1, 2, 4, ... samples have these `variances` (k,).
+
+    White noise, and beside it an autoregression with that memory which explains them best, if it earns its place.
+    """
+    lags = 2.0 ** np.arange(variances.size)
+    errors = variances * np.hypot(_chance(lags, size) / SPREAD, LEAST_ERROR)
+    one = np.ones(lags.size)
+    (white,), left = nnls((one / errors)[:, None], variances / errors)
+    best, found = left**2 - SLOW_EARNS, white
+    for tau in 2.0 ** np.arange(0, variances.size, MEMORY_STEP):
+        phi = np.exp(-1 / tau)
+        (beside, slow), left = nnls(np.column_stack([one, _seen(phi**lags)]) / errors[:, None], variances / errors)
+        if left**2 < best:
+            best, found = left**2, beside + slow * (1 + phi) / (1 - phi)
+    return float(np.sqrt(found))
 
 
 def _calm_level(values: np.ndarray, lag: int) -> float | None:
@@ -187,15 +207,21 @@ def _calm_level(values: np.ndarray, lag: int) -> float | None:
     return None
 
 
-def _chance(lag: int, size: int) -> float:
+def _chance(lag: float | np.ndarray, size: int) -> float | np.ndarray:
     """By how much the variance of differences over a lag may be larger by chance, relatively."""
-    return SPREAD * float(np.sqrt(lag / size))
+    return SPREAD * np.sqrt(lag / size)
 
 
 def _correlation(ratio: float) -> float:
     """The autoregression whose third differences have this share of the variance that white noise's have."""
     phi = np.linspace(0, MOST_CORRELATED, CORRELATIONS)
-    return float(np.interp(-ratio, -(THIRDS - 30 * phi + 12 * phi**2 - 2 * phi**3) / THIRDS, phi))
+    return float(np.interp(-ratio, -_seen(phi), phi))
+
+
+def _seen(phi: np.ndarray) -> np.ndarray:
+    """The share of the variance of an autoregression that its third differences show, over a lag with correlation
+    `phi`."""
+    return (THIRDS - 30 * phi + 12 * phi**2 - 2 * phi**3) / THIRDS
 
 
 def resolution(values: np.ndarray) -> float:
