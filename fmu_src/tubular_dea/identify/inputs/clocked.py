@@ -21,6 +21,7 @@ from ..signals.sampling import usual_step
 # Set by judgement: by chance, twenty steps on whole samples do not lie on such a clock.
 # Check: `pytest tests/test_edges.py -k clock_of_its_own`
 ENOUGH_STEPS = 20  # [1] steps of the command
+OFF_CLOCK = 1.5  # [samples] from the straight line through all steps: on a clock they are within one
 UNSURE = 0.25  # [periods] by which the number of periods in a pause may be uncertain
 
 
@@ -77,6 +78,8 @@ def _clock(first: np.ndarray, numbers: np.ndarray) -> np.ndarray | None:
     to both sides (3,) [samples]; None if they leave nothing."""
     from scipy.optimize import linprog  # as in fit.py
 
+    if np.ptp(first - np.polyval(np.polyfit(numbers, first, 1), numbers)) > OFF_CLOCK:
+        return None  # thousands of steps of a noisy monitor need no linear program
     ones = np.ones(first.size)
     above = np.column_stack([ones, numbers, ones])  # instant, period, room to both sides
     below = np.column_stack([-ones, -numbers, ones])
