@@ -12,7 +12,8 @@ from tubular_dea.identify.inputs.edges import Edge
 from tubular_dea.identify.inputs.trigger import triggered
 from tubular_dea.identify.records.data import DataError, Experiment
 from tubular_dea.identify.signals import monitors
-from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline, slow_level
+from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline
+from tubular_dea.identify.signals.slow import slow_level
 from tubular_dea.plants.plant import Input
 
 TIME = np.arange(0, 16, 0.004)
@@ -354,10 +355,10 @@ def test_corners_and_steps_are_no_slow_noise() -> None:
     ramps = np.interp(time, [0, 1, 3, 5, 6], [0, 0, 5, -3, -3])
     steps = 2.0 * np.searchsorted([1, 1.6, 2.3, 3.1, 4.2], time)
     white = 0.02 * random.standard_normal((2, time.size))
-    assert 0.018 < (found := slow_level(ramps + white[0]) or (0, 0.0))[1] < 0.023
+    assert 0.018 < (found := slow_level([ramps + white[0]]) or (0, 0.0))[1] < 0.023
     assert found[0] >= 32
-    assert 0.018 < (slow_level(steps + white[1]) or (0, 0.0))[1] < 0.023
-    assert slow_level(3 * np.sin(2 * np.pi * 8 * time) + white[0]) is None
+    assert 0.018 < (slow_level([steps + white[1]]) or (0, 0.0))[1] < 0.023
+    assert slow_level([3 * np.sin(2 * np.pi * 8 * time) + white[0]]) is None
 
 
 @pytest.mark.parametrize("tau", [0.02, 0.1, 0.3])
@@ -368,7 +369,7 @@ def test_slow_noise_beside_white_noise_and_corners_is_found(tau: float) -> None:
         phi = float(np.exp(-0.004 / tau))
         slow = 0.02 * lfilter([np.sqrt(1 - phi**2)], [1, -phi], random.standard_normal(time.size))
         ramps = np.interp(time, [0, 5, 15, 25, 32], [0, 0, 5, -3, -3])
-        told = slow_level(ramps + slow + 0.02 * random.standard_normal(time.size))
+        told = slow_level([ramps + slow + 0.02 * random.standard_normal(time.size)])
         assert told is not None
         found.append(told[1])
     assert np.median(found) == pytest.approx(0.02 * np.hypot(1, np.sqrt((1 + phi) / (1 - phi))), rel=0.3)

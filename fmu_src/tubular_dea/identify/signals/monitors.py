@@ -16,8 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.ndimage import maximum_filter1d
-from scipy.optimize import nnls
 from scipy.special import ndtri
 
 # Set by measurement: of 8, 12, 16 and 20 it leaves the least error over heartbeats, holds and sines at 250 Hz to 5 kHz
@@ -69,19 +67,10 @@ LEAST_LAGS = 8  # [1] times a lag that a record lasts at least for its noise to 
 LAGS = 20  # [1] times a lag that a record lasts at least for differences over it
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
-MOST_GROWTH = 2.2  # [1] growth of it from one lag to twice that: 2 of noise whose memory is longer, and some chance
-LEAST_ERROR = 0.02  # [1] relative error of such a variance at least: noise is not quite normally distributed
-SLOW_EARNS = 9.0  # [squared standard errors] by which slow noise beside white noise has to explain them better
-MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] that are tried
 FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
 LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
 MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
-
-# Set by measurement: white and slow noise on ramps with four corners, six seeds each: 4 leaves corners in it (0.37 for
-# 0.25), 3 takes noise away. Check: `pytest tests/test_monitors.py -k corners`
-EVENT = 3.5  # [standard deviations] of differences beyond which they are of a corner or a switching
-WITHOUT_EVENTS = 0.5  # [1] of all differences over a lag, at least, that are without one
 
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
@@ -120,10 +109,10 @@ def noise_level(values: np.ndarray, lag: int = 1) -> float:
     """
     if values.size < LEAST_LAGS * lag:
         return 0.0
-    return float(GAUSSIAN_MAD * np.median(np.abs(_thirds(values, lag)))) / float(np.sqrt(THIRDS))
+    return float(GAUSSIAN_MAD * np.median(np.abs(thirds(values, lag)))) / float(np.sqrt(THIRDS))
 
 
-def _thirds(values: np.ndarray, lag: int) -> np.ndarray:
+def thirds(values: np.ndarray, lag: int) -> np.ndarray:
     """The third differences of samples `lag` apart."""
     return values[3 * lag :] - 3 * values[2 * lag : -lag] + 3 * values[lag : -2 * lag] - values[: -3 * lag]
 
@@ -147,82 +136,28 @@ def memory(values: np.ndarray) -> tuple[float, float] | None:
     lag, here = 1, first
     while first > 0 and values.size > LAGS * 2 * lag:
         twice = noise_level(values, 2 * lag)
-        chance = _chance(lag, values.size)
-        if twice > most or (lag >= FILTERED and twice**2 > here**2 * (2 + chance)):
+        more = chance(lag, values.size)
+        if twice > most or (lag >= FILTERED and twice**2 > here**2 * (2 + more)):
             break
-        if twice**2 < here**2 * (PLATEAU + chance):
+        if twice**2 < here**2 * (PLATEAU + more):
             ratio = (first / here) ** 2
             return (here / first, _correlation(ratio)) if ratio < 1 / COLOURED else NO_MEMORY
         lag, here = 2 * lag, twice
     return None
 
 
-def slow_level(values: np.ndarray) -> tuple[int, float] | None:
-    """White noise that weighs as much on averages over many samples as a monitor's noise at rest does, behind the
-    longest lag [samples] that tells it.
-
-    Noise with a memory has differences that grow with the lag, at most to twice the variance for each doubling; what a
-    moving signal adds grows faster. None where a signal moves. Lags of which few differences are without an event tell
-    nothing.
-    """
-    first = _calm_level(values, 1)
-    if not first:
-        return None
-    lag, levels, most = 1, [first], LARGEST * float(np.abs(values).max())
-    while values.size > LAGS * 2 * lag and (here := _calm_level(values, 2 * lag)) is not None:
-        if here > most or here**2 > levels[-1] ** 2 * (MOST_GROWTH + _chance(lag, values.size)):
-            return None
-        levels.append(here)
-        lag = 2 * lag
-    return lag, _lasting(np.square(levels), values.size)
-
-
-def _lasting(variances: np.ndarray, size: int) -> float:
-    """The level over many samples of noise whose differences over 1, 2, 4, ... samples have these `variances` (k,).
-
-    White noise, and beside it an autoregression with that memory which explains them best, if it earns its place.
-    """
-    lags = 2.0 ** np.arange(variances.size)
-    errors = variances * np.hypot(_chance(lags, size) / SPREAD, LEAST_ERROR)
-    one = np.ones(lags.size)
-    (white,), left = nnls((one / errors)[:, None], variances / errors)
-    best, found = left**2 - SLOW_EARNS, white
-    for tau in 2.0 ** np.arange(0, variances.size, MEMORY_STEP):
-        phi = np.exp(-1 / tau)
-        (beside, slow), left = nnls(np.column_stack([one, _seen(phi**lags)]) / errors[:, None], variances / errors)
-        if left**2 < best:
-            best, found = left**2, beside + slow * (1 + phi) / (1 - phi)
-    return float(np.sqrt(found))
-
-
-def _calm_level(values: np.ndarray, lag: int) -> float | None:
-    """The `noise_level` without differences that noise does not make, nor those beside them: corners and switchings of
-    a signal. None where most are gone then.
-    """
-    thirds = np.abs(_thirds(values, lag))
-    around = 2 * (values.size - thirds.size) + 1  # differences that have samples in common with one in their middle
-    calm = np.ones(thirds.size, dtype=bool)
-    while calm.mean() >= WITHOUT_EVENTS:
-        noise = GAUSSIAN_MAD * float(np.median(thirds[calm]))
-        events = calm & (thirds > EVENT * noise)
-        if not events.any():
-            return noise / float(np.sqrt(THIRDS))
-        calm &= ~maximum_filter1d(events, around)
-    return None
-
-
-def _chance(lag: float | np.ndarray, size: int) -> float | np.ndarray:
+def chance(lag: int, size: int) -> float:
     """By how much the variance of differences over a lag may be larger by chance, relatively."""
-    return SPREAD * np.sqrt(lag / size)
+    return SPREAD * float(np.sqrt(lag / size))
 
 
 def _correlation(ratio: float) -> float:
     """The autoregression whose third differences have this share of the variance that white noise's have."""
     phi = np.linspace(0, MOST_CORRELATED, CORRELATIONS)
-    return float(np.interp(-ratio, -_seen(phi), phi))
+    return float(np.interp(-ratio, -seen(phi), phi))
 
 
-def _seen(phi: np.ndarray) -> np.ndarray:
+def seen(phi: np.ndarray) -> np.ndarray:
     """The share of the variance of an autoregression that its third differences show, over a lag with correlation
     `phi`."""
     return (THIRDS - 30 * phi + 12 * phi**2 - 2 * phi**3) / THIRDS

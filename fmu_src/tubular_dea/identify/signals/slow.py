@@ -1,0 +1,92 @@
+"""How slow a monitor's noise is, from records in which its signal moves at corners and switchings only.
+
+White noise has the same differences over any lag. Noise with a memory has larger ones until the lag outlasts it. What
+an event adds to them is left out: for a lag of a second, that is all within three seconds of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import nnls
+
+from .monitors import GAUSSIAN_MAD, LAGS, LARGEST, THIRDS, chance, seen, thirds
+
+# Set by measurement: white and slow noise on ramps with four corners, six seeds each: 4 leaves corners in it (0.37 for
+# 0.25), 3 takes noise away. Check: `pytest tests/test_monitors.py -k corners`
+EVENT = 3.5  # [standard deviations] of differences beyond which they are of a corner or a switching
+WITHOUT_EVENTS = 0.5  # [1] of all differences over a lag, at least, that are without one
+
+# Set by measurement: of white noise, white noise and an autoregression, and 1/f noise, 3000 and 8000 samples, twelve
+# seeds each, white noise is never more, and slow noise found within a third where its memory is a hundredth of all.
+# Check: `pytest tests/test_monitors.py -k slow_noise`
+MOST_GROWTH = 2.2  # [1] growth of it from one lag to twice that: 2 of noise whose memory is longer, and some chance
+LEAST_ERROR = 0.02  # [1] relative error of such a variance at least: noise is not quite normally distributed
+SLOW_EARNS = 9.0  # [squared standard errors] by which slow noise beside white noise has to explain them better
+MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] that are tried
+
+
+def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
+    """White noise that weighs as much on averages over many samples as a monitor's noise at rest does, behind the
+    longest lag [samples] that tells it, from records (each (n,)) of one sampling step.
+
+    White noise, and beside it an autoregression with that memory which explains best how differences grow with the lag,
+    if it earns its place. One record is too short to tell a memory of seconds. None where a signal moves in all.
+    """
+    told = [(v.size, found) for v in records if (found := _grown(v)).size]
+    if not told:
+        return None
+    lags = 2.0 ** np.arange(max(found.size for _, found in told))
+    sizes = np.array([sum(n for n, found in told if found.size > k) for k in range(lags.size)])
+    sums = [sum(n * found[k] for n, found in told if found.size > k) for k in range(lags.size)]
+    return int(lags[-1]), _level(lags, np.array(sums) / sizes, sizes)
+
+
+def _level(lags: np.ndarray, variances: np.ndarray, sizes: np.ndarray) -> float:
+    """The level over many samples of noise with these variances (k,) over some lags, told by so many samples each."""
+    errors = variances * np.hypot(np.sqrt(lags / sizes), LEAST_ERROR)
+    one = np.ones(lags.size)
+    (white,), left = nnls((one / errors)[:, None], variances / errors)
+    best, level = left**2 - SLOW_EARNS, white
+    for tau in 2.0 ** np.arange(0, lags.size, MEMORY_STEP):
+        phi = np.exp(-1 / tau)
+        (beside, slow), left = nnls(np.column_stack([one, seen(phi**lags)]) / errors[:, None], variances / errors)
+        if left**2 < best:
+            best, level = left**2, beside + slow * (1 + phi) / (1 - phi)
+    return float(np.sqrt(level))
+
+
+def _grown(values: np.ndarray) -> np.ndarray:
+    """The variances of a monitor's noise over 1, 2, 4, ... samples (k,), as far as differences without an event tell
+    them; none where a signal moves.
+
+    Noise with a memory has differences that grow with the lag, at most to twice the variance for each doubling; what a
+    moving signal adds grows faster.
+    """
+    lag, found, most = 1, [_calm_level(values, 1) or 0.0], LARGEST * float(np.abs(values).max())
+    if not found[0]:
+        return np.empty(0)
+    while values.size > LAGS * 2 * lag and (here := _calm_level(values, 2 * lag)) is not None:
+        if here > most or here**2 > found[-1] ** 2 * (MOST_GROWTH + chance(lag, values.size)):
+            return np.empty(0)
+        found.append(here)
+        lag = 2 * lag
+    return np.square(found)
+
+
+def _calm_level(values: np.ndarray, lag: int) -> float | None:
+    """The `noise_level` without differences that noise does not make, nor those beside them: corners and switchings of
+    a signal. None where most are gone then.
+    """
+    moved = np.abs(thirds(values, lag))
+    around = 2 * (values.size - moved.size) + 1  # differences that have samples in common with one in their middle
+    calm = np.ones(moved.size, dtype=bool)
+    while calm.mean() >= WITHOUT_EVENTS:
+        noise = GAUSSIAN_MAD * float(np.median(moved[calm]))
+        events = calm & (moved > EVENT * noise)
+        if not events.any():
+            return noise / float(np.sqrt(THIRDS))
+        calm &= ~maximum_filter1d(events, around)
+    return None
