@@ -132,8 +132,8 @@ class IdentificationResult:
             )
         if self.content["slow_noise_unknown"]:
             said.append(
-                "nothing rests long enough in these recordings to tell how slow the noise is: with slow noise the "
-                "model explains them, without it the model lacks something; record some seconds in which nothing moves"
+                "no stretch rests long enough in these recordings to tell how slow the noise is: with slow noise the "
+                "model explains them, without it the model lacks something; record longer ones, in which nothing moves"
             )
         return said
 

@@ -221,7 +221,7 @@ def _coloured(found: Discovery) -> list[str]:
     if clean(state) or not noise_alone(state):
         return []
     return [
-        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that is known. No part of "
-        "the recordings is quiet for seconds, so that it may be slow noise or a weak effect: record some seconds in "
+        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that quiet stretches "
+        "tell. It may be noise that is slower than these stretches last, or a weak effect: record longer ones, in "
         "which nothing moves."
     ]

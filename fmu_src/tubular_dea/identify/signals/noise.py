@@ -105,7 +105,8 @@ class Noise:
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
-    enough to tell how much of it is slower than what they show, as 1/f noise is. `driven` is white noise on top (the
+    enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch.
+    `driven` is white noise on top (the
     same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain` is the step (the
     same unit) that readings are rounded to where that is coarse beside the noise, else 0.
     """
@@ -242,6 +243,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
     long = colour.phi > np.exp(-1 / BRIEF)
     quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
+    plain = not 0 < colour.white < 1 or colour.phi <= 0  # white, or one colour
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
     return Noise(
@@ -255,7 +257,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
         form,
         quiet,
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
-        slow_known=quiet and (not 0 < colour.white < 1 or colour.phi <= 0 or _longest(chosen) >= SLOW_STRETCH),
+        slow_known=quiet and not colour.pole and (plain or _longest(chosen) >= SLOW_STRETCH),
     )
 
 
