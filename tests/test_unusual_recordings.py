@@ -222,3 +222,12 @@ def test_a_negative_seed_is_refused(command: str, tmp_path: Path, capsys: pytest
     assert main([command, str(EXAMPLE), "--seed", "-1", "--out", str(tmp_path / "out")]) == 2
     assert "--seed: expected at least 0 but was given -1" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_an_output_that_moves_by_some_times_its_noise_is_not_constant() -> None:
+    """A tube at 2 kV moves by 0.1 mm, beside a laser's noise of 16 um."""
+    noise = 16e-6 * np.random.default_rng(1).standard_normal(1000)
+    moved = 1e-4 * (np.arange(1000) // 250 % 2)
+    lines = np.arange(1000) + 2
+    assert not list(checks.constant(moved + noise, "radius", lines, "the output moves"))
+    assert list(checks.constant(noise, "radius", lines, "the output moves"))

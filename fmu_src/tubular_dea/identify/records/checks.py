@@ -21,7 +21,8 @@ LOW_ORDER = 3  # [1] of the differences that are left of noise, and of a fast si
 HIGH_ORDER = 8  # [1] of the differences that are left of noise, but not of what is smooth, as a commanded sine is
 SMOOTHED_OUT = 0.1  # [1] share of the third differences: 0.04 for a sine of 6 samples, 0.97 for noise of memory 0.97
 STRUCTURE = 20.0  # [1] times the noise a signal must span to count as one
-CONSTANT = 12.0  # [1] times the noise that a constant record spans at most
+CONSTANT = 12.0  # [1] times the noise that a constant record spans at most,
+NOISE_ALONE = 1.5  # [1] and its standard deviation is: what moves by six times the noise between two levels has 3
 NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
 BELOW_REST = 0.05  # [1] of its size at rest by which a plant is not smaller
 SMOOTHED = 9  # [samples] over which noise is averaged for that
@@ -103,7 +104,7 @@ def _flickers(values: np.ndarray) -> bool:
 def constant(values: np.ndarray, name: str, lines: np.ndarray, wanted: str) -> Iterator[str]:
     """A finding where `values` (n,) are only noise; `wanted` describes what was expected."""
     noise = noise_level(values)
-    if np.ptp(values) <= CONSTANT * noise or np.ptp(values) == 0:
+    if np.ptp(values) == 0 or (np.ptp(values) <= CONSTANT * noise and np.std(values) <= NOISE_ALONE * noise):
         beside = f" beside noise of {noise:.3g}" if noise > 0 else ""
         yield (
             f"lines {lines[0]} to {lines[-1]}, column {name!r}: a constant record ({values.mean():g}{beside}) contains "
