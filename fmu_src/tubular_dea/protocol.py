@@ -12,7 +12,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -94,8 +93,9 @@ class Protocol:
 
     def at(self, times: Sequence[float] | np.ndarray, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """The inputs `names` (default: all) at `times`; at a jump, the value after it."""
-        chosen = self.inputs if names is None else names
-        return {name: self._at(self.inputs[name], np.asarray(times, float)) for name in chosen}
+        chosen, wanted = self.inputs if names is None else names, np.asarray(times, float)
+        places = self._places(wanted, np.searchsorted(self.time, wanted, side="right"))
+        return {name: places.of(self.inputs[name]) for name in chosen}
 
     def delayed(self, signals: Mapping[str, tuple[str, float]]) -> Protocol:
         """The protocol with more inputs: for each name, another input (name, delay [s]), exactly, as it was then.
@@ -103,12 +103,13 @@ class Protocol:
         Before the start an input is taken to have been as it is there. Breakpoints of what is delayed are added;
         those nearer than 1 ns to one that is there fall on it.
         """
-        marks = np.unique(self.time)
-        for _, by in signals.values():
-            marks = _merged(marks, np.unique(self.time) + by)
+        marks = known = np.unique(self.time)
+        for by in dict.fromkeys(by for _, by in signals.values()):
+            marks = _merged(marks, known + by)
         grid = np.repeat(marks, 2)[1:-1]
-        inputs = {name: self._sides(values, grid) for name, values in self.inputs.items()}
-        inputs |= {name: self._sides(self.inputs[of], grid - by) for name, (of, by) in signals.items()}
+        places = {by: self._sides(known, grid - by) for by in dict.fromkeys([0.0, *(by for _, by in signals.values())])}
+        inputs = {name: places[0.0].of(values) for name, values in self.inputs.items()}
+        inputs |= {name: places[by].of(self.inputs[of]) for name, (of, by) in signals.items()}
         return Protocol(grid, inputs)
 
     def with_delay(self, name: str, by: float) -> Protocol:
@@ -127,23 +128,36 @@ class Protocol:
             {name: np.insert(values, place, there[name][0]) for name, values in self.inputs.items()},
         )
 
-    def _sides(self, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-        """Values on a grid that holds every inner time twice: after the first time, and before the second."""
-        known = np.unique(self.time)
+    def _sides(self, known: np.ndarray, grid: np.ndarray) -> _Places:
+        """Where a grid is that holds every inner time twice, after the first time and before the second: times nearer
+        than 1 ns to a breakpoint, of which the different ones are `known`, are on it."""
         near = np.clip(np.searchsorted(known, grid), 1, known.size - 1)
         closest = np.where(grid - known[near - 1] < known[near] - grid, known[near - 1], known[near])
         snapped = np.where(np.abs(grid - closest) < 1e-9, closest, grid)
-        out = np.empty_like(grid)
-        out[0::2] = self._at(values, snapped[0::2], "right")
-        out[1::2] = self._at(values, snapped[1::2], "left")
-        return out
+        right = np.empty(grid.size, dtype=int)
+        right[0::2] = np.searchsorted(self.time, snapped[0::2], side="right")
+        right[1::2] = np.searchsorted(self.time, snapped[1::2], side="left")
+        return self._places(snapped, right)
 
-    def _at(self, values: np.ndarray, times: np.ndarray, side: Literal["left", "right"] = "right") -> np.ndarray:
-        right = np.clip(np.searchsorted(self.time, times, side=side), 1, self.time.size - 1)
-        left = right - 1
-        span = self.time[right] - self.time[left]
-        part = np.clip(np.divide(times - self.time[left], span, out=np.ones_like(span), where=span > 0), 0, 1)
-        return values[left] + part * (values[right] - values[left])
+    def _places(self, times: np.ndarray, right: np.ndarray) -> _Places:
+        """Where times are, of which the breakpoints `right` of them are known."""
+        right = np.clip(right, 1, self.time.size - 1)
+        span = self.time[right] - self.time[right - 1]
+        part = np.clip(np.divide(times - self.time[right - 1], span, out=np.ones_like(span), where=span > 0), 0, 1)
+        return _Places(right - 1, part)
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Times (n,) between breakpoints: the number `left` of the one before each, and how far they are to the next."""
+
+    left: np.ndarray
+    part: np.ndarray
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Values of an input there, from those at the breakpoints."""
+        before = values[self.left]
+        return before + self.part * (values[self.left + 1] - before)
 
 
 def _merged(marks: np.ndarray, more: np.ndarray) -> np.ndarray:

@@ -243,7 +243,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
     long = colour.phi > np.exp(-1 / BRIEF)
     quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
-    plain = not 0 < colour.white < 1 or colour.phi <= 0  # white, or one colour
+    one_colour = not 0 < colour.white < 1 or colour.phi <= 0
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
     others = tuple(sorted(f for f in lines if f not in mains))
     return Noise(
@@ -257,7 +257,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
         form,
         quiet,
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
-        slow_known=quiet and not colour.pole and (plain or _longest(chosen) >= SLOW_STRETCH),
+        slow_known=quiet and not colour.pole and (one_colour or _longest(chosen) >= SLOW_STRETCH),
     )
 
 
