@@ -28,6 +28,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz-seed", type=int, default=1, help="seed of the fuzzers (1)")
 
 
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # commands in processes of their own would compile all of it each time
+
 # Files that take longest begin first, and each goes to one worker as a whole (--dist=loadfile in pyproject.toml).
 FIRST = ["readme", "discover", "assist", "kills", "importers", "api", "package", "page", "numbers"]
 
