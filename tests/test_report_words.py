@@ -177,10 +177,18 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
 
 def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
-    study = SimpleNamespace(plant=PLANT, spread=("measured_displacement", "pressure"), zero=lambda name: 1.0)
+    spread = {"measured_displacement": 1e-6, "pressure": 20.0}
+    study = SimpleNamespace(plant=PLANT, spread=spread, zero=lambda name: 30e-6 if name[0] == "m" else 20.0)
     said = remarks._spread(SimpleNamespace(study=study, shifted=Shift("measured_displacement", "trap1", 654e-6)))
     assert len(said) == 1 and said[0].startswith("The zero of pressure")
     assert len(remarks._spread(SimpleNamespace(study=study, shifted=None))) == 2
+
+
+def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 390.0)
+    study = SimpleNamespace(plant=PLANT, spread={"pressure": 1e9}, zero=lambda name: 130.0)
+    (said,) = remarks._spread(SimpleNamespace(study=study, shifted=None))
+    assert "do not tell" in said and "2.93 mmHg" in said
 
 
 def test_the_verdict_says_for_which_effect_another_stands() -> None:

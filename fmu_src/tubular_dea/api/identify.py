@@ -127,8 +127,9 @@ class IdentificationResult:
         if self.verdict == "misfit":
             said.append(
                 f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times what noise "
-                "and sampling allow (the sensor's noise: "
-                f"{in_words(self.content['noise_floor'], self.content['unit'])}), so the intervals are too narrow"
+                f"and sampling allow, and its slow part {self.content['residual_over_noise_slow']:.2f} times (the "
+                f"sensor's noise: {in_words(self.content['noise_floor'], self.content['unit'])}), so the intervals are "
+                "too narrow"
             )
         if self.content["slow_noise_unknown"]:
             said.append(
@@ -287,6 +288,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     return {
         "verdict": "misfit" if left.significant else "adequate",
         "residual_over_noise": left.ratio,
+        "residual_over_noise_slow": left.blocks,
         "residual_slow_z": left.slow,
         "slow_noise_unknown": left.may_be_slow_noise,
         "parameters": parameters,

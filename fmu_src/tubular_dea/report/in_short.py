@@ -17,7 +17,7 @@ from .svg import bars
 CONFIDENCE = {
     "no_effect": "The residual is no larger than noise: no effect of the catalogue explains more of it than chance "
     "does in 999 of 1000 such sets of recordings.",
-    "effect_found": "Every other explanation that was tried explains the recordings worse than chance allows.",
+    "effect_found": "Everything that was tried in its place explains the recordings worse than chance allows.",
     "ambiguous": "It is certain that something of this kind is missing. These recordings cannot show which of "
     "the named effects it is.",
     "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "

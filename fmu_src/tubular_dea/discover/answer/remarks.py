@@ -10,6 +10,7 @@ from ...identify.fitting.fit import Fit
 from ...identify.fitting.intervals import interval
 from ...identify.records.start import UNKNOWN
 from ...identify.study.nuisances import zero_spread
+from ...identify.study.spreads import most_spread
 from ...model.declare import Quantity
 from ...model.effect import Effect
 from ...model.units import factor, in_words
@@ -21,6 +22,7 @@ from .oscillations import Oscillation
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
+AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
@@ -185,7 +187,13 @@ def _spread(found: Discovery) -> list[str]:
         told_before = found.shifted is not None and found.shifted.output == name
         if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
             told = _told(spread, found.study.plant.quantity(name))
-            said.append(f"The zero of {name} differs by {told} from file to file.")
+            most = found.study.spread[name] >= AT_MOST * most_spread(found.study, name)
+            said.append(
+                f"By how much the zero of {name} differs from file to file, these recordings do not tell: up to {told} "
+                "was allowed for. Record each file from rest, or its zero before."
+                if most
+                else f"The zero of {name} differs by {told} from file to file."
+            )
     return said
 
 

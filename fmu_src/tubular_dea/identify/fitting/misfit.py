@@ -26,14 +26,16 @@ class ResidualOverNoise:
     """A whitened residual compared with the noise: the `ratio` of their rms, and the excess of its slow part, `slow`.
 
     `slow` is the excess of the mean square over blocks of BLOCK samples, and `total` that of all samples, in their
-    standard deviations under noise alone, whose level is not known exactly either. `coloured` is that mean square where
-    no stretch is quiet or long enough to tell how much slow noise there is; 1 elsewhere.
+    standard deviations under noise alone, whose level is not known exactly either. `blocks` is the ratio of the rms
+    over blocks. `coloured` is its square where no stretch is quiet or long enough to tell how much slow noise there
+    is; 1 elsewhere.
     """
 
     ratio: float
     slow: float
     total: float = 0.0
     coloured: float = 1.0
+    blocks: float = 1.0
 
     @property
     def significant(self) -> bool:
@@ -77,4 +79,5 @@ def residual_over_noise(problem: Problem, best: Fit) -> ResidualOverNoise:
         (slow - 1) / float(np.hypot(np.sqrt(2 / sums.size), level)),
         (squares - 1) / float(np.hypot(np.sqrt(2 / count), level)),
         1.0 if known else max(1.0, slow),
+        float(np.sqrt(slow)),
     )
