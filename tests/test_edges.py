@@ -334,3 +334,9 @@ def test_steps_on_no_clock_or_on_that_of_the_samples_have_none_of_their_own(
 ) -> None:
     time, values, _ = clocked(period, step, jitter)
     assert sent_at(time, values) is None
+
+
+def test_a_noisy_monitor_that_reads_the_same_twice_has_no_clock() -> None:
+    time, values = 0.002 * np.arange(3000), np.random.default_rng(2).standard_normal(3000)
+    values[1500] = values[1499]
+    assert sent_at(time, values) is None

@@ -21,6 +21,7 @@ from ..signals.sampling import usual_step
 # Set by judgement: by chance, twenty steps on whole samples do not lie on such a clock.
 # Check: `pytest tests/test_edges.py -k clock_of_its_own`
 ENOUGH_STEPS = 20  # [1] steps of the command
+EACH_KIND = 5  # [1] times that the shorter and the longer of their intervals have to occur: by chance they are not even
 OFF_CLOCK = 1.5  # [samples] from the straight line through all steps: on a clock they are within one
 UNSURE = 0.25  # [periods] by which the number of periods in a pause may be uncertain
 
@@ -50,7 +51,8 @@ def _numbers(first: np.ndarray) -> np.ndarray | None:
     begins, ends = turns[::2], turns[1::2]
     row = int(np.argmax(ends - begins))
     begin, end = int(begins[row]), int(ends[row])
-    if np.ptp(gaps[begin:end]) == 0:
+    shorter = int(np.count_nonzero(gaps[begin:end] == gaps.min()))
+    if min(shorter, end - begin - shorter) < EACH_KIND:
         return None
     later = _counted(gaps[begin:], end - begin)
     earlier = None if later is None else _counted(gaps[end - 1 :: -1], end - begin)
