@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -159,6 +160,16 @@ def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
 def test_no_misfit_is_said_where_there_is_none(work: Study) -> None:
     problem, best = procedure.joint(work, PLANT.model.parameter_values(), starts=1)
     assert not residual_over_noise(problem, best).significant
+
+
+def test_slow_noise_of_a_monitor_widens_intervals(work: Study) -> None:
+    """A line follows what moves its monitor slowly, and so does the model."""
+    slow = replace(work, monitor_noise=work.monitor_noise | {"pressure": 400.0})
+    (_, known), (_, wider) = (
+        procedure.joint(w, PLANT.model.parameter_values(), starts=1, names=["C_1"]) for w in (work, slow)
+    )
+    assert wider.values["C_1"] == known.values["C_1"]
+    assert wider.stderr["C_1"] > 1.5 * known.stderr["C_1"]
 
 
 def test_slow_noise_that_no_stretch_tells_is_said_in_place_of_a_misfit() -> None:

@@ -251,7 +251,7 @@ def identify(
         work, problem, best = procedure.alternating_fit(work, values, starts, seed, free)
         tell("intervals")
         problem, best = vanishing(problem, best)
-        best = with_monitor_noise(problem, best, [p.driven for p in work.training])
+        best = with_monitor_noise(problem, best, [p.driven for p in work.training], work.monitor_noise)
         best = with_coarse_residuals(best, [r.size for r in problem.records])
         content = _content(work, problem, best, profile)
     names = known.model.parameter_values()

@@ -378,7 +378,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     if acceptance.far(option):  # the misfit, not noise or another law, determines the uncertainty
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
-    wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training])
+    wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training], work.monitor_noise)
     wider = common_nuisances(work).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)

@@ -33,9 +33,9 @@ UNASKED = 1e-9  # [1] of the largest information, added: corners that no sample 
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
-def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> Fit:
+def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive], levels: Mapping[str, float]) -> Fit:
     """The fit with a covariance and standard errors that include the monitors' noise; `drives` are those of its
-    cases."""
+    cases, and `levels` (SI, by name) is how much slow noise there is at least."""
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
     solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals
     parts = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)[:-1]
@@ -47,7 +47,8 @@ def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive]) -> 
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
         gains = constant_gains(problem.response, best.values, name)
         for i, driven in enumerate(drives):
-            covariance += _added(problem, i, parts[i] * weights[i], gains[i], driven, name)
+            level = max(driven.noise[name], levels.get(name, 0.0))
+            covariance += level**2 * _added(problem, i, parts[i] * weights[i], gains[i], driven.corners[name])
     return best.with_covariance(covariance)
 
 
@@ -89,10 +90,10 @@ def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
     return replace(case, protocol=Protocol(protocol.time, inputs)), step
 
 
-def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, driven: Drive, name: str) -> np.ndarray:
-    """The covariance (k, k) that a monitor of one case adds; `solved` (k, n) makes parameters of white residuals."""
+def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The covariance (k, k) that a monitor of one case adds, whose line bends at `corners` (m,) [s], for noise of 1;
+    `solved` (k, n) makes parameters of white residuals."""
     case = problem.response.cases[number]
-    corners = driven.corners[name]
     moved = np.zeros((solved.shape[0], corners.size))
     diagonal, beside = np.zeros(corners.size), np.zeros(corners.size)
     for reading, rows in zip(case.readings, case.parts(), strict=True):
@@ -114,4 +115,4 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
             )
             moved[:, wanted] += along[:, first:last] @ white
     known = solveh_banded(np.stack([beside, diagonal + UNASKED * diagonal.max()]), moved.T)
-    return driven.noise[name] ** 2 * moved @ known
+    return np.asarray(moved @ known)
