@@ -184,6 +184,20 @@ def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch)
     assert len(remarks._spread(SimpleNamespace(study=study, shifted=None))) == 2
 
 
+def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() -> None:
+    def said(rmse: float, allowed: float, verdict: str = "no_effect") -> list[str]:
+        study = SimpleNamespace(plant=PLANT)
+        named = SimpleNamespace(lack_of_fit=made_up.option(z_slow=0.0).lack_of_fit)
+        sensors = {PLANT.outputs[0].name: {"rms": 12e-6, "allowed": allowed}}
+        monitors = {"pressure": {"rms": 125.0}, "voltage": {"rms": 0.0}}
+        outcome = {"noise": {"sensors": sensors, "monitors": monitors}, "error": {"after": {"rmse": rmse}}}
+        return in_short._driven(SimpleNamespace(verdict=verdict, study=study, named=named), outcome)
+
+    (sentence,) = said(15.8e-6, 20e-6)
+    assert "the noise of pressure drives" in sentence
+    assert said(12.1e-6, 20e-6) == said(15.8e-6, 12e-6) == said(15.8e-6, 20e-6, "unexplained") == []
+
+
 def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 390.0)
     study = SimpleNamespace(plant=PLANT, spread={"pressure": 1e9}, zero=lambda name: 130.0)

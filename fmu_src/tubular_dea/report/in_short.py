@@ -33,6 +33,7 @@ DRIFTS = (
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
+MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WHITE = 2.0  # standard deviations of the whiteness of noise
 SHOWN = 3  # effects that could not be seen
 ANY_SIZE = "any size"
@@ -51,7 +52,10 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"Held out of every fit, to judge the result by: {held}." if held else "No experiment was held out of the fits."
     )
     questions = [
-        ("How certain is it?", [_confidence(found), *_left(found, outcome), *_rivals(outcome)]),
+        (
+            "How certain is it?",
+            [_confidence(found), *_driven(found, outcome), *_left(found, outcome), *_rivals(outcome)],
+        ),
         ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
@@ -83,6 +87,20 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     return [
         f"{said} resemble those shortly before, as in slow (1/f) noise. The intervals of parameters may be too narrow: "
         f"take them as about {wider} times as wide."
+    ]
+
+
+def _driven(found: Discovery, outcome: dict[str, Any]) -> list[str]:
+    """Why the error is more than the sensor's noise where nothing else is missing."""
+    noise, error = outcome["noise"]["sensors"][found.study.plant.outputs[0].name], outcome["error"]["after"]["rmse"]
+    if found.verdict in ("unexplained", "partly_explained") or not noise_alone(found.named.lack_of_fit):
+        return []
+    noisy = [name for name, monitor in outcome["noise"]["monitors"].items() if monitor["rms"] > 0]
+    if not noisy or error is None or min(error, noise["allowed"]) < MORE * noise["rms"]:
+        return []
+    return [
+        f"The error is larger than the sensor's noise because the noise of {' and '.join(noisy)} drives the model too, "
+        "and is counted as noise here."
     ]
 
 
