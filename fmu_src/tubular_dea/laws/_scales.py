@@ -53,8 +53,9 @@ def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _start(model: Model) -> dict[sympy.Symbol, float]:
-    """Everything that is given, with the states at their start (at half their nominal value where that is unknown)."""
+def _start(model: Model, unknown: float = 0.5) -> dict[sympy.Symbol, float]:
+    """Everything that is given, with the states at their start (at `unknown` times their nominal value where that is
+    not known)."""
     at: dict[sympy.Symbol, float] = {TIME: 0.0}
     at |= {p.quantity.symbol: float(p.quantity.value or 0.0) for p in model.parameters}
     for q in (*model.inputs, *(d.quantity for d in model.delays)):
@@ -63,38 +64,38 @@ def _start(model: Model) -> dict[sympy.Symbol, float]:
     at |= {model.curve.fold.symbol: model.curve.fold.nominal} if model.curve else {}
     for state in model.states:
         start = sympy.sympify(state.start).subs(at)
-        at[state.quantity.symbol] = float(start) if start.is_number else 0.5 * state.quantity.nominal
+        at[state.quantity.symbol] = float(start) if start.is_number else unknown * state.quantity.nominal
     return at
 
 
 @lru_cache(maxsize=256)
 def at_first(model: Model, name: str) -> float:
     """The value of an input, a state or a definition at the model's start, as declared; 0 where it is not known."""
-    values = _start(model) | {s.quantity.symbol: _known(model, s.start) for s in model.states}
-    for d in model.definitions:
-        arguments, function = evaluator(d.expression)
-        values[d.quantity.symbol] = function(*(values[a] for a in arguments))
-    found = values[model.quantity(name).symbol]
+    found = _defined(model, _start(model, math.nan))[model.quantity(name).symbol]
     return found if math.isfinite(found) else 0.0
 
 
-def _known(model: Model, start: object) -> float:
-    """A start as a number, from the declared values of parameters; nan where it is none."""
-    given = {p.quantity.symbol: float(p.quantity.value or 0.0) for p in model.parameters}
-    value = sympy.sympify(start).subs(given)
-    return float(value) if value.is_number else math.nan
+def _defined(model: Model, given: dict[sympy.Symbol, float]) -> dict[sympy.Symbol, float]:
+    """What is given, with the definitions that follow from it."""
+    values = dict(given)
+    for symbol, arguments, function in _steps(model):
+        values[symbol] = function(*(values[a] for a in arguments))
+    return values
+
+
+@lru_cache(maxsize=8)
+def _steps(model: Model) -> list[tuple[sympy.Symbol, list[sympy.Symbol], Callable[..., float]]]:
+    """The definitions in their order: each symbol, with what it is a function of."""
+    return [(d.quantity.symbol, *evaluator(d.expression)) for d in model.definitions]
 
 
 @lru_cache(maxsize=8)
 def _evaluator(model: Model) -> Callable[[dict[sympy.Symbol, float]], np.ndarray]:
     """The derivatives of the states as a function of everything that is given; nan where they have no value."""
-    steps = [(d.quantity.symbol, *evaluator(d.expression)) for d in model.definitions]
     ends = [evaluator(s.derivative) for s in model.states]
 
     def evaluate(given: dict[sympy.Symbol, float]) -> np.ndarray:
-        values = dict(given)
-        for symbol, arguments, function in steps:
-            values[symbol] = function(*(values[a] for a in arguments))
+        values = _defined(model, given)
         return np.array([function(*(values[a] for a in arguments)) for arguments, function in ends])
 
     return evaluate

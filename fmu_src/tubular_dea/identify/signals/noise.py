@@ -105,10 +105,9 @@ class Noise:
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
-    enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch.
-    `driven` is white noise on top (the
-    same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain` is the step (the
-    same unit) that readings are rounded to where that is coarse beside the noise, else 0.
+    enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch. `driven` is white
+    noise on top (the same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain`
+    is the step (the same unit) that readings are rounded to where that is coarse beside the noise, else 0.
     """
 
     rms: float
