@@ -205,7 +205,7 @@ def test_long_experiments_are_kept_for_fits(
     monkeypatch: pytest.MonkeyPatch, sizes: list[int], wanted: list[float], held: list[int]
 ) -> None:
     information = SimpleNamespace(worth=lambda chosen: sum(wanted[i] for i in chosen))
-    monkeypatch.setattr(held_out, "_information", lambda study: information)
+    monkeypatch.setattr(held_out, "_information", lambda study, effects: information)
     study = Pieces([Piece(np.zeros(n)) for n in sizes])
     chosen = held_out.with_held_out(study)
     assert [i for i, p in enumerate(chosen.pieces) if p.held_out] == held

@@ -134,9 +134,11 @@ def discover(
         tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
         pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
         work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
-    numeric = numerics.numeric_gain(work, fitted.values)
-    found = _searched(work, fitted, numeric, seed, tell)
-    found = _from_equilibrium(prepared, found, recordings, seed, tell)
+    numeric, found = _found(prepared, work, fitted, recordings, seed, tell)
+    other = _held_out_anew(prepared, found) if held_out is None else None
+    if other is not None:
+        tell(f"the held-out experiments hardly show {', '.join(found.chosen.ids)}: others are held out now")
+        numeric, found = _found(other, *_recalibrated(other, seed, True), recordings, seed, tell)
     work, fitted = found.study, found.base.fitted
     isolated = None
     if found.chosen.ids or not acceptance.clean(found.base.lack_of_fit):
@@ -194,6 +196,26 @@ def _check_enough(recordings: Recordings, count: int, what: str) -> None:
             f"{recordings.source}: {count} {what} are too few to distinguish an effect from noise; "
             f"expected at least {LEAST_SAMPLES}: record longer, or more experiments"
         )
+
+
+def _found(
+    prepared: Study, work: Study, fitted: Fit, recordings: Recordings, seed: int, tell: Progress
+) -> tuple[float, Search]:
+    """What numerical errors may gain, and the search."""
+    numeric = numerics.numeric_gain(work, fitted.values)
+    return numeric, _from_equilibrium(prepared, _searched(work, fitted, numeric, seed, tell), recordings, seed, tell)
+
+
+def _held_out_anew(prepared: Study, found: Search) -> Study | None:
+    """The study with experiments held out that show what was found, where the present ones do not support it though
+    it gains much and experiments left out in turn do; None where they do, and where there are no others."""
+    base, chosen = found.base, found.chosen
+    if not chosen.ids or acceptance.far(chosen) or acceptance.confirmed(base, chosen):
+        return None
+    if base.cost - chosen.cost < acceptance.STRONG * found.rounds[0].threshold or chosen.across >= base.across:
+        return None
+    other = with_held_out(prepared, chosen.ids)
+    return None if [p.held_out for p in other.pieces] == [p.held_out for p in prepared.pieces] else other
 
 
 def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progress) -> Search:

@@ -19,7 +19,7 @@ from ..cosim.heart_assist import models as heart_models
 from ..emit.variables import guid
 from ..errors import UserError
 from ..export.compile import native_source
-from ..export.package import KERNEL_SOURCES, core_sources
+from ..export.package import KERNEL_SOURCES, core_sources, one_unit
 from ..export.remembered import fingerprint
 from ..export.wasm import remembered_module, wasm_module
 from ..files import write_atomically
@@ -169,7 +169,8 @@ def _compiled(models: _Models) -> bytes:
     parts["all_"] = core_sources(undelayed(models.everything)[0]) | kernel
     functions = [f"{part}kernel_{f}" for part in ("tube_", "all_") for f in ("trajectory", "curve")]
     exports = ("malloc", "free", *functions, *(EXPORTS if heart else ()))
-    return wasm_module(parts, heart.shared if heart else {}, exports)
+    units = {prefix: one_unit(sources) for prefix, sources in parts.items()}
+    return wasm_module(units, heart.shared if heart else {}, exports)
 
 
 def _folder_hash(name: str) -> str:

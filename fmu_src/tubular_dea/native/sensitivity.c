@@ -117,7 +117,7 @@ static int is_known(const Instance *instance, unsigned vr)
            (instance->now.mode != INITIALIZATION && (kind == STATE || kind == TIME));
 }
 
-static Status check(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known)
+static Status check_request(Instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known)
 {
     for (size_t i = 0; i < n_unknown; i++)
         if (!is_unknown(unknown[i]))
@@ -155,7 +155,7 @@ Status instance_directional(Instance *instance, const unsigned *unknown, size_t 
                             size_t n_known, const double *seeds, double *sensitivity)
 {
     if ((n_unknown && (!unknown || !sensitivity)) || (n_known && (!known || !seeds))) return null_arrays(instance);
-    const Status status = check(instance, unknown, n_unknown, known, n_known);
+    const Status status = check_request(instance, unknown, n_unknown, known, n_known);
     if (status != STATUS_OK) return status;
     Tangent v;
     memset(&v, 0, sizeof v);
@@ -170,7 +170,7 @@ Status instance_adjoint(Instance *instance, const unsigned *unknown, size_t n_un
                         size_t n_known, const double *seeds, double *sensitivity)
 {
     if ((n_unknown && (!unknown || !seeds)) || (n_known && (!known || !sensitivity))) return null_arrays(instance);
-    const Status status = check(instance, unknown, n_unknown, known, n_known);
+    const Status status = check_request(instance, unknown, n_unknown, known, n_known);
     if (status != STATUS_OK) return status;
     for (size_t k = 0; k < n_known; k++) {
         Tangent v;

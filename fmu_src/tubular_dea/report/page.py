@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import plotly.graph_objects as go
+from plotly.io import templates, to_html
 from plotly.offline import get_plotlyjs
 
 from ..emit.tables import SCROLLS
@@ -103,12 +104,15 @@ class Page:
         """A plotly figure with a caption in words; its legend is above it, below the toolbar, unless it has a place."""
         above = len(figure.data) > 1 and figure.layout.legend.x is None
         margin = {"l": 60, "r": 20, "t": 64 if above else 30, "b": 50}
-        figure.update_layout(template="plotly_white", colorway=COLOURS, margin=margin)
+        figure.update_layout(colorway=COLOURS, margin=margin)
         if above:
             figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"})
-        drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure{len(self._parts)}")
+        drawn = figure.to_plotly_json()
+        drawn["layout"]["template"] = templates["plotly_white"].to_plotly_json()  # setting it in a figure takes 12 ms
+        place = f"figure{len(self._parts)}"
+        text = to_html(drawn, full_html=False, include_plotlyjs=False, div_id=place, validate=False)
         note = f'<figcaption class="note">{html.escape(caption)}</figcaption>'
-        self._parts.append(f"<figure>{drawn}{note}</figure>")
+        self._parts.append(f"<figure>{text}{note}</figure>")
         self._zoomed = True
 
     def document(self) -> str:

@@ -8,12 +8,15 @@ little.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...identify.fitting.compiled import Ids
 from ...identify.study.study import HELD_SHARE, Study
 from ...kernel import KernelError
+from ...model.effect import Effect
 from . import bank
 from .parameters import base_parameters
 
@@ -46,12 +49,13 @@ class _Information:
         return 0.5 * np.log(np.diag(np.linalg.inv(total)))
 
 
-def with_held_out(study: Study) -> Study:
-    """The study with held-out pieces chosen by their information; unchanged where the model cannot be solved yet."""
+def with_held_out(study: Study, shown: Ids = ()) -> Study:
+    """The study with held-out pieces chosen by their information, so that they confirm the effects `shown` (all of the
+    catalogue without any); unchanged where the model cannot be solved yet."""
     if len(study.pieces) < FEWEST_HELD_FROM:
         return study
     try:
-        information = _information(study)
+        information = _information(study, [study.catalogue[i] for i in shown] or None)
     except KernelError:
         return study
     chosen: list[int] = []
@@ -67,14 +71,14 @@ def with_held_out(study: Study) -> Study:
     return replace(study, pieces=[replace(p, held_out=i in chosen) for i, p in enumerate(study.pieces)])
 
 
-def _information(study: Study) -> _Information:
+def _information(study: Study, effects: Sequence[Effect] | None) -> _Information:
     everyone = replace(study, pieces=[replace(p, held_out=False) for p in study.pieces])
     values = study.plant.model.parameter_values()
     problem = everyone.problem((), base_parameters(study.plant), {})
     residual, jacobian = problem.linearised(problem.scaled(values))
     ends = np.cumsum([p.record.size for p in study.pieces])
     parts = np.split(jacobian[: ends[-1]], ends[:-1])
-    listed = bank.candidates_at(everyone, values, residual.size, points=bank.middle_point)
+    listed = bank.candidates_at(everyone, values, residual.size, effects=effects, points=bank.middle_point)
     squares = np.array([[np.sum(part**2) for part in np.split(c.columns[: ends[-1]], ends[:-1])] for c in listed])
     shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), 1e-300)
     return _Information(shares, np.array([part.T @ part for part in parts]))

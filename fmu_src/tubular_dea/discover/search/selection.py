@@ -27,9 +27,10 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
 SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 
-# Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, and
-# before it with instants of its own. Check: `python -m blind.score --singles 1 --only pressure_offset --seed 420000`
-BEHIND = 0.1  # [1] share of what a choice explains by which those are behind that are tried in place of two effects
+# Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, in
+# another set by a seventh, and before it with instants of its own.
+# Check: `python -m blind.score --singles 1 --only pressure_offset --seed 640000`
+BEHIND = 0.2  # [1] share of what a choice explains by which those are behind that may be before it with their own
 
 # Set by measurement: an added mass scored 1255 (the best, a delay, 1261), gained 4 with the switching instants of the
 # base and 2100 with its own. Check: `python -m blind.score --singles 1 --only added_mass --seed 9900`
@@ -136,14 +137,16 @@ def _pairs_with(study: Study, first: Option, tell: Progress) -> list[Option]:
 
 def _settle(found: Search, without: Option, tell: Progress) -> None:
     """Estimate the nuisance parameters again with the chosen effects and refit the choice; then the same for rivals
-    that were behind by no more than the choice gains by it, or had promised more over the choice `without` it."""
+    that were behind by so little that it may bring them before it, or had promised more over the choice `without`
+    it."""
     tell("switching instants and zeros")
     before, name = found.chosen, found.chosen.ids[-1]
     found.study, found.chosen = own_nuisances(found.study, before)
     gained = before.misfit - found.chosen.misfit
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
-    near = [r for r in alike if gained >= AGREE and r.misfit - before.misfit < gained][:SETTLED_RIVALS]
-    stuck = [r for r in alike if not any(r is n for n in near) and _promised_more(found, without, r)]
+    reach = max(gained, BEHIND * (found.base.misfit - before.misfit))
+    stuck = [r for r in alike if _promised_more(found, without, r)]
+    near = [r for r in alike if r.misfit - before.misfit < reach and not any(r is s for s in stuck)][:SETTLED_RIVALS]
     if not near and not stuck:
         return
     settled = side_by_side(lambda r: own_nuisances(found.study, r), near)

@@ -47,19 +47,16 @@ def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple
 
 
 def iterated(study: Study, one: Option) -> tuple[Study, Option]:
-    """An option and its nuisance parameters, each taken anew until the option gains no more.
-
-    The first time they become its own, whatever that costs; after that, none are taken that fit it worse.
-    """
-    for turn in range(MOST_SETTLES):
+    """An option and its nuisance parameters, each taken anew until the option gains no more."""
+    for _ in range(MOST_SETTLES):
         moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
         again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
         if again is None:
             break
         gained = one.misfit - again.misfit
-        if turn and gained < 0:
+        if gained < 0:
             break
         study, one = moved, again
-        if abs(gained) < AGREE:
+        if gained < AGREE:
             break
     return study, one
