@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from made_up import option
+from made_up import found, option
+from tubular_dea.discover import engine
 from tubular_dea.discover.options import options
+from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import held_out, power
 from tubular_dea.discover.scores.bank import Score
 from tubular_dea.discover.search import rounds
+from tubular_dea.discover.search.rounds import Round
 
 
 def scored(*statistics: float) -> list[Score]:
@@ -221,3 +224,23 @@ def test_beyond_its_grid_the_gain_of_a_lag_grows_with_a_power_of_its_length() ->
     assert crossing(1.0, 2 * np.log(0.5)) == pytest.approx(0.5)  # but with the square at least
     assert crossing(9.0, 4 * np.log(0.5)) == pytest.approx(0.5)  # and the fourth power at most
     assert crossing(1.0, np.log(4.0) + 2 * np.log(2.0)) == pytest.approx(8.0)  # above, with the square
+
+
+def test_experiments_are_held_out_anew_where_those_held_out_do_not_show_what_the_others_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pieces = [Piece(np.zeros(500)) for _ in range(5)]
+    prepared, shows = Pieces(pieces), Pieces([replace(p, held_out=i == 2) for i, p in enumerate(pieces)])
+    monkeypatch.setattr(engine, "with_held_out", lambda study, ids: shows if ids == ("lag",) else study)
+    base = option(excess=900.0, held_out=2000.0)
+    step = Round((), [], None, 30.0, [], True, "")
+
+    def other(chosen: Option) -> object:
+        return engine._held_out_anew(prepared, found(base, chosen, rounds=[step]))
+
+    assert other(option("lag", excess=0.0, held_out=2005.0, turned=0.1)) is shows
+    assert other(option("lag", excess=0.0, held_out=1990.0, turned=0.1)) is None  # they support it
+    assert other(option("lag", excess=850.0, held_out=2005.0, turned=0.1)) is None  # it gains little
+    assert other(option("lag", excess=0.0, across=base.across, held_out=2005.0, turned=0.1)) is None  # nothing does
+    assert other(option("creep", excess=0.0, held_out=2005.0, turned=0.1)) is None  # there are no others
+    assert other(option(excess=900.0)) is None

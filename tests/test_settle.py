@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import tubular_dea as td
+from made_up import option
 from tubular_dea.discover.options.options import fitted_option
 from tubular_dea.discover.scores.parameters import lost
+from tubular_dea.discover.search import settle
 from tubular_dea.discover.search.settle import iterated, own_nuisances
 from tubular_dea.identify.study.study import PRIOR, study
 from tubular_dea.plants.tube import PLANT
@@ -35,3 +38,13 @@ def test_a_lost_fit_is_found_again() -> None:
     found = own_nuisances(work, astray)[1]
     assert found.misfit < stuck.misfit - 100
     assert not lost(PLANT, found.fitted)
+
+
+def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    for left, turns in (([900.0, 950.0], 1), ([1100.0], 0), ([900.0, 800.0, 800.0], 3)):
+        reached = iter([option("lag", excess=e) for e in left])
+        monkeypatch.setattr(settle, "adjusted", lambda study, ids, values, free: study + 1)
+        monkeypatch.setattr(settle, "fitted_option", lambda study, ids, start, refined, r=reached: next(r))
+        begun = option("lag", excess=1000.0)
+        study, best = iterated(0, begun)
+        assert (study, best.misfit) == (turns, option("lag", excess=[1000.0, *left][turns]).misfit)
