@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ...identify.fitting.fit import Fit
-from ...identify.study.adjust import adjusted
+from ...identify.study.adjust import adjusted, with_all_columns
 from ...identify.study.common_nuisances import common_nuisances
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
@@ -115,11 +115,16 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
             else:  # the model has no answer there
                 search.ended = True
 
+    training = replace(study, pieces=study.training)
+    if any(s.taken and not s.ended for s in searches.values()):
+        known = with_all_columns(training, (), fitted.values)
+        training = replace(training, pieces=[p or q for p, q in zip(known, study.training, strict=True)])
+
     def limit(guess: Guess) -> float | None:
         search = searches.get(guess.effect.id)
         if search is None:
             return None
-        followed = _followed(study, fitted, guess, search.sizes[-1]) if search.taken and not search.ended else None
+        followed = _followed(training, fitted, guess, search.sizes[-1]) if search.taken and not search.ended else None
         return search.sizes[-1] if followed is None else _next(search.sizes[-1:], [followed], least, guess.growth)
 
     return {g.effect.id: {g.name: size} for g, size in zip(guessed, side_by_side(limit, guessed), strict=True)}
@@ -155,19 +160,19 @@ def _chords(study: Study, fitted: Fit, searches: Sequence[_SizeSearch]) -> dict[
     return {c.effect.id: replace(c, columns=strengths[c.effect.id] * c.columns[:, :1]) for c in made}
 
 
-def _followed(study: Study, fitted: Fit, guess: Guess, size: float) -> float | None:
-    """What an effect of that size scores once each record's own numbers are estimated from what it makes of them; None
-    where it cannot be simulated."""
+def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float | None:
+    """What an effect of that size scores in `training` once each record's own numbers are estimated from what it makes
+    of them; None where it cannot be simulated."""
     shape, strength = guess.at(size)
-    kernel = study.compiled.scorers((), None)[guess.effect.id]
-    off = {n: v for name in kernel.model.effects for n, v in switched_off(study.catalogue[name]).items()}
+    kernel = training.compiled.scorers((), None)[guess.effect.id]
+    off = {n: v for name in kernel.model.effects for n, v in switched_off(training.catalogue[name]).items()}
     effect = {n: guess.effect.off[n] + v for n, v in strength.items()}
-    response = study.response((), study.training).by(kernel)
+    response = training.response((), training.pieces).by(kernel)
     try:
         read = response.outputs_alone(off | fitted.values | shape | effect)
-        work = replace(study, pieces=[replace(p, record=r) for p, r in zip(study.training, read, strict=True)])
+        work = replace(training, pieces=[replace(p, record=r) for p, r in zip(training.pieces, read, strict=True)])
         for _ in range(FOLLOWS):
-            work = adjusted(work, (), fitted.values, fitted.free)
+            work = adjusted(work, (), fitted.values, fitted.free, columns_known=True)
         problem = work.problem((), fitted.free, fitted.values)
         residual, jacobian = problem.linearised(problem.scaled(fitted.values))
     except KernelError:

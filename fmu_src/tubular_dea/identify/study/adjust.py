@@ -39,7 +39,12 @@ NARROWER = tuple(2.0**k for k in range(13))  # [1] times by which their priors a
 
 
 def adjusted(
-    study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = (), started: bool = True
+    study: Study,
+    ids: Ids,
+    values: Mapping[str, float],
+    free: Sequence[Free] = (),
+    started: bool = True,
+    columns_known: bool = False,
 ) -> Study:
     """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
 
@@ -64,6 +69,12 @@ def adjusted(
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
     return replace(work, pieces=carried(everyone))
+
+
+def with_all_columns(study: Study, ids: Ids, values: Mapping[str, float]) -> list[Piece | None]:
+    """The pieces with what their nuisance parameters change at a model; None where that has no answer."""
+    fixed = study.shared(values) | study.geometry
+    return side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
 
 
 def _settled(
