@@ -424,6 +424,13 @@ def test_noise_is_no_larger_than_the_residual_that_it_is_part_of() -> None:
     assert found.innovation == pytest.approx(known.innovation, rel=0.03)
 
 
+@pytest.mark.parametrize("quiet", [True, False])
+def test_noise_that_a_residual_limits_is_rounded_to_the_same_steps(quiet: bool) -> None:
+    left = [Colour(0.0, 0.0).sample(4000, np.random.default_rng(seed)) for seed in range(3)]
+    found = noise_bound.limited(Noise(30.0, 0.0, 1e4, quiet=quiet, grain=2.0), left)
+    assert found.rms < 10.0 and found.grain == 2.0
+
+
 def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
     before, best = option(excess=900.0, z_slow=9.0), option("lag", excess=0.0, held_out=1500.0)
     assert acceptance.accept(BASE, before, best, 40.0)[0]

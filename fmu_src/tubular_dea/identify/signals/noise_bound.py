@@ -53,6 +53,7 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
             form=known.form,
             quiet=known.quiet,
             slow_known=known.slow_known,
+            grain=known.grain,
         )
     if hummed and innovation > bound:
         known = replace(known, rms=known.rms * bound / innovation)
@@ -63,7 +64,9 @@ def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
     """Noise no louder than it can be where the residuals (each (n,)) are calm: noise is at every frequency, and more
     than a brief memory cannot be told from what a model lacks."""
     most = BRIEFLY_COLOURED * calmest(left)
-    return known if known.rms <= most else Noise(most, 0.0, known.freedom, known.hum, form=known.form, quiet=False)
+    if known.rms <= most:
+        return known
+    return Noise(most, 0.0, known.freedom, known.hum, form=known.form, quiet=False, grain=known.grain)
 
 
 def calmest(records: list[np.ndarray]) -> float:
