@@ -157,6 +157,25 @@ def test_an_input_that_moves_at_once_began_up_to_a_sample_earlier(late: float, l
         assert np.mean(begun) == pytest.approx(-late, abs=0.0005)
 
 
+@pytest.mark.parametrize("lasting", [0.1, 0.2, 0.4])
+def test_a_filter_lets_an_input_seem_to_begin_later(lasting: float) -> None:
+    """Begun with the first sample, a line would be off by 50 to 80 Pa until its next corner: two or three times the
+    noise."""
+    time, missed = 0.004 * np.arange(500), []
+    true = np.interp(time - 0.005, [0.0, lasting, 2 * lasting], [0, 1e4, 0])
+    for number in range(20):
+        noise = 25.0 * np.random.default_rng(number).standard_normal(time.size)
+        experiments = [Experiment("file", time, {"pressure": true + noise, "voltage": 0 * time}, {}, np.arange(500))]
+        (one,) = zeroed(experiments, drives(experiments, PLANT.inputs), PLANT)
+        line = one.lines["pressure"]
+        missed.append(np.interp(time, line.time, line.values)[:14] - true[:14])
+        assert one.protocol.time[0] == 0.0
+        later, earlier = one.begun_later("pressure", 1e-4).lines["pressure"], one.begun_later("pressure", -0.01)
+        assert later.begin == pytest.approx(line.begin + 1e-4)
+        assert earlier.protocol.time[0] == earlier.lines["pressure"].begin == pytest.approx(line.begin - 0.01)
+    assert np.sqrt(np.mean(np.square(missed))) < 30.0
+
+
 def test_an_input_that_rests_begins_with_its_first_sample() -> None:
     experiments, driven = at_rest([0.0])
     (one,) = zeroed(experiments, driven, PLANT)

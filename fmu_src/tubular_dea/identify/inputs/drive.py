@@ -105,7 +105,7 @@ class Drive:
     def begun_later(self, name: str, by: float) -> Drive:
         """The drive with an input that began to move `by` [s] later."""
         line = self.lines[name]
-        lines = dict(self.lines) | {name: line.begun_at(float(line.time[0]) + by)}
+        lines = dict(self.lines) | {name: line.begun_at(line.begin + by)}
         return replace(self, lines=lines, protocol=joined([(x.time, x.values) for x in lines.values()], list(lines)))
 
     def moved(self, shifts: np.ndarray, longer: Mapping[str, float] | None = None) -> Protocol:

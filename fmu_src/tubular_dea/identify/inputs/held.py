@@ -79,9 +79,18 @@ class HeldLine:
         )
         return HeldLine(*(np.insert(known, after, new) for known, new in added))
 
+    @property
+    def begin(self) -> float:
+        """When it begins to move [s]: at its first point, or at the second after a rest."""
+        return float(self.time[1 if self.values[0] == self.values[1] else 0])
+
     def begun_at(self, time: float) -> HeldLine:
-        """With its first point at another `time` [s]."""
-        return replace(self, time=np.append(time, self.time[1:]))
+        """With its begin at another `time` [s]: at its first point, or after a rest from there."""
+        rested, rest = int(self.values[0] == self.values[1]), int(time > self.time[0])
+        kept = np.r_[np.full(rest, rested), rested : self.time.size]
+        line = HeldLine(*(known[kept] for known in (self.time, self.values, self.edge, self.side, self.slope)))
+        line.time[: 1 + rest] = [*self.time[:rest], min(time, float(line.time[1 + rest]))]
+        return line
 
     def in_order(self) -> HeldLine:
         """With times that never fall."""

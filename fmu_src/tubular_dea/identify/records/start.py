@@ -42,7 +42,8 @@ MOVED = 3.0  # [standard deviations] of a monitor's noise by which a line that r
 SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
 AT_FIRST = 0.5  # [1] of rigs that begin with a sample; the others do so anywhere between two
-BEGINS = 41  # [1] places between two samples that are compared
+BEGINS = 40  # [1] places between two samples that are compared
+LATEST_BEGIN = 2  # [samples] after the first one that filters let an input seem to begin
 LARGE_SHARE = 0.99  # [1] quantile of a signal that stands for its largest value
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
 
@@ -101,7 +102,7 @@ def zeroed(
     begun = [
         _from_nothing(e, d, plant, s, r) for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
     ]
-    return [d.without(z, s, levels) if s else d for d, z, s in zip(begun, zeros, still, strict=True)]
+    return [d.without(z, s, levels) if s else d for (d, s), z in zip(begun, zeros, strict=True)]
 
 
 def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input) -> bool:
@@ -114,42 +115,52 @@ def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input
 
 def _from_nothing(
     experiment: Experiment, driven: Drive, plant: Plant, still: Mapping[str, int], nothing: Mapping[str, float]
-) -> Drive:
-    """The drive with lines that move at once begun at what is `nothing` there, up to a sample before the first one.
+) -> tuple[Drive, dict[str, int]]:
+    """The drive with lines that move at once begun at what is `nothing` there, and how many points are `still`: two
+    where they begin after the first sample.
 
     A point some samples from the start sees to it that only up to there they are changed.
     """
     at = float(experiment.time[min(FIRST_SAMPLES, experiment.time.size - 1)])
-    lines, begun = dict(driven.lines), {}
+    lines, begun, points = dict(driven.lines), {}, dict(still)
     for signal in plant.inputs:
         if still.get(signal.name) == 1:
             line = lines[signal.name].with_time(at)
             begins = _begun(experiment, driven, signal, line, nothing[signal.name])
             lines[signal.name], begun[signal.name] = line.begun_at(begins[0]), begins[1]
-    return replace(driven, lines=lines, begun=begun)
+            points[signal.name] += begins[0] > line.time[0]
+    return replace(driven, lines=lines, begun=begun), points
 
 
 def _begun(experiment: Experiment, driven: Drive, signal: Input, line: HeldLine, nothing: float) -> tuple[float, float]:
     """When an input that moves from the first sample on began to, and the standard deviation of that [s].
 
-    It began with the first sample, as where one clock runs both, or anywhere in the interval before. A line through its
-    first samples meets `nothing` there, but for the noise and the zero of its monitor.
+    It began with the first sample, as where one clock runs both, anywhere in the interval before, or behind a filter
+    seems to some samples later. From `nothing` on, a line through the first samples leaves there, but for the noise and
+    the zero of its monitor.
     """
-    time, part = experiment.time, np.linspace(-1.0, 0.0, BEGINS)
+    time, part = experiment.time, np.arange(-BEGINS, LATEST_BEGIN * BEGINS + 1) / BEGINS
     samples = min(FIRST_SAMPLES, max(int(np.searchsorted(time, line.time[1])), 2), time.size)
-    after = (time[:samples] - time[0]) / (time[1] - time[0])
-    terms = np.vander(after, 3 if samples > FIRST_SAMPLES // 2 else 2, increasing=True)
-    (first, slope, *_), *_ = np.linalg.lstsq(terms, experiment.inputs[signal.name][:samples] - nothing, rcond=None)
-    error = np.hypot(driven.noise[signal.name] * np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0]), signal.zero)
-    if error == 0.0 or slope == 0.0:
+    after, values = (time[:samples] - time[0]) / (time[1] - time[0]), experiment.inputs[signal.name][:samples] - nothing
+    noise = np.hypot(driven.noise[signal.name], np.ptp(values) / samples / BEGINS)  # and how finely it is tried
+    if noise == 0.0:
         return float(time[0]), 0.0
-    chance = np.append(np.full(BEGINS - 1, (1 - AT_FIRST) / (BEGINS - 1)), AT_FIRST)
-    chance *= np.exp(-0.5 * ((first + slope * part) / error) ** 2)
-    if not chance.any():
-        return float(time[0]), 0.0
+    left = np.array([_left_of_hinge(after - by, values / noise, signal.zero / noise) for by in part])
+    chance = np.where(part == 0, AT_FIRST, (1 - AT_FIRST) / BEGINS) * np.exp(0.5 * (left.min() - left))
     mean = float(np.average(part, weights=chance))
     spread = float(np.sqrt(np.average((part - mean) ** 2, weights=chance)))
     return float(time[0] + mean * (time[1] - time[0])), spread * float(time[1] - time[0])
+
+
+def _left_of_hinge(after: np.ndarray, values: np.ndarray, zero: float) -> float:
+    """What a line from 0 at `after` (n,) = 0, bent where that is long enough to tell, leaves of `values` (n,), squared;
+    `zero` is the standard deviation of an offset. Both are in units of the noise."""
+    moved, bent = np.maximum(after, 0.0), after.size > FIRST_SAMPLES // 2
+    terms = np.column_stack([moved, *([moved**2] if bent else []), np.full(after.size, zero)])
+    prior = np.append(np.zeros(terms.shape[1] - 1), 1.0)
+    rows, target = np.vstack([terms, prior]), np.append(values, 0.0)
+    solved, *_ = np.linalg.lstsq(rows, target, rcond=None)
+    return float(np.sum((rows @ solved - target) ** 2))
 
 
 def _in_common(zeros: np.ndarray, usual: float) -> float:
