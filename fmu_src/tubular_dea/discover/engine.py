@@ -62,6 +62,7 @@ class Discovery:
     """The result of a discovery and how it was found: the source of result.json and the report.
 
     `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
+    `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 
     recordings: Recordings
@@ -80,6 +81,7 @@ class Discovery:
     wandering: tuple[str, float] | None = None
     shifted: zeros.Shift | None = None
     limits: dict[str, Sizes] = field(default_factory=dict)
+    held_at_first: tuple[str, ...] = ()
 
     @property
     def base(self) -> Option:
@@ -128,7 +130,7 @@ def discover(
         work = with_held_out(work)
     _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
     tell("recalibrate the base model")
-    prepared = work
+    prepared, held_at_first = work, tuple(p.name for p in work.held_out)
     work, fitted = _recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
         tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
@@ -136,7 +138,9 @@ def discover(
         work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
     numeric, found = _found(prepared, work, fitted, recordings, seed, tell)
     other = _held_out_anew(prepared, found) if held_out is None else None
-    if other is not None:
+    if other is None:
+        held_at_first = ()
+    else:
         tell(f"the held-out experiments hardly show {', '.join(found.chosen.ids)}: others are held out now")
         numeric, found = _found(other, *_recalibrated(other, seed, True), recordings, seed, tell)
     work, fitted = found.study, found.base.fitted
@@ -177,6 +181,7 @@ def discover(
         wandering,
         shifted,
         _limits(found),
+        held_at_first,
     )
 
 

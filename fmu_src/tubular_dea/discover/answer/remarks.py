@@ -37,7 +37,14 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_implausible(found),
         *swinging,
     ]
-    said += [*_partly(found), *_starts(found), *_spread(found), *_wandering(found), *_coloured(found)]
+    said += [
+        *_held_anew(found),
+        *_partly(found),
+        *_starts(found),
+        *_spread(found),
+        *_wandering(found),
+        *_coloured(found),
+    ]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
 
@@ -57,6 +64,14 @@ def _one_point(found: Discovery) -> list[str]:
     said = "All recordings repeat one course at one operating point: the model is validated only there."
     held = " Held-out data repeat the data of the fits, and cannot show which law is right."
     return [said + held * bool(found.study.held_out)]
+
+
+def _held_anew(found: Discovery) -> list[str]:
+    """A remark if others are held out than at first: what is held out was chosen after a look at the data."""
+    if not found.held_at_first:
+        return []
+    first, now = (", ".join(names) for names in (found.held_at_first, [p.name for p in found.study.held_out]))
+    return [f"Held out at first were {first}, which hardly show what the other experiments do; held out now are {now}."]
 
 
 def _ended(found: Discovery) -> list[str]:

@@ -99,10 +99,17 @@ def zeroed(
             if signal.linear and i not in seen and _may_begin_with_nothing(experiments[i], drives[i], signal):
                 still[i][signal.name] = 1  # it moves at once, from nothing
     shown_at_rest = [{n: z.get(n, 0.0) + level for n, level in levels.items()} for z in zeros]
+    latest = LATEST_BEGIN if may_be_filtered(drives) else 0
     begun = [
-        _from_nothing(e, d, plant, s, r) for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
+        _from_nothing(e, d, plant, s, r, latest)
+        for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
     ]
     return [d.without(z, s, levels) if s else d for (d, s), z in zip(begun, zeros, strict=True)]
+
+
+def may_be_filtered(drives: Sequence[Drive]) -> bool:
+    """Whether the monitors of some records may have a filter: not where inputs switch from one sample to the next."""
+    return not any(d.edges and not d.shown for d in drives)
 
 
 def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input) -> bool:
@@ -114,7 +121,12 @@ def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input
 
 
 def _from_nothing(
-    experiment: Experiment, driven: Drive, plant: Plant, still: Mapping[str, int], nothing: Mapping[str, float]
+    experiment: Experiment,
+    driven: Drive,
+    plant: Plant,
+    still: Mapping[str, int],
+    nothing: Mapping[str, float],
+    latest: int,
 ) -> tuple[Drive, dict[str, int]]:
     """The drive with lines that move at once begun at what is `nothing` there, and how many points are `still`: two
     where they begin after the first sample.
@@ -126,20 +138,22 @@ def _from_nothing(
     for signal in plant.inputs:
         if still.get(signal.name) == 1:
             line = lines[signal.name].with_time(at)
-            begins = _begun(experiment, driven, signal, line, nothing[signal.name])
+            begins = _begun(experiment, driven, signal, line, nothing[signal.name], latest)
             lines[signal.name], begun[signal.name] = line.begun_at(begins[0]), begins[1]
             points[signal.name] += begins[0] > line.time[0]
     return replace(driven, lines=lines, begun=begun), points
 
 
-def _begun(experiment: Experiment, driven: Drive, signal: Input, line: HeldLine, nothing: float) -> tuple[float, float]:
+def _begun(
+    experiment: Experiment, driven: Drive, signal: Input, line: HeldLine, nothing: float, latest: int
+) -> tuple[float, float]:
     """When an input that moves from the first sample on began to, and the standard deviation of that [s].
 
     It began with the first sample, as where one clock runs both, anywhere in the interval before, or behind a filter
-    seems to some samples later. From `nothing` on, a line through the first samples leaves there, but for the noise and
-    the zero of its monitor.
+    seems to `latest` samples later at most. From `nothing` on, a line through the first samples leaves there, but for
+    the noise and the zero of its monitor.
     """
-    time, part = experiment.time, np.arange(-BEGINS, LATEST_BEGIN * BEGINS + 1) / BEGINS
+    time, part = experiment.time, np.arange(-BEGINS, latest * BEGINS + 1) / BEGINS
     samples = min(FIRST_SAMPLES, max(int(np.searchsorted(time, line.time[1])), 2), time.size)
     after, values = (time[:samples] - time[0]) / (time[1] - time[0]), experiment.inputs[signal.name][:samples] - nothing
     noise = np.hypot(driven.noise[signal.name], np.ptp(values) / samples / BEGINS)  # and how finely it is tried

@@ -22,7 +22,7 @@ from ..inputs.drive import Drive, without_hum
 from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.data import Experiment, Recordings
-from ..records.start import MOVED, RESTED, UNKNOWN, loosened, zeroed
+from ..records.start import MOVED, RESTED, UNKNOWN, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
@@ -148,8 +148,8 @@ class Study:
 
     @property
     def filtered(self) -> bool:
-        """Whether the monitors may have a filter: not where inputs switch from one sample to the next."""
-        return not any(p.driven.edges and not p.driven.shown for p in self.pieces)
+        """Whether the monitors may have a filter."""
+        return may_be_filtered([p.driven for p in self.pieces])
 
     @property
     def rises(self) -> dict[str, Rise]:
