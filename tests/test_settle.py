@@ -41,10 +41,14 @@ def test_a_lost_fit_is_found_again() -> None:
 
 
 def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatch: pytest.MonkeyPatch) -> None:
-    for left, turns in (([900.0, 950.0], 1), ([1100.0], 0), ([900.0, 800.0, 800.0], 3)):
-        reached = iter([option("lag", excess=e) for e in left])
+    for left, turns, z_slow in (
+        ([90.0, 95.0], 1, 0.0),
+        ([110.0], 0, 0.0),
+        ([110.0, 115.0], 1, 90.0),  # they stood for what it lacks
+        ([90.0, 80.0, 80.0], 3, 0.0),
+    ):
+        reached = iter([option("lag", excess=e, z_slow=z_slow) for e in left])
         monkeypatch.setattr(settle, "adjusted", lambda study, ids, values, free: study + 1)
         monkeypatch.setattr(settle, "fitted_option", lambda study, ids, start, refined, r=reached: next(r))
-        begun = option("lag", excess=1000.0)
-        study, best = iterated(0, begun)
-        assert (study, best.misfit) == (turns, option("lag", excess=[1000.0, *left][turns]).misfit)
+        study, best = iterated(0, option("lag", excess=100.0, z_slow=z_slow))
+        assert (study, best.misfit) == (turns, option("lag", excess=[100.0, *left][turns]).misfit)

@@ -9,7 +9,7 @@ from ...identify.fitting.fit import AGREE, Fit, FitError
 from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
-from ..options.acceptance import far, last_undenied
+from ..options.acceptance import clean, far, last_undenied
 from ..options.options import Option, fitted_option, option
 from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start_values
 from ..scores import bank
@@ -27,10 +27,13 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
 SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 
-# Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, in
-# another set by a seventh, and before it with instants of its own.
+# Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, and
+# before it with instants of its own. Check: `python -m blind.score --singles 1 --only pressure_offset --seed 420000`
+BEHIND = 0.1  # [1] share of what a choice explains by which those are behind that are tried in place of two effects
+
+# Set by measurement: in another set it was behind by a seventh.
 # Check: `python -m blind.score --singles 1 --only pressure_offset --seed 640000`
-BEHIND = 0.2  # [1] share of what a choice explains by which those are behind that may be before it with their own
+ABSORBED = 0.2  # [1] share of what a choice explains that numbers of a record's own may keep a rival from explaining
 
 # Set by measurement: an added mass scored 1255 (the best, a delay, 1261), gained 4 with the switching instants of the
 # base and 2100 with its own. Check: `python -m blind.score --singles 1 --only added_mass --seed 9900`
@@ -144,9 +147,11 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     found.study, found.chosen = own_nuisances(found.study, before)
     gained = before.misfit - found.chosen.misfit
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
-    reach = max(gained, BEHIND * (found.base.misfit - before.misfit))
+    share = ABSORBED if clean(before.lack_of_fit) else 0.0  # else they make up for what further effects explain
+    reach = max(gained, share * (found.base.misfit - before.misfit))
     stuck = [r for r in alike if _promised_more(found, without, r)]
-    near = [r for r in alike if r.misfit - before.misfit < reach and not any(r is s for s in stuck)][:SETTLED_RIVALS]
+    near = [r for r in alike if r.misfit - before.misfit < reach and not any(r is s for s in stuck)]
+    near = near[:SETTLED_RIVALS] if reach >= AGREE else []
     if not near and not stuck:
         return
     settled = side_by_side(lambda r: own_nuisances(found.study, r), near)

@@ -47,16 +47,20 @@ def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple
 
 
 def iterated(study: Study, one: Option) -> tuple[Study, Option]:
-    """An option and its nuisance parameters, each taken anew until the option gains no more."""
-    for _ in range(MOST_SETTLES):
+    """An option and its nuisance parameters, each taken anew until the option gains no more.
+
+    None are taken that fit it worse, but for the first time where it leaves more than noise: then what it is settled
+    with may stand for what it lacks.
+    """
+    for turn in range(MOST_SETTLES):
         moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
         again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
         if again is None:
             break
         gained = one.misfit - again.misfit
-        if gained < 0:
+        if gained < 0 and (turn or clean(one.lack_of_fit)):
             break
         study, one = moved, again
-        if gained < AGREE:
+        if abs(gained) < AGREE:
             break
     return study, one
