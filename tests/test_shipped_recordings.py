@@ -17,13 +17,12 @@ LOOP = PLANTS.parent / "data" / "mock_loop"
 def test_the_shipped_levels_of_the_mock_loop_name_its_resistance(carried_out: Callable[..., Path]) -> None:
     out = carried_out("close-loop", str(LOOP), "--plant", str(PLANTS / "mock_loop.py"), "--hold-out", "level_10")
     result = json.loads((out / "result.json").read_text())
-    outflow, wave, *little = result["effects"]
+    outflow, wave = result["effects"]
     assert outflow["id"] == "power(outflow)"
     assert outflow["equivalent"][0] == "quadratic_resistance(outflow)"  # the nearest; a curved sensor may be in the set
     assert {*outflow["equivalent"]} <= {"quadratic_resistance(outflow)", "power(pressure)"}
     assert outflow["explained"] > 0.85
     assert wave["id"] == "echo(flow)"
-    assert all(more["explained"] < 0.01 for more in little)
     before, after = (result["error"][k]["held_out_rmse"] for k in ("recalibrated", "after"))
     assert after < 0.25 * before
 

@@ -49,16 +49,17 @@ def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple
 def iterated(study: Study, one: Option) -> tuple[Study, Option]:
     """An option and its nuisance parameters, each taken anew until the option gains no more.
 
-    None are taken that fit it worse, but for the first time where it leaves more than noise: then what it is settled
-    with may stand for what it lacks.
+    None are taken that fit it worse, but for the first time where it leaves more than noise, or nothing tells how much
+    that is: then what it is settled with may stand for what it lacks.
     """
+    complete = clean(one.lack_of_fit) and one.lack_of_fit.coloured == 1
     for turn in range(MOST_SETTLES):
         moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
         again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
         if again is None:
             break
         gained = one.misfit - again.misfit
-        if gained < 0 and (turn or clean(one.lack_of_fit)):
+        if gained < 0 and (turn or complete):
             break
         study, one = moved, again
         if abs(gained) < AGREE:
