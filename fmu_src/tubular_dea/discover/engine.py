@@ -130,7 +130,7 @@ def discover(
         work = with_held_out(work)
     _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
     tell("recalibrate the base model")
-    prepared, held_at_first = work, tuple(p.name for p in work.held_out)
+    prepared = work
     work, fitted = _recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
         tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
@@ -138,9 +138,7 @@ def discover(
         work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
     numeric, found = _found(prepared, work, fitted, recordings, seed, tell)
     other = _held_out_anew(prepared, found) if held_out is None else None
-    if other is None:
-        held_at_first = ()
-    else:
+    if other is not None:
         tell(f"the held-out experiments hardly show {', '.join(found.chosen.ids)}: others are held out now")
         numeric, found = _found(other, *_recalibrated(other, seed, True), recordings, seed, tell)
     work, fitted = found.study, found.base.fitted
@@ -181,7 +179,7 @@ def discover(
         wandering,
         shifted,
         _limits(found),
-        held_at_first,
+        () if other is None else tuple(p.name for p in prepared.held_out),
     )
 
 

@@ -80,14 +80,19 @@ class HeldLine:
         return HeldLine(*(np.insert(known, after, new) for known, new in added))
 
     @property
+    def rested(self) -> int:
+        """How many points lie before that at which it begins to move: one where it rests first."""
+        return int(self.values[0] == self.values[1])
+
+    @property
     def begin(self) -> float:
-        """When it begins to move [s]: at its first point, or at the second after a rest."""
-        return float(self.time[1 if self.values[0] == self.values[1] else 0])
+        """When it begins to move [s]."""
+        return float(self.time[self.rested])
 
     def begun_at(self, time: float) -> HeldLine:
         """With its begin at another `time` [s]: at its first point, or after a rest from there."""
-        rested, rest = int(self.values[0] == self.values[1]), int(time > self.time[0])
-        kept = np.r_[np.full(rest, rested), rested : self.time.size]
+        rest = int(time > self.time[0])
+        kept = np.r_[np.full(rest, self.rested), self.rested : self.time.size]
         line = HeldLine(*(known[kept] for known in (self.time, self.values, self.edge, self.side, self.slope)))
         line.time[: 1 + rest] = [*self.time[:rest], min(time, float(line.time[1 + rest]))]
         return line

@@ -43,9 +43,12 @@ SPIKE = 8.0  # [standard deviations] up to which a single corner of it is noise
 IN_COMMON = 4.0  # [standard deviations of a normal number] of chance that the mean of zeros is zero, if it is not
 AT_FIRST = 0.5  # [1] of rigs that begin with a sample; the others do so anywhere between two
 BEGINS = 40  # [1] places between two samples that are compared
-LATEST_BEGIN = 2  # [samples] after the first one that filters let an input seem to begin
 LARGE_SHARE = 0.99  # [1] quantile of a signal that stands for its largest value
 FAINT_SIGNAL = 0.02  # [1] of a signal's largest value: less is none, where its zero is not known
+
+# Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
+# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
+LATEST = 2  # [samples] by which filters against aliasing make monitors late at most
 
 
 def detected(experiment: Experiment, plant: Plant) -> str:
@@ -99,7 +102,7 @@ def zeroed(
             if signal.linear and i not in seen and _may_begin_with_nothing(experiments[i], drives[i], signal):
                 still[i][signal.name] = 1  # it moves at once, from nothing
     shown_at_rest = [{n: z.get(n, 0.0) + level for n, level in levels.items()} for z in zeros]
-    latest = LATEST_BEGIN if may_be_filtered(drives) else 0
+    latest = LATEST if may_be_filtered(drives) else 0
     begun = [
         _from_nothing(e, d, plant, s, r, latest)
         for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)

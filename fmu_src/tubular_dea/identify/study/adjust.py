@@ -19,11 +19,12 @@ from ..fitting.cases import Case
 from ..fitting.compiled import Ids
 from ..fitting.marginal import Marginal, marginal
 from ..fitting.problem import Free, whitened
+from ..records.start import LATEST
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
 from .linearised import Linearised, lasting_edges, linearised_piece, wide, windows_of
 from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, prior, step_of, with_columns
-from .spreads import LATEST, Common, most_spread, spreads
+from .spreads import Common, most_spread, spreads
 from .study import Piece, Study, carried
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions monitor_zeros start --seed 1000`

@@ -21,7 +21,7 @@ from ..fitting.compiled import Ids
 from ..fitting.fit import inverse
 from ..fitting.marginal import marginal
 from ..fitting.problem import Free, whitened
-from ..records.start import ZEROS
+from ..records.start import LATEST, ZEROS
 from ..signals.noise import ROUNDED_OFF
 from .linearised import Linearised, wide, windows_of
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
@@ -40,10 +40,6 @@ VAGUE = 1e-6  # [1] information that a mean of all files is zero, in units of it
 FIRM = 1e6  # [1] the same where a file shows at rest that it is, or where nothing but a fit is wanted
 NO_PRIOR = 1e-9  # [1] information that holds a parameter without a prior
 LEAST_VARIANCE = 1e-8  # [1] between files, in units of the usual one, that it comes down to
-
-# Set by judgement. Check: `pytest tests/test_adjust.py::test_monitors_behind_a_filter_are_late_alike_in_all_files`,
-# `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
-LATEST = 2.0  # [samples] by which filters against aliasing make monitors late at most
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py -k amplifier`
 A_JUMP = 0.1  # [1] of what is not known of a rise that no sample shows: a shorter one is none
