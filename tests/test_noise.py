@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import firwin, lfilter
+from scipy.signal import firwin, lfilter, welch
 
 from tubular_dea.identify.signals import noise, noise_bound
-from tubular_dea.identify.signals.colour import Colour
+from tubular_dea.identify.signals.colour import Colour, filtered
 from tubular_dea.identify.signals.hum import is_hum
 from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, rounded
 from tubular_dea.identify.signals.quiet import Clock, calm, stretches
@@ -358,3 +358,19 @@ def test_noise_is_no_louder_than_a_residual_is_where_it_is_calm(correlation: flo
     known = Noise(15.0, 0.0, 20_000.0, quiet=False)
     assert noise_bound.BRIEFLY_COLOURED * noise_bound.calmest([noise]) > 1.0  # noise alone is left as it is
     assert noise_bound.limited(known, [noise + lacks]).rms < 5.0
+
+
+@pytest.mark.parametrize(("count", "size"), [(1000, 256), (1001, 255), (300, 300)])
+def test_a_spectrum_is_scipys(count: int, size: int) -> None:
+    walk = np.random.default_rng(0).standard_normal(count).cumsum()
+    expected = welch(walk, nperseg=size)[1][1 : (size + 1) // 2]
+    np.testing.assert_allclose(noise_bound._spectrum(walk, size), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(0,), (1,), (400,), (400, 3)])
+@pytest.mark.parametrize(("above", "below"), [([1.0], [1.0, -0.97]), ([1.0, -0.5], [1.0, -0.9])])
+def test_a_recursive_filter_is_scipys(shape: tuple[int, ...], above: list[float], below: list[float]) -> None:
+    values = np.random.default_rng(1).standard_normal(shape)
+    begin = np.full((1, *shape[1:]), 0.3)
+    expected = lfilter(above, below, values, axis=0, zi=begin)[0] if len(values) else values
+    np.testing.assert_allclose(filtered(above, below, values, begin), expected, rtol=1e-12, atol=1e-14)

@@ -11,12 +11,14 @@ Written are result.json, report.html, lab.html (the found model over the recordi
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 from importlib import import_module
+from threading import Thread
 
 import tubular_dea as td
 
+from ..errors import UserError
 from ..export.compile import PLATFORMS
-from ..identify.study.study import compiled_for
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
@@ -50,16 +52,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=None, help="of the search's starts and the bootstrap")
 
 
+# What is imported while the compilers work, a second together: all that the search and what it writes will need.
+LATER = ["..discover.engine", "..api.discover", "..api.build", "..report.close_loop", "..lab.opened", "..lab.page"]
+
+
+def _compile_base(plant: td.Plant) -> None:
+    """Compile a plant's model while the files are read. Which of several outputs were recorded is not known yet."""
+    if len(plant.outputs) == 1:
+        with suppress(UserError):  # whoever asks for the kernel meets the same
+            td.Kernel(plant.model, [plant.outputs[0].name])
+
+
 def _begin(recordings: td.RecordingSet) -> None:
     """Compile for the search while the recordings are looked through and the base is fitted; as `study` will ask."""
+    from ..identify.study.study import compiled_for
+
     if not recordings.plant.catalogue:
         return
     compiled_for(recordings, sum(e.time.size for e in recordings.experiments)).begin()
-    import_module("tubular_dea.discover.engine")  # half a second, in which the compiler works
+    for name in LATER:
+        import_module(name, __package__)
 
 
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
+    options.plant = td.load_plant(options.plant)
+    Thread(target=_compile_base, args=[options.plant]).start()
     recordings = recordings_of(options, _begin)
     if recordings is None:
         return

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_toeplitz
 
 from .noise import BRIEF, Noise
@@ -71,12 +72,21 @@ def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
 
 def calmest(records: list[np.ndarray]) -> float:
     """The rms of white noise as strong as records (each (n,)) are at the calmest part of all frequencies."""
-    from scipy.signal import welch  # as in colour.py
-
     size = min(PERIODOGRAM, *(r.size for r in records))
-    powers = [(r.size, welch(r, nperseg=size)[1][1:]) for r in records]
+    powers = [(r.size, _spectrum(r, size)) for r in records]
     power = sum(n * p for n, p in powers) / sum(n for n, _ in powers)
     return float(np.sqrt(0.5 * np.quantile(power, CALM_PART)))  # up to half a cycle a sample
+
+
+def _spectrum(values: np.ndarray, size: int) -> np.ndarray:
+    """Power ((size - 1) // 2,) over frequency without both ends, of Hann windows that overlap by half (Welch 1967).
+
+    As `scipy.signal.welch`, whose import takes a sixth of what `close-loop` takes for a short record.
+    """
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
+    pieces = sliding_window_view(values, size)[:: size - size // 2]
+    powers = np.abs(np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)))) ** 2
+    return 2 * powers.mean(axis=0)[1 : (size + 1) // 2] / float(window @ window)
 
 
 def _no_larger(known: Noise, left: list[np.ndarray]) -> Noise:
