@@ -155,6 +155,10 @@ class Understanding:
 
     def _remarks(self) -> Iterator[str]:
         said = [(e.source.path.name, r) for e in self.recordings.experiments if e.source for r in _remarks_of(e.source)]
+        for experiment, driven in zip(self.recordings.experiments, self.drives, strict=True):
+            if left := int(np.count_nonzero(~driven.tells(experiment.time))):
+                words = f"{left} samples not fitted: an input moved too fast there for its samples to tell how"
+                said.append((experiment.name, words))
         if said:
             yield ""
         for remark in dict.fromkeys(r for _, r in said):  # once for all files that it is said of

@@ -13,6 +13,7 @@ from ...protocol import Protocol
 from ..records.data import DataError, Experiment
 from ..signals import hum as hums
 from ..signals.hum import MAINS, within
+from ..signals.kinks import kinked, untold
 from ..signals.monitors import (
     COLOURED,
     LARGEST,
@@ -84,6 +85,7 @@ class Drive:
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
     are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
     are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
+    In the spans `untold` (k, 2) [s] samples do not tell how a continuous input moved.
     Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name), and of
     those that a computer sent on its own clock, `room` by how much earlier or later that was.
     """
@@ -101,6 +103,12 @@ class Drive:
     step: float = 0.0
     begun: Mapping[str, float] = field(default_factory=dict)
     room: Mapping[str, float] = field(default_factory=dict)
+    untold: np.ndarray = field(default_factory=lambda: np.empty((0, 2)), repr=False)
+
+    def tells(self, times: np.ndarray) -> np.ndarray:
+        """Whether it is known at `times` (n,) [s] what the inputs did just before, (n,)."""
+        begins, ends = np.asarray(times)[:, None] > self.untold[:, 0], np.asarray(times)[:, None] <= self.untold[:, 1]
+        return ~np.any(begins & ends, axis=1)
 
     def begun_later(self, name: str, by: float) -> Drive:
         """The drive with an input that began to move `by` [s] later."""
@@ -148,6 +156,7 @@ class _Drawn:
     unheld: bool = False
     rise: Rise | None = None
     room: float = 0.0
+    untold: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
 
 
 def drive(
@@ -201,6 +210,7 @@ def drive(
         rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
         step=usual_step(experiment.time),
         room={n: d.room for n, d in drawn.items() if d.room > 0},
+        untold=np.concatenate([np.empty((0, 2)), *(d.untold for d in drawn.values())]),
     )
 
 
@@ -308,8 +318,11 @@ def _continuous(
         if float(np.std(hum - before)) <= HUM_LEFT * noise:
             break
     drawn = halved(time, values - hum, drawn)
-    line = _unmoved(*curved(time, values - hum, drawn))
-    return _Drawn(line, noise, _missed(experiment, name, line, noise, hum=hum), line.time)
+    clean, step = values - hum, usual_step(time)
+    lines = kinked(time, clean, curved(time, clean, drawn), step, noise)
+    line = _unmoved(*lines)
+    missed = _missed(experiment, name, line, noise, hum=hum)
+    return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))
 
 
 def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:

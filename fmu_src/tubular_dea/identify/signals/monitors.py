@@ -53,7 +53,7 @@ SHORT = 4  # [samples] of a piece at least that is halved
 # Set by judgement. Check: `pytest tests/test_monitors.py -k between_samples`,
 # `python -m blind.score --nulls 12 --conventions own_protocols rates --seed 20000`
 DENSE = 2  # [samples] between corners up to which a record moves at every sample
-STILL_CURVED = 0.2  # [1] share of the other bend beside it that one has in a curve; a kink has none beside it
+STILL_CURVED = 0.2  # [1] share of a bend that those beside it have in a curve; a kink has none beside it
 QUARTERS = (0.25, 0.5, 0.75)  # [1] of the way between two corners: where a curve is followed
 
 # Set by theory: by chance lines miss so many samples so far once in a million.
@@ -292,9 +292,10 @@ def _cubic(t: np.ndarray, v: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray
     """Lines from `t` and `v` (n,), with a cubic in some `pieces` (by number) unless they end at a kink."""
     pieces = pieces[(pieces > 0) & (pieces < t.size - 2)]
     bend = np.diff(np.diff(v) / np.diff(t)) / (0.5 * (t[2:] - t[:-2]))  # of samples 1 to n - 2
+    size = np.pad(np.abs(bend), 1)
+    alone = np.append(False, np.maximum(size[:-2], size[2:]) <= STILL_CURVED * size[1:-1])  # of samples 0 to n - 2
+    pieces = pieces[~(alone[pieces] | alone[pieces + 1])]
     first, second = bend[pieces - 1], bend[pieces]
-    smooth = np.minimum(np.abs(first), np.abs(second)) > STILL_CURVED * np.maximum(np.abs(first), np.abs(second))
-    pieces, first, second = pieces[smooth], first[smooth], second[smooth]
     step = np.diff(t)[pieces]
     times, found = [t], [v]
     for s in QUARTERS:

@@ -11,7 +11,7 @@ from ...errors import ArgumentError, UserError
 from ...kernel import KernelError
 from ...model.declare import nearest
 from ...model.effect import Effect
-from ...plants.plant import Output, Plant
+from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..fitting.cases import Case, Reading
 from ..fitting.compiled import Compiled, Ids
@@ -278,7 +278,9 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held
     own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
     if start != RESTED and plant.model.curve is not None:
         own = {plant.model.curve.start_switch: 1.0}
-    read = [(o, *_read(experiment, o)) for o in plant.outputs if experiment.seen(o.name).any()]
+    told = driven.tells(experiment.time)
+    seen = {o.name: experiment.seen(o.name) & told for o in plant.outputs}
+    read = [(o, *_read(experiment, o.name, seen[o.name])) for o in plant.outputs if seen[o.name].any()]
     record = np.concatenate([values for o, _, values in read if not o.feels_rates])
     return Piece(
         experiment.name,
@@ -295,10 +297,9 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held
     )
 
 
-def _read(experiment: Experiment, output: Output) -> tuple[Reading, np.ndarray]:
-    """An output of an experiment: when it was read, and its values."""
-    seen = experiment.seen(output.name)
-    return Reading(output.name, experiment.time[seen]), experiment.outputs[output.name][seen]
+def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Reading, np.ndarray]:
+    """An output of an experiment: when it was read, of the samples `seen` (n,), and its values."""
+    return Reading(output, experiment.time[seen]), experiment.outputs[output][seen]
 
 
 def carried(pieces: Sequence[Piece]) -> list[Piece]:
