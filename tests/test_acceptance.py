@@ -125,6 +125,8 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
     [
         (100.0, 2490.0, 0.1, 99e3, True),  # squared distance 25: held-out data can tell, and do
         (100.0, 2510.0, 0.1, 0.0, False),
+        (100.0, 2410.0, 0.4, 99e3, True),  # 400: 0.61 of the fitted size, and
+        (100.0, 2430.0, 0.4, 0.0, False),  # 0.59 of it, which is not what was fitted
         (100.0, 2510.0, 0.066, 0.0, False),  # squared distance 11: they still can
         (100.0, 2490.0, 0.06, 99e3, True),  # 9: they hardly can, but by odds of more than 20 to 1 they do
         (100.0, 2496.0, 0.06, 99e3, False),  # odds are less; experiments left out in turn are asked
