@@ -111,3 +111,12 @@ def test_what_following_takes_away(size: float) -> None:
 def test_without_windows_nothing_is_followed() -> None:
     assert not Marginal().variance_removed(N).any()
     assert not marginal([], DENSE, SPREADS).variance_removed(N).any()
+
+
+def test_columns_that_are_all_but_alike_and_of_any_size_are_integrated_out() -> None:
+    """What a zero and a gain of the same monitor change may differ by a millionth, and one may be known far better."""
+    slope = np.linspace(0, 1, N)
+    columns = np.column_stack([slope, slope + 1e-6 * np.cos(np.arange(N)), np.ones(N)])
+    sd = np.array([1e4, 1e4, 1e-5])
+    whitener = marginal([], columns, sd).apply(np.eye(N))
+    np.testing.assert_allclose(whitener @ covariance([], columns, sd) @ whitener.T, np.eye(N), atol=1e-6)

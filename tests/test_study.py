@@ -49,13 +49,13 @@ def test_the_beginning_of_a_long_record_has_been_through_its_range() -> None:
         case=Case(protocol, (reading,)),
         record=record,
         weight=np.ones(time.size),
-        marginal=Marginal((), np.ones((time.size, 1)), np.ones(1)),
+        marginal=Marginal((), np.ones((time.size, 1)), np.eye(1), np.ones(1)),
     )
     short = next(p for p in whole.pieces if p.case.protocol.time.size < LONG)
     begun = replace(whole, pieces=[long, short]).beginning.pieces
     assert begun[1] is short
     end = begun[0].case.times[-1]
     assert 0.6 * seconds < end < 0.7 * seconds
-    assert begun[0].marginal.basis is None
+    assert begun[0].marginal.columns is None
     assert begun[0].record.size == begun[0].weight.size == begun[0].case.times.size == round(end * rate) + 1
     assert replace(whole, pieces=[short]).beginning.pieces == [short]

@@ -19,7 +19,6 @@ from scipy.special import ndtr
 
 # Set by theory: far from rounding and from what counts; no unit test tells a factor of four.
 # Check: `pytest tests/test_marginal.py`
-WEIGHTLESS = 1e-6  # [standard deviations] by which a nuisance parameter moves a record that need not be integrated out
 POINTLIKE = 1e-3  # [standard deviations] of a window below which a difference of large terms has lost its digits
 
 
@@ -36,14 +35,18 @@ class Window:
 
 @dataclass(frozen=True)
 class Marginal:
-    """The nuisance parameters of one record: `windows`, and `basis` (n, k) of length 1 each with `sizes` (k,).
+    """The nuisance parameters of one record: `windows`, and whitened `columns` (n, k) times their standard deviations.
+
+    The columns' singular values are `sizes` (k,), along the directions `turned` (k, k): no direction in the record is
+    computed, which would take longer than anything else where it is long.
 
     In the windows the parameter was fitted to the record within its bounds (its mean and `size` to both sides), which
     removes a part of the noise too.
     """
 
     windows: tuple[Window, ...] = ()
-    basis: np.ndarray | None = None
+    columns: np.ndarray | None = None
+    turned: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def apply(self, white: np.ndarray) -> np.ndarray:
@@ -52,21 +55,23 @@ class Marginal:
         for window in self.windows:
             part = out[window.where]
             part += _outer(window.unit, shrink(window.size) * (window.unit @ part))
-        if self.basis is not None and self.sizes.size:
-            along = self.basis.T @ out
-            out += self.basis @ (np.reshape(shrink(self.sizes), (-1, *[1] * (along.ndim - 1))) * along)
+        wide = np.hypot(1, self.sizes)
+        self._add(out, -1 / (wide * (1 + wide)))  # shrink(size) / size^2
         return out
 
     def undone(self, white: np.ndarray) -> np.ndarray:
         """What `apply` makes of values (n,) or columns (n, m), whitened as before; a new array."""
         out = white.copy()
-        if self.basis is not None and self.sizes.size:
-            along = self.basis.T @ out
-            out += self.basis @ (np.reshape(np.hypot(1, self.sizes) - 1, (-1, *[1] * (along.ndim - 1))) * along)
+        self._add(out, 1 / (1 + np.hypot(1, self.sizes)))
         for window in self.windows:
             part = out[window.where]
             part += _outer(window.unit, (np.hypot(1, window.size) - 1) * (window.unit @ part))
         return out
+
+    def _add(self, out: np.ndarray, weights: np.ndarray) -> None:
+        """Add to `out` (n,) or (n, m) its parts along all directions in the record, times `weights` (k,) of size^2."""
+        if self.columns is not None:
+            out += self.columns @ ((self.turned * weights) @ (self.turned.T @ (self.columns.T @ out)))
 
     @property
     def log_determinant(self) -> float:
@@ -104,9 +109,9 @@ def beside_windows(windows: tuple[Window, ...], columns: np.ndarray, sd: np.ndar
     local, used = Marginal(windows), sd > 0
     if not np.any(used):
         return local
-    left, sizes, _ = np.linalg.svd(local.apply(columns[:, used] * sd[used]), full_matrices=False)
-    kept = sizes > WEIGHTLESS
-    return Marginal(windows, left[:, kept], sizes[kept])
+    scaled = local.apply(columns[:, used] * sd[used])
+    squares, turned = np.linalg.eigh(scaled.T @ scaled)  # of small ones, less than rounding of the largest is lost
+    return Marginal(windows, scaled, turned, np.sqrt(np.maximum(squares, 0.0)))
 
 
 def shrink(size: np.ndarray | float) -> np.ndarray | float:
