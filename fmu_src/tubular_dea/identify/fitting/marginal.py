@@ -109,7 +109,8 @@ def beside_windows(windows: tuple[Window, ...], columns: np.ndarray, sd: np.ndar
     local, used = Marginal(windows), sd > 0
     if not np.any(used):
         return local
-    scaled = local.apply(columns[:, used] * sd[used])
+    scaled = columns * sd if np.all(used) else columns[:, used] * sd[used]
+    scaled = local.apply(scaled) if windows else scaled
     squares, turned = np.linalg.eigh(scaled.T @ scaled)  # of small ones, less than rounding of the largest is lost
     return Marginal(windows, scaled, turned, np.sqrt(np.maximum(squares, 0.0)))
 

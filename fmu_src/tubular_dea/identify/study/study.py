@@ -65,11 +65,10 @@ class Nuisances:
         Where the residual is that at values `now` (k,), by how much they change.
         """
         used = sd > 0
-        found = np.zeros(sd.size)
-        columns = white[:, used] * sd[used]
-        information = columns.T @ columns + np.eye(int(used.sum()))
-        pulled = 0.0 if now is None else now[used] / sd[used]
-        found[used] = -np.linalg.solve(information, columns.T @ residual + pulled) * sd[used]
+        found, size = np.zeros(sd.size), sd[used]
+        information = (white.T @ white)[np.ix_(used, used)] * np.outer(size, size) + np.eye(size.size)
+        pulled = 0.0 if now is None else now[used] / size
+        found[used] = -np.linalg.solve(information, (white.T @ residual)[used] * size + pulled) * size
         return found
 
 
