@@ -52,7 +52,7 @@ VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments
 # What held-out experiments gain is (2 s - 1) times that distance where the effect has s times the fitted size there. Of
 # 14 effects that were there s was 0.9 and more; of a sensor that drifted otherwise in another file 0.51.
 AS_LARGE = 0.6  # [1] times its fitted size that an effect has there at least, if chance is no other explanation
-SURELY = 3.0  # [standard deviations] by which its size there is less than fitted, to be so
+SMALLER_BY = 3.0  # [standard deviations] by which its size there is less than fitted, to be so
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
 PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
 
@@ -132,7 +132,7 @@ def confirmed(before: Option, after: Option) -> bool:
     difference = after.unseen - before.unseen
     apart, held = float(difference @ difference), before.held_out - after.held_out
     if apart >= VISIBLE:
-        return held > max(0.0, min((2 * AS_LARGE - 1) * apart, apart - 2 * SURELY * float(np.sqrt(apart))))
+        return held > max(0.0, min((2 * AS_LARGE - 1) * apart, apart - 2 * SMALLER_BY * float(np.sqrt(apart))))
     little = before.cost - after.cost < LITTLE
     if little and apart >= INVISIBLE and held <= 0:
         return False

@@ -22,10 +22,16 @@ STRAIGHT = 2  # [samples] that a line lasts at least on either side of a kink
 
 # Set by judgement: a curve bends little by little, so that its lines miss it by no more than noise between samples.
 # Check: `pytest tests/test_kinks.py`, `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 20000`
-MATTERS = 1.0  # [1] times its noise by which a line must miss a kink between samples for the kink to be sought
+BENT = 1.0  # [1] times its noise by which a line must miss a kink between samples for the kink to be sought
 UNKNOWN = 3.0  # [1] times its noise by which the course between samples is unknown, at least, where it is not told
 BRIEFLY = 3  # [samples] that such an event takes at most
-SETTLED = 2  # [samples] after it until which a plant feels when in between it happened
+RESPONDS = 2  # [samples] after it until which a plant feels when in between it happened
+
+# Set by theory: a ramp climbs in a quarter of a step what the line from sample to sample misses at most, and a cubic
+# has no fourth difference. Check: `pytest tests/test_kinks.py`
+TRIANGLE = 0.25  # [1] of the bend of slopes times a step
+ROUGHNESS = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
+ONE_STEP = 0.01  # [1] of a step by which two pieces together are one
 
 
 def kinked(
@@ -55,7 +61,7 @@ def _sought(t: np.ndarray, v: np.ndarray, step: float, noise: float) -> list[tup
     Those with a straight line on either side that bend by more than noise hides.
     """
     straight, brief = _kinds(t, step)
-    bends = _bends(t, v, step) > MATTERS * noise
+    bends = _bends(t, v, step) > BENT * noise
     single = np.flatnonzero(straight[:-1] & straight[1:] & bends) + 1
     double = np.flatnonzero(straight[:-2] & brief[1:-1] & straight[2:] & (bends[:-1] | bends[1:])) + 1
     return [*((int(k), int(k)) for k in single), *((int(k), int(k) + 1) for k in double)]
@@ -69,7 +75,7 @@ def _kinds(t: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _bends(t: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
     """By how much lines may miss a kink within a step of their corners 1 to m - 2."""
-    return np.asarray(np.abs(np.diff(np.diff(v) / np.diff(t))) * step / 4)
+    return np.asarray(np.abs(np.diff(np.diff(v) / np.diff(t))) * step * TRIANGLE)
 
 
 def _through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> tuple[float, float, float] | None:
@@ -109,19 +115,20 @@ def untold(
     for first, last in ends.reshape(-1, 2):  # pieces from `first` on, before `last`
         alone = t[last] - t[first] < (BRIEFLY + 0.5) * step and first > 0 and last < gaps.size
         if alone and rough[slice(*np.searchsorted(time, [t[first] - 0.5 * step, t[last] + 0.5 * step]))].any():
-            found.append((t[first], t[last] + SETTLED * step))
+            found.append((t[first], t[last] + RESPONDS * step))
     return np.array(found).reshape(-1, 2)
 
 
 def _rough(values: np.ndarray) -> np.ndarray:
     """By how much every sample (n,) is off the cubic through the two before and the two after it, in units of what is
     chance; 0 for those without."""
-    weights = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-    off = np.abs(np.convolve(values, weights / np.linalg.norm(weights), "valid")) if values.size > 4 else np.empty(0)
-    return np.concatenate([np.zeros(2), off, np.zeros(2)])
+    if values.size < ROUGHNESS.size:
+        return np.zeros(values.size)
+    off = np.abs(np.convolve(values, ROUGHNESS / np.linalg.norm(ROUGHNESS), "valid"))
+    return np.pad(off, ROUGHNESS.size // 2)
 
 
 def _kinked(gaps: np.ndarray, step: float) -> np.ndarray:
     """Which pieces (k,), so long [s], are parts of one step with a kink in between."""
-    whole = np.abs(gaps[:-1] + gaps[1:] - step) < 0.01 * step
+    whole = np.abs(gaps[:-1] + gaps[1:] - step) < ONE_STEP * step
     return np.append(whole, False) | np.append(False, whole)
