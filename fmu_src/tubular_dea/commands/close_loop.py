@@ -22,6 +22,9 @@ from ..export.compile import PLATFORMS
 from .reading import FORMATS, add_recordings, recordings_of
 from .settings import add_plant
 
+# What is imported while the compilers work, a second together: all that the search and what it writes will need.
+LATER = ["..discover.engine", "..api.discover", "..api.build", "..report.close_loop", "..lab.opened", "..lab.page"]
+
 EXAMPLE = f"""{FORMATS}
 examples:
   tubular-dea close-loop cosim_examples/data/bench --dry-run
@@ -52,10 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=None, help="of the search's starts and the bootstrap")
 
 
-# What is imported while the compilers work, a second together: all that the search and what it writes will need.
-LATER = ["..discover.engine", "..api.discover", "..api.build", "..report.close_loop", "..lab.opened", "..lab.page"]
-
-
 def _compile_base(plant: td.Plant) -> None:
     """Compile a plant's model while the files are read. Which of several outputs were recorded is not known yet."""
     if len(plant.outputs) == 1:
@@ -77,7 +76,8 @@ def _begin(recordings: td.RecordingSet) -> None:
 def run(options: argparse.Namespace) -> None:
     """Discover, then write everything at the end, so that a failure leaves nothing half-written."""
     options.plant = td.load_plant(options.plant)
-    Thread(target=_compile_base, args=[options.plant]).start()
+    if options.out is not None and not options.dry_run:  # else nothing is fitted
+        Thread(target=_compile_base, args=[options.plant]).start()
     recordings = recordings_of(options, _begin)
     if recordings is None:
         return

@@ -50,7 +50,7 @@ LITTLE = 100.0  # [squared standard deviations] that an effect gains which has t
 INVISIBLE = 1.0  # [1] the same up to which they tell nothing, since chance alone decides
 VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments from which these can tell them apart
 # What held-out experiments gain is (2 s - 1) times that distance where the effect has s times the fitted size there. Of
-# 14 effects that were there s was 0.9 and more; of a sensor that drifted otherwise in another file 0.51.
+# ten effects that were there s was 0.9 and more; of a sensor that drifted otherwise in another file 0.51.
 AS_LARGE = 0.6  # [1] times its fitted size that an effect has there at least, if chance is no other explanation
 SMALLER_BY = 3.0  # [standard deviations] by which its size there is less than fitted, to be so
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact

@@ -106,18 +106,17 @@ def marginal(
 
 def beside_windows(windows: tuple[Window, ...], columns: np.ndarray, sd: np.ndarray) -> Marginal:
     """The nuisances of known windows with whitened columns (n, k) throughout, and sd (k,)."""
-    local, used = Marginal(windows), sd > 0
-    if not np.any(used):
+    local = Marginal(windows)
+    if not np.any(sd > 0):
         return local
-    scaled = columns * sd if np.all(used) else columns[:, used] * sd[used]
-    scaled = local.apply(scaled) if windows else scaled
+    scaled = local.apply(columns * sd)  # columns that are not used become nothing, and add nothing
     squares, turned = np.linalg.eigh(scaled.T @ scaled)  # of small ones, less than rounding of the largest is lost
     return Marginal(windows, scaled, turned, np.sqrt(np.maximum(squares, 0.0)))
 
 
-def shrink(size: np.ndarray | float) -> np.ndarray | float:
+def shrink(size: float) -> float:
     """What is added of a direction with standard deviation `size` beside noise of 1, to make it white."""
-    return 1 / np.sqrt(1 + np.square(size)) - 1
+    return float(1 / np.hypot(1, size) - 1)
 
 
 def _left_over(size: float) -> float:

@@ -114,8 +114,8 @@ def filtered(
     state `begin` or from rest: the forward substitution of a banded matrix."""
     driven = above[0] * values
     driven[:1] += 0.0 if begin is None else begin
-    for coefficient in above[1:]:
-        driven[1:] += coefficient * values[:-1]
+    for lag, coefficient in enumerate(above[1:], start=1):
+        driven[lag:] += coefficient * values[:-lag]
     if driven.size == 0:
         return driven
     bands = np.broadcast_to(np.asarray(below)[:, None], (len(below), len(values)))

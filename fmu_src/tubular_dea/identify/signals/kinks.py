@@ -34,6 +34,9 @@ ROUGHNESS = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth dif
 ONE_STEP = 0.01  # [1] of a step by which two pieces together are one
 
 
+Line = tuple[float, float, float]  # a time on it [s], its value there, and its slope
+
+
 def kinked(
     time: np.ndarray, values: np.ndarray, lines: tuple[np.ndarray, np.ndarray], step: float, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -60,17 +63,12 @@ def _sought(t: np.ndarray, v: np.ndarray, step: float, noise: float) -> list[tup
 
     Those with a straight line on either side that bend by more than noise hides.
     """
-    straight, brief = _kinds(t, step)
+    gaps = np.diff(t)
+    straight, brief = gaps > (STRAIGHT - 0.5) * step, np.abs(gaps - step) < 0.5 * step
     bends = _bends(t, v, step) > BENT * noise
     single = np.flatnonzero(straight[:-1] & straight[1:] & bends) + 1
     double = np.flatnonzero(straight[:-2] & brief[1:-1] & straight[2:] & (bends[:-1] | bends[1:])) + 1
     return [*((int(k), int(k)) for k in single), *((int(k), int(k) + 1) for k in double)]
-
-
-def _kinds(t: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which pieces of lines are long enough to be straight, and which last one step."""
-    gaps = np.diff(t)
-    return gaps > (STRAIGHT - 0.5) * step, np.abs(gaps - step) < 0.5 * step
 
 
 def _bends(t: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
@@ -78,8 +76,8 @@ def _bends(t: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
     return np.asarray(np.abs(np.diff(np.diff(v) / np.diff(t))) * step * TRIANGLE)
 
 
-def _through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> tuple[float, float, float] | None:
-    """The straight line through the samples between two times [s]: a time on it, its value there, and its slope."""
+def _through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> Line | None:
+    """The straight line through the samples between two times [s]; None where they are too few."""
     part = slice(*np.searchsorted(time, [begin, end]))
     t, v = time[part], values[part]
     if t.size < STRAIGHT:
@@ -88,9 +86,7 @@ def _through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> 
     return middle, mean, float((t - middle) @ (v - mean) / np.sum((t - middle) ** 2))
 
 
-def _meeting(
-    left: tuple[float, float, float] | None, right: tuple[float, float, float] | None, begin: float, end: float
-) -> tuple[float, float] | None:
+def _meeting(left: Line | None, right: Line | None, begin: float, end: float) -> tuple[float, float] | None:
     """Where two lines meet, time and value, if they do so between two times [s]."""
     if left is None or right is None or left[2] == right[2]:
         return None
