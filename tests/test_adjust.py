@@ -319,7 +319,7 @@ def test_the_noise_of_a_monitor_is_no_delay(monkeypatch: pytest.MonkeyPatch) -> 
         noisy = Protocol(TIME, {"load": ramps(i).at(TIME)["load"] + 2 * NOISE * random.standard_normal(TIME.size)})
         driven = replace(piece.driven, protocol=noisy)
         pieces.append(replace(piece, driven=driven, record=read, case=replace(piece.case, protocol=noisy)))
-    work = replace(work, pieces=pieces, noise={"reading": Noise(NOISE, 0.0)})
+    work = replace(work, pieces=pieces, noise={"reading": Noise(NOISE, 0.0)}, monitor_noise={"load": 2 * NOISE})
 
     def gained() -> float:
         """What the delay, or a part of it, explains of the residual of the true parameters."""
@@ -478,3 +478,13 @@ def test_instants_are_told_by_the_output_that_tells_most() -> None:
     (piece,) = adjusted(work, (), motor.model.parameter_values()).pieces
     found = np.array([e.time for e in piece.driven.edges]) + piece.shifts
     assert np.allclose(found, switched, atol=2e-5)
+
+
+def test_a_step_stays_one_where_neighbours_replace_a_sample() -> None:
+    """Noise moves a sample off the mean of its neighbours by a few times its size, not by half a step."""
+    stepped = Protocol(TIME, {"load": np.where(TIME < 4.0, 0.0, 1.0)})
+    piece = replace(study_of([recorded(0, ramps(0))]).pieces[0])
+    piece = replace(piece, case=replace(piece.case, protocol=stepped))
+    work = replace(study_of([recorded(0, ramps(0))]), monitor_noise={"load": NOISE})
+    smooth = nuisances._smoothed(work, piece, "load").protocol.at(TIME)["load"]
+    assert np.abs(smooth - stepped.at(TIME)["load"]).max() == pytest.approx(nuisances.BY_NOISE * NOISE)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import tubular_dea as td
 from tubular_dea.identify.fitting.cases import Case, Reading, runs
-from tubular_dea.identify.fitting.response import Response
+from tubular_dea.identify.fitting.response import TOLERANCE, Response
 from tubular_dea.kernel import Driven, Kernel, KernelError
 from tubular_dea.protocol import Protocol
 
@@ -73,3 +74,24 @@ def test_a_case_that_cannot_be_computed_takes_none_before_it_along(monkeypatch: 
     monkeypatch.setattr(kernel, "simulate", bursts)
     found = Response(kernel, [first, second]).possible({})
     assert found[0] is not None and found[1] is None
+
+
+def test_sensitivities_are_taken_over_finer_steps_where_a_step_has_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a step across a turn of friction, rounding decides whether there is an answer."""
+    kernel, case = Kernel(td.tube()), in_a_row(1)[0]
+    whole = kernel.simulate
+    coarse = kernel.mesh(case.protocol, {}, TOLERANCE).size
+    tried: list[int] = []
+
+    def failing(*given: Any, mesh: np.ndarray | None = None, **named: Any) -> object:
+        if mesh is not None:
+            tried.append(mesh.size)
+            if mesh.size <= coarse:
+                raise KernelError("the trajectory ended")
+        return whole(*given, mesh=mesh, **named)
+
+    expected = Response(kernel, [case]).sensitivities({}, ["C_1"])
+    monkeypatch.setattr(kernel, "simulate", failing)
+    found = Response(kernel, [case]).sensitivities({}, ["C_1"])
+    assert tried[0] == coarse < tried[1]
+    assert np.allclose(found[1][0], expected[1][0], rtol=1e-3, atol=1e-12)

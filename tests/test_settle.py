@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -11,7 +14,8 @@ from tubular_dea.discover.options.options import fitted_option
 from tubular_dea.discover.scores.parameters import lost
 from tubular_dea.discover.search import settle
 from tubular_dea.discover.search.settle import iterated, own_nuisances
-from tubular_dea.identify.study.study import PRIOR, study
+from tubular_dea.identify.study.study import PRIOR, Study, study
+from tubular_dea.kernel import KernelError
 from tubular_dea.plants.tube import PLANT
 
 LOST = {"eta_o": 1.1e4, "k_1": 255e6, "eta_1": 7.4e5, "k_2": 3e6, "eta_2": 9.5e6, "C_2": -35e3, "C_3": 1e3}
@@ -38,6 +42,19 @@ def test_a_lost_fit_is_found_again() -> None:
     found = own_nuisances(work, astray)[1]
     assert found.misfit < stuck.misfit - 100
     assert not lost(PLANT, found.fitted)
+
+
+def test_a_model_without_an_answer_at_the_declared_values_stays_as_it_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The declared values of a base and the size of an effect that was fitted with other ones may have none together."""
+
+    def none(*_: Any, **__: Any) -> Any:
+        raise KernelError("the trajectory ended")
+
+    monkeypatch.setattr(settle, "declared_values", lambda plant, fitted: {})
+    monkeypatch.setattr(settle, "_as_read", lambda work, ids: work)
+    monkeypatch.setattr(settle, "adjusted", none)
+    one = option("lag")
+    assert settle._begun_as_declared(cast(Study, SimpleNamespace(plant=None)), one) == []
 
 
 def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import AGREE
 from ...identify.study.adjust import MOST_SETTLES, adjusted
 from ...identify.study.study import Study
+from ...kernel import KernelError
 from ..options.acceptance import clean
 from ..options.options import Option, fitted_option
 from ..scores.parameters import declared_values, lost
@@ -26,9 +27,7 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     if not clean(one.lack_of_fit) and study.plant.restart:
         tried += _begun(study, one, study.plant.restarts)
     if lost(study.plant, one.fitted):
-        declared = declared_values(study.plant, one.fitted)
-        values, begun = one.fitted.values | declared, _as_read(study, one.ids)
-        tried += _begun(adjusted(begun, one.ids, values, one.fitted.free, started=False), one, declared)
+        tried += _begun_as_declared(study, one)
     return min(tried, key=lambda settled: settled[1].misfit)
 
 
@@ -38,6 +37,18 @@ def _as_read(study: Study, ids: Ids) -> Study:
     first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
     cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
     return replace(study, pieces=[replace(p, case=case) for p, case in zip(study.pieces, cases, strict=True)])
+
+
+def _begun_as_declared(study: Study, one: Option) -> list[tuple[Study, Option]]:
+    """The option fitted once more from the declared values, with nuisance parameters as these make them likely; nothing
+    where a model with both those and the effects has no answer."""
+    declared = declared_values(study.plant, one.fitted)
+    values = one.fitted.values | declared
+    try:
+        begun = adjusted(_as_read(study, one.ids), one.ids, values, one.fitted.free, started=False)
+    except KernelError:
+        return []
+    return _begun(begun, one, declared)
 
 
 def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:

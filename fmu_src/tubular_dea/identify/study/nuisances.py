@@ -55,6 +55,10 @@ START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of
 # Check: `pytest tests/test_adjust.py -k noise_of_a_monitor`
 SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces a sample
 
+# Set by theory: the mean of two neighbours differs from a sample by sqrt(1.5) of the noise; 3 times that is 1 in 400.
+# Check: `pytest tests/test_adjust.py -k step_stays`
+BY_NOISE = 3.0 * float(np.sqrt(1.5))  # [1] times the noise of a monitor by which noise moves a sample off that mean
+
 # Set by theory. Check: `pytest tests/test_edges.py -k clock_of_its_own`
 EVENLY = float(np.sqrt(3.0))  # [1] half the width over the standard deviation of what is as likely anywhere in it
 
@@ -102,7 +106,9 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
     cases += [(f"{SENT_OF}{name}", _earlier(piece, name, by), by) for name, by in piece.driven.room.items()]
     if study.sought:
-        cases += [(f"{SMOOTH_OF}{s.name}", _smoothed(piece, s.name), 1.0) for s in study.plant.inputs if s.linear]
+        cases += [
+            (f"{SMOOTH_OF}{s.name}", _smoothed(study, piece, s.name), 1.0) for s in study.plant.inputs if s.linear
+        ]
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -195,12 +201,15 @@ def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
     return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
 
 
-def _smoothed(piece: Piece, name: str) -> Case:
-    """The case with one of its inputs replaced by the mean of what it is a sample before and after."""
+def _smoothed(study: Study, piece: Piece, name: str) -> Case:
+    """The case with one of its inputs replaced by the mean of what it is a sample before and after, as far as noise
+    moves it: a step stays one."""
     protocol, by = piece.case.protocol, step_of(piece)
     beside = protocol.delayed({"before": (name, by), "after": (name, -by)})
-    mean = 0.5 * (beside.inputs["before"] + beside.inputs["after"])
-    inputs = {n: mean if n == name else beside.inputs[n] for n in protocol.inputs}
+    moved = 0.5 * (beside.inputs["before"] + beside.inputs["after"]) - beside.inputs[name]
+    most = BY_NOISE * study.monitor_noise.get(name, np.inf)
+    smooth = beside.inputs[name] + np.clip(moved, -most, most)
+    inputs = {n: smooth if n == name else beside.inputs[n] for n in protocol.inputs}
     return replace(piece.case, protocol=Protocol(beside.time, inputs))
 
 
