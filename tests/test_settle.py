@@ -45,7 +45,7 @@ def test_a_lost_fit_is_found_again() -> None:
 
 
 def test_a_model_without_an_answer_at_the_declared_values_stays_as_it_settled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The declared values of a base and the size of an effect that was fitted with other ones may have none together."""
+    """The declared values of a base and the size of an effect that was fitted with others may have none together."""
 
     def none(*_: Any, **__: Any) -> Any:
         raise KernelError("the trajectory ended")
