@@ -13,7 +13,7 @@ from tubular_dea.identify.inputs.trigger import triggered
 from tubular_dea.identify.records.data import DataError, Experiment
 from tubular_dea.identify.signals import monitors
 from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline
-from tubular_dea.identify.signals.slow import slow_level
+from tubular_dea.identify.signals.slow import level_at_rest, slow_level
 from tubular_dea.plants.plant import Input
 
 TIME = np.arange(0, 16, 0.004)
@@ -373,3 +373,19 @@ def test_slow_noise_beside_white_noise_and_corners_is_found(tau: float) -> None:
         assert told is not None
         found.append(told[1])
     assert np.median(found) == pytest.approx(0.02 * np.hypot(1, np.sqrt((1 + phi) / (1 - phi))), rel=0.3)
+
+
+@pytest.mark.parametrize(("slow", "times"), [(0.0, 1.0), (1.5, 2.7), (2.5, 3.0)])
+def test_noise_with_a_memory_shows_at_rest_before_a_signal_moves(slow: float, times: float) -> None:
+    """Heartbeats from the second second on: differences tell nothing of the memory, a second of rest in a few files
+    does. `slow` is its size beside white noise of 1."""
+    found, time, phi = [], np.arange(0, 8, 0.01), float(np.exp(-0.01 / 0.05))
+    for seed in range(12):
+        random, records = np.random.default_rng(seed), []
+        for _ in range(3):
+            beat = 400 * np.maximum(np.sin(2 * np.pi * 1.2 * (time - 1.3)), 0) * (time > 1.3)
+            drawn = lfilter([np.sqrt(1 - phi**2)], [1, -phi], random.standard_normal(time.size + 100))[100:]
+            records.append(beat + slow * drawn + random.standard_normal(time.size))
+        found.append(level_at_rest(records, 1.0) / np.hypot(1, slow))
+    assert 0.65 < np.median(found) / times < 1.1  # of a memory of a third of the lags, a part shows
+    assert level_at_rest([400 * np.sin(2 * np.pi * time)], 1.0) == 0.0

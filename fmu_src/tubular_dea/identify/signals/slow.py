@@ -1,4 +1,4 @@
-"""How slow a monitor's noise is, from records in which its signal moves at corners and switchings only.
+"""How slow a monitor's noise is, from records in which its signal moves at corners and switchings only, or at rest.
 
 White noise has the same differences over any lag. Noise with a memory has larger ones until the lag outlasts it. What
 an event adds to them is left out: for a lag of a second, that is all within three seconds of it.
@@ -27,6 +27,13 @@ LEAST_ERROR = 0.02  # [1] relative error of such a variance at least: noise is n
 SLOW_EARNS = 9.0  # [squared standard errors] by which slow noise beside white noise has to explain them better
 MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] that are tried
 
+# Set by judgement. Check: `pytest tests/test_monitors.py -k rest`
+RESTS_AT = 20  # [samples] whose median is what a monitor rests at
+LEFT_REST = 8.0  # [1] times its noise from sample to sample by which it has left that
+BEGUN_BEFORE = 4  # [samples] before which it may have begun to
+RESTS_LONG = 40  # [samples] of rest that tell something
+LAGS_AT_REST = 8  # [1] times the longest lag of its covariance that a rest lasts at least
+
 
 def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
     """White noise that weighs as much on averages over many samples as a monitor's noise at rest does, behind the
@@ -42,6 +49,28 @@ def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
     sizes = np.array([sum(n for n, found in told if found.size > k) for k in range(lags.size)])
     sums = [sum(n * found[k] for n, found in told if found.size > k) for k in range(lags.size)]
     return int(lags[-1]), _level(lags, np.array(sums) / sizes, sizes)
+
+
+def level_at_rest(records: Sequence[np.ndarray], fast: float) -> float:
+    """The same from what records (each (n,)) show before they move; 0 where none rests for long. `fast` is the noise
+    from sample to sample.
+
+    The spectral density at frequency 0, by the covariances over the lags that a short rest tells (Newey and West 1987).
+    """
+    rests = [part for values in records if (part := _rest(values, fast)).size]
+    if not rests:
+        return 0.0
+    count, lags = sum(r.size for r in rests), np.arange(min(r.size for r in rests) // LAGS_AT_REST)
+    covariances = [sum(float(r[: r.size - k] @ r[k:]) for r in rests) / count for k in lags]
+    weights = np.where(lags == 0, 1.0, 2 * (1 - lags / lags.size))
+    return float(np.sqrt(weights @ covariances / (1 - 1 / LAGS_AT_REST)))  # the rest went with the means
+
+
+def _rest(values: np.ndarray, fast: float) -> np.ndarray:
+    """What a record shows before it moves, less its mean; empty where that is too little to tell."""
+    moved = np.abs(values - np.median(values[:RESTS_AT])) > LEFT_REST * fast
+    count = int(np.argmax(moved)) - BEGUN_BEFORE if moved.any() else values.size
+    return values[:count] - values[:count].mean() if count >= RESTS_LONG else np.empty(0)
 
 
 def _level(lags: np.ndarray, variances: np.ndarray, sizes: np.ndarray) -> float:

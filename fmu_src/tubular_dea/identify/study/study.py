@@ -27,7 +27,7 @@ from ..signals import noise as noises
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
 from ..signals.sampling import SAME_STEP
-from ..signals.slow import slow_level
+from ..signals.slow import level_at_rest, slow_level
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -258,17 +258,21 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
 
     1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
+    Where a file rests at first, its colour shows.
     """
+    experiments = recordings.experiments
     found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
-            records = without_hum(recordings.experiments, signal.name)
+            records = without_hum(experiments, signal.name)
             groups: dict[float, list[np.ndarray]] = {}
             for driven, values in zip(drives, records, strict=True):
                 groups.setdefault(round(driven.step, SAME_STEP), []).append(values)
             told = [(step * n[0], n[1]) for step, group in groups.items() if (n := slow_level(group))]
             slowest = max((lag for lag, _ in told), default=0.0)
-            found[signal.name] = max([found[signal.name], *sorted(n for lag, n in told if 2 * lag > slowest)[:1]])
+            rest = max(level_at_rest(group, found[signal.name]) for group in groups.values())
+            longest = sorted(level for lag, level in told if 2 * lag > slowest)[:1]
+            found[signal.name] = max([found[signal.name], rest, *longest])
     return found
 
 
