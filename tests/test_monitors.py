@@ -386,6 +386,8 @@ def test_noise_with_a_memory_shows_at_rest_before_a_signal_moves(slow: float, ti
             beat = 400 * np.maximum(np.sin(2 * np.pi * 1.2 * (time - 1.3)), 0) * (time > 1.3)
             drawn = lfilter([np.sqrt(1 - phi**2)], [1, -phi], random.standard_normal(time.size + 100))[100:]
             records.append(beat + slow * drawn + random.standard_normal(time.size))
-        found.append(level_at_rest(records, 1.0) / np.hypot(1, slow))
+        found.append(level_at_rest(records, 1.0, 50) / np.hypot(1, slow))
     assert 0.65 < np.median(found) / times < 1.1  # of a memory of a third of the lags, a part shows
-    assert level_at_rest([400 * np.sin(2 * np.pi * time)], 1.0) == 0.0
+    assert level_at_rest([400 * np.sin(2 * np.pi * time)], 1.0, 50) == 0.0
+    ramps = [0.05 * np.arange(800) + np.random.default_rng(seed).standard_normal(800) for seed in range(3)]
+    assert level_at_rest(ramps, 1.0, 50) == pytest.approx(1.0, abs=0.3)  # it moves slowly from the first sample on

@@ -79,6 +79,24 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     )
 
 
+def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
+    errors = {"rmse": 15e-6, "held_out_rmse": 60e-6, "unit": "m"}
+    found = SimpleNamespace(study=None, named=SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97)))
+    assert "; 0.97 of what the inputs' noise" in close_loop._moved_by_monitors(found, errors)
+    assert close_loop._moved_by_monitors(found, errors | {"held_out_rmse": 16e-6}) == ""
+
+
+def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
+    pieces = [SimpleNamespace(source=f"file {i}") for i in range(9)]
+    for verdict, ratio, little in (("no_effect", 2.37, True), ("no_effect", 1.1, False), ("effect_found", 2.37, False)):
+        named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio))
+        said = remarks.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
+        assert ("2.4 times the noise" in said) == little
+
+
 def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
     def said(verdict: str, wandering: tuple[str, float] | None) -> str:
         return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering))

@@ -7,7 +7,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from ..discover.answer.outcome import beyond_noise, contested, floor, remainder
+from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
 from ..discover.answer.remarks import implausible_zero, still, thin
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
@@ -83,13 +83,22 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """The errors before and after, a zero that no sensor has, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
     little, unmoved = thin(found), still(found)
-    said = [_error_line(found, "", before, after, floor(found.study, after["rmse"]))]
+    said = [_error_line(found, "", before, after, floor(found.study, after["rmse"])) + _moved_by_monitors(found, after)]
     for name in list(after.get("outputs", ()))[1:]:
         noise = found.study.noise[name].rms if name in found.study.noise else None
         said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
     few = [f"these recordings prove little: {little}"] if little else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
     return [*said, *better_as_declared(found, errors), *implausible_zero(found), *few]
+
+
+def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
+    """How an error beyond the sensor's noise compares with what the monitors may cause too, sample by sample."""
+    noise, largest = floor(found.study, after["rmse"]), max(after["rmse"] or 0.0, after["held_out_rmse"] or 0.0)
+    if largest < TOO_NOISY * noise:
+        return ""
+    ratio = found.named.lack_of_fit.ratio
+    return f"; {ratio:.2f} of what the inputs' noise and steps between samples allow too, weighted sample by sample"
 
 
 def _error_line(

@@ -15,7 +15,7 @@ from ...model.declare import Quantity
 from ...model.effect import Effect
 from ...model.units import factor, in_words
 from ..engine import Discovery
-from ..options.acceptance import clean, noise_alone, size_interval
+from ..options.acceptance import PREDICTED, clean, noise_alone, size_interval
 from ..scores.parameters import at_bounds
 from .oscillations import Oscillation
 
@@ -145,6 +145,9 @@ def thin(found: Discovery) -> str:
     if len(files) < FEW_EXPERIMENTS:
         what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
         return f"there {'is' if len(files) == 1 else 'are'} only {what}"
+    ratio = found.named.lack_of_fit.ratio
+    if found.verdict == "no_effect" and ratio > PREDICTED:
+        return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
     return ""
 
 

@@ -51,26 +51,29 @@ def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
     return int(lags[-1]), _level(lags, np.array(sums) / sizes, sizes)
 
 
-def level_at_rest(records: Sequence[np.ndarray], fast: float) -> float:
-    """The same from what records (each (n,)) show before they move; 0 where none rests for long. `fast` is the noise
-    from sample to sample.
+def level_at_rest(records: Sequence[np.ndarray], fast: float, least: int) -> float:
+    """The same from what records (each (n,)) show before they move; 0 where none rests for `least` samples. `fast` is
+    the noise from sample to sample.
 
     The spectral density at frequency 0, by the covariances over the lags that a short rest tells (Newey and West 1987).
     """
-    rests = [part for values in records if (part := _rest(values, fast)).size]
+    rests = [part for values in records if (part := _rest(values, fast, least)).size]
     if not rests:
         return 0.0
     count, lags = sum(r.size for r in rests), np.arange(min(r.size for r in rests) // LAGS_AT_REST)
     covariances = [sum(float(r[: r.size - k] @ r[k:]) for r in rests) / count for k in lags]
     weights = np.where(lags == 0, 1.0, 2 * (1 - lags / lags.size))
-    return float(np.sqrt(weights @ covariances / (1 - 1 / LAGS_AT_REST)))  # the rest went with the means
+    return float(np.sqrt(weights @ covariances / (1 - 2 / LAGS_AT_REST)))  # the rest went with the straight lines
 
 
-def _rest(values: np.ndarray, fast: float) -> np.ndarray:
-    """What a record shows before it moves, less its mean; empty where that is too little to tell."""
+def _rest(values: np.ndarray, fast: float, least: int) -> np.ndarray:
+    """What a record shows before it moves, less its straight line; empty where that is less than `least` samples."""
     moved = np.abs(values - np.median(values[:RESTS_AT])) > LEFT_REST * fast
-    count = int(np.argmax(moved)) - BEGUN_BEFORE if moved.any() else values.size
-    return values[:count] - values[:count].mean() if count >= RESTS_LONG else np.empty(0)
+    number = np.arange(int(np.argmax(moved)) - BEGUN_BEFORE if moved.any() else values.size)
+    if number.size < max(least, RESTS_LONG):
+        return np.empty(0)
+    rest = values[: number.size]
+    return rest - np.polyval(np.polyfit(number, rest, 1), number)
 
 
 def _level(lags: np.ndarray, variances: np.ndarray, sizes: np.ndarray) -> float:

@@ -45,6 +45,9 @@ RANGE = 0.98  # [1] quantile of a signal that is an end of its range
 THE_SAME = 1e-9  # [1] distance of experiments that are taken to be at least so far apart
 SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
 
+# Set by judgement. Check: `pytest tests/test_monitors.py -k rest`
+LONG_REST = 0.5  # [s] of rest that tell something of a monitor's noise
+
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
 FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
 
@@ -270,10 +273,22 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
                 groups.setdefault(round(driven.step, SAME_STEP), []).append(values)
             told = [(step * n[0], n[1]) for step, group in groups.items() if (n := slow_level(group))]
             slowest = max((lag for lag, _ in told), default=0.0)
-            rest = max(level_at_rest(group, found[signal.name]) for group in groups.values())
+            rest = max(_at_rest(recordings, drives, records, step, found[signal.name]) for step in groups)
             longest = sorted(level for lag, level in told if 2 * lag > slowest)[:1]
             found[signal.name] = max([found[signal.name], rest, *longest])
     return found
+
+
+def _at_rest(
+    recordings: Recordings, drives: Sequence[Drive], records: Sequence[np.ndarray], step: float, fast: float
+) -> float:
+    """The noise of a monitor by what its `records` with a sampling `step` show before they move."""
+    resting = [
+        values
+        for experiment, driven, values in zip(recordings.experiments, drives, records, strict=True)
+        if round(driven.step, SAME_STEP) == step and recordings.starts[experiment.name] == RESTED
+    ]
+    return level_at_rest(resting, fast, int(LONG_REST / step))
 
 
 def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held_out: bool) -> Piece:
