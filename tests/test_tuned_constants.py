@@ -36,7 +36,10 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/fitting/fit.py: goodness": ({100}, "per cent"),
     "identify/fitting/marginal.py: _left_over": ({3}, "the integral in its docstring"),
     "identify/inputs/drive.py: _smooth": ({7, 9, 16, 164, 256}, "the cubic through four samples, and its noise"),
-    "identify/inputs/drive.py: _check_sampling": ({3, 1.5, 4}, "noise of a sample less the mean of its neighbours"),
+    "identify/inputs/line_checks.py: check_sampling": (
+        {3, 1.5, 4},
+        "noise of a sample less the mean of its neighbours",
+    ),
     "identify/patients/patient.py: __init__": ({3}, "a windkessel of three elements"),
     "identify/patients/recorded_beat.py: average": ({60}, "seconds of a minute"),
     "identify/patients/recorded_beat.py: _one_beat": ({60}, "seconds of a minute"),
@@ -50,10 +53,10 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/signals/monitors.py: polyline": ({3}, "samples of which each one is a corner"),
     "identify/signals/monitors.py: _cubic": ({6}, "the cubic through four samples"),
     "identify/signals/noise.py: _by_place": ({4}, "the formula in its docstring"),
-    "identify/signals/noise.py: _at": ({1.5}, "between one step and two"),
-    "identify/signals/noise.py: _falling": ({4}, "as many numbers as a colour has"),
-    "identify/signals/noise.py: _numbered": ({4}, "as many numbers as a colour has"),
-    "identify/signals/noise.py: _standard_error": ({4}, "a mixed difference quotient"),
+    "identify/signals/colour_estimate.py: _at": ({1.5}, "between one step and two"),
+    "identify/signals/colour_estimate.py: _falling": ({4}, "as many numbers as a colour has"),
+    "identify/signals/colour_estimate.py: _numbered": ({4}, "as many numbers as a colour has"),
+    "identify/signals/colour_estimate.py: _standard_error": ({4}, "a mixed difference quotient"),
     "identify/signals/sampling.py: _resolution": ({10}, "powers of ten"),
 }
 RECORD = re.compile(rf"# Set by ({'|'.join(WAYS)})\b[^`]*\. Check: (`[^`]+`(, `[^`]+`)*)$")

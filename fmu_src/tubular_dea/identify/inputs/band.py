@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..signals.sampling import usual_step
+
 # Set by measurement: a tenth of it costs four times the points. Check: `python -m measured.table`
 CLOSE = 5e-3  # [1] of the signal's rms: what straight lines may miss it by
 
@@ -63,6 +65,11 @@ def even(time: np.ndarray) -> np.ndarray:
     line = np.polyval(np.polyfit(index, time - time[0], 1), index)
     off = time - time[0] - line
     return np.asarray(time[0] + line + (off.max() + off.min()) / 2)
+
+
+def off_even(time: np.ndarray) -> float:
+    """How far the samples lie off an even clock, in steps of it."""
+    return float(np.abs(time - even(time)).max() / usual_step(time))
 
 
 def evened(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,9 +16,7 @@ from ..signals.hum import MAINS, within
 from ..signals.kinks import kinked, untold
 from ..signals.monitors import (
     COLOURED,
-    LARGEST,
     NO_MEMORY,
-    WRONG,
     Polyline,
     changes_by_itself,
     coarseness,
@@ -34,19 +32,14 @@ from ..signals.monitors import (
 )
 from ..signals.sampling import usual_step
 from ..threads import one_blas_thread
-from .band import JITTER, band_limited, even, evened, noise_floor
+from .band import JITTER, band_limited, evened, noise_floor, off_even
 from .clocked import sent_at
 from .edges import MATTERS, Edge, Rise, located
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
+from .line_checks import check_sampling, line_error
 from .transitions import Transitions, transitions
 from .trigger import triggered
-
-# Set by judgement. Check: `pytest tests/test_edges.py tests/test_monitors.py`,
-# `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
-NEAR_EDGE = 2  # [samples] from an edge within which a record is no measure of the line's error
-HARMLESS = 1e-3  # [1] of its span by which a line may miss its record, whatever the noise is
-COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between its samples
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
@@ -277,7 +270,7 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
     step = np.diff(time)
     irregular = np.abs(step / np.median(step) - 1)
     if irregular.max() > CLOCK_JITTER:
-        if _off_even(time) > JITTER:
+        if off_even(time) > JITTER:
             worst = int(np.argmax(irregular))
             raise DataError(
                 f"{experiment.name}, line {experiment.lines[worst + 1]}: {step[worst]:.6g} s after the sample before; "
@@ -292,11 +285,6 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
     return _Drawn(_unmoved(covered, np.interp(covered, times, fine)), noise, error, experiment.time)
 
 
-def _off_even(time: np.ndarray) -> float:
-    """How far the samples lie off an even clock, in steps of it."""
-    return float(np.abs(time - even(time)).max() / usual_step(time))
-
-
 def _continuous(
     experiment: Experiment, signal: Input, noise: float, mains: Sequence[float], stated: bool = False
 ) -> _Drawn:
@@ -306,7 +294,7 @@ def _continuous(
     """
     name = signal.name
     if float(np.abs(experiment.inputs[name]).max()) > signal.least:  # else nothing but noise is in it
-        _check_sampling(experiment, name, noise, stated)
+        check_sampling(experiment, name, noise, stated)
     time, values = experiment.time, experiment.inputs[name]
     hum = hums.at(mains, time, _within_a_turn(time, values))
     for _ in range(HUM_PASSES):  # the line follows what is left of the hum
@@ -321,7 +309,7 @@ def _continuous(
     clean, step = values - hum, usual_step(time)
     lines = kinked(time, clean, curved(time, clean, drawn), step, noise)
     line = _unmoved(*lines)
-    missed = _missed(experiment, name, line, noise, hum=hum)
+    missed = line_error(experiment, name, line, noise, hum=hum)
     return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))
 
 
@@ -426,7 +414,7 @@ def _held(
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
     late = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
     line, edges = held_line(time, values, noise, found, edges, late)
-    missed = _missed(experiment, name, line, noise, found, edges, late, hum)
+    missed = line_error(experiment, name, line, noise, found, edges, late, hum)
     unheld = not (shown or exact) and line.ramps(MATTERS)
     return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
 
@@ -457,69 +445,6 @@ def _written(values: np.ndarray, found: Transitions) -> bool:
     one."""
     still = np.count_nonzero(np.diff(values)) <= len(found)
     return bool(len(found) and still and np.all(found.after == found.before + 1))
-
-
-def _missed(
-    experiment: Experiment,
-    name: str,
-    line: HeldLine,
-    noise: float,
-    found: Transitions | None = None,
-    edges: Sequence[Edge] = (),
-    late: float = 0.0,
-    hum: np.ndarray | float = 0.0,
-) -> float:
-    """How far a line misses its record (rms) where no edge is near; `DataError` where that is more than noise."""
-    time, values = experiment.time, experiment.inputs[name] - hum
-    step = usual_step(time)
-    near = np.zeros(time.size, dtype=bool)
-    for edge in edges:
-        begin, end = edge.corners[0][[0, -1]] * edge.rise / 2 + np.array([-NEAR_EDGE, NEAR_EDGE]) * step
-        near[slice(*np.searchsorted(time, [edge.earliest + begin, edge.latest + end]))] = True
-    for before, after in zip(found.before, found.after, strict=True) if found is not None else ():
-        near[before : after + 1] = True
-    if near.all():
-        return 0.0
-    left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]
-    error = float(np.sqrt(np.mean(left**2)))
-    coarse = resolution(experiment.inputs[name])
-    small = HARMLESS * float(np.ptp(values))  # what a filter that rings leaves
-    if error > max(WRONG * float(np.hypot(noise, coarse / 2)), small):  # a coarse monitor may toggle
-        raise DataError(
-            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI), but "
-            f"its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
-        )
-    return error
-
-
-def _check_sampling(experiment: Experiment, name: str, noise: float, stated: bool) -> None:
-    """`DataError` where an input moves so much between samples that its values there are unknown.
-
-    The error of a straight line over one omitted sample is measured; over half the distance it is a quarter of that.
-    Noise that is not `stated` may be the signal itself, and only a little of it counts.
-    """
-    time, values = experiment.time, experiment.inputs[name]
-    if time.size < 3:
-        return
-    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    left_out = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
-    span = float(np.abs(values).max())  # of a record that holds still, the range is noise
-    noise = noise if stated else min(noise, LARGEST * span)
-    missed = float(np.mean(left_out**2))
-    unknown = float(np.sqrt(max(missed - 1.5 * noise**2, 0.0))) / 4
-    allowed = max(noise, COARSE_INPUT * span)
-    if unknown <= allowed:
-        return
-    rate = 1 / usual_step(time)
-    curves = ", band_limited=True (a smooth curve through all samples)" if _off_even(time) <= JITTER else ""
-    raise DataError(
-        f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
-        f"unknown by {unknown:.3g} (rms, SI), beside a noise of {noise:.3g}; expected a rate that follows it: "
-        f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or say how these records are to be read: in "
-        f"your own plant's declaration the input held=True (each value holds until the next){curves}, or under [noise] "
-        f"in bench.toml {name} = {np.sqrt(missed / 1.5):.2g} (SI) if what is fast is noise: what that moves is not "
-        "missed then, and hides effects of its size"
-    )
 
 
 def joined(lines: list[tuple[np.ndarray, np.ndarray]], names: list[str]) -> Protocol:

@@ -10,16 +10,15 @@ between them are used, and the uncertainty is larger.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-from scipy.optimize import minimize, minimize_scalar
 
 from ..threads import one_blas_thread
 from . import hum as hums
 from .colour import Colour
+from .colour_estimate import coloured, freedom
 from .monitors import resolution
 from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches
 from .sampling import usual_step
@@ -52,43 +51,8 @@ UNQUIET = 0.2  # [1] the same where no stretch is quiet
 CALM_SHARE = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
 BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal
 
-# Set by judgement. Check: `pytest tests/test_noise.py`
-SLOWEST_COLOUR = 0.996  # [1] correlation between neighbouring samples up to which one is sought
-WHITE = (0.1, 0.5)  # [1] white shares to begin with
-LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, as slow effects are sought there
-
-# Set by judgement: no unit test tells a factor of four. Check:
-# `python -m blind.score --nulls 12 --conventions colour --seed 1000`
-EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
-ONE_STRETCH = 0.1  # [1] share of all degrees of freedom up to which a stretch that alone tells of 1/f noise is none
-SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
-SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
-SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
-SLOWEST_POLE = 0.9998  # [1] pole of it up to which one is sought
-NO_WHITE = -6.0  # [1] logit of a white share that is none
-
-# Set by judgement: no unit test tells a factor of four. Check:
-# `python -m blind.score --nulls 12 --conventions colour --seed 1000`
-FASTEST_COLOUR = -0.6  # [1] atanh of the correlation from which on that of one colour alone is sought,
-COLOURS_TRIED = 8  # [1] and how many up to the slowest are tried
-COLOUR_MISSED = 2e-3  # [1] of atanh of its correlation by which the best of them may be missed
-SEARCH_WIDTHS = (0.3, 0.7, 0.5, 0.5)  # [1] first steps of a search for the numbers of a colour, in their order
-TWO_MISSED = 0.01  # [1] by which two numbers may be missed,
-TWO_COST = 0.1  # [log likelihood] by which their likelihood may,
-TWO_TURNS = 80  # [1] turns of their search at most
-FOUR_MISSED = 0.02  # [1] by which four numbers may be missed,
-FOUR_COST = 0.2  # [log likelihood] by which their likelihood may,
-FOUR_TURNS = 150  # [1] turns of their search at most
-CURVED_OVER = 0.02  # [1] step of the difference quotients that tell how sharp the likelihood is
-
-# Set by theory: near enough to 1, and so that no digits are lost. Check: `pytest tests/test_noise.py`
-MOST_OPPOSED = -0.999  # [1] correlation between neighbouring samples at least,
-MOST_ALIKE_BESIDE = 0.9995  # [1] and at most
-MOST_WHITE = 12.0  # [1] logit of the largest share of white noise, and less that of the least
-LEAST_RAISED = -12.0  # [1] log of how much more than once a filter raises what is slow: the least
-MOST_RAISED = 6.0  # [1] and the largest
+# Set by theory: no digits are lost. Check: `pytest tests/test_noise.py`
 LEAST_COLOUR = 1e-12  # [1] share of the variance that has a colour, at least
-ROUNDED_OFF = 1e-15  # [1] of the largest eigenvalue: those below are rounding
 
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
@@ -194,10 +158,10 @@ def estimate(records: Records) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps."""
     chosen, quiet, rings = _chosen(records)
     found, still = _told(records, chosen, quiet, rings), _before_events(records)
-    if _freedom(still) < CALMEST:
+    if freedom(still) < CALMEST:
         return found
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
-    if found.quiet and alike and not (rings and _freedom(still) >= SOME_FREEDOM):
+    if found.quiet and alike and not (rings and freedom(still) >= SOME_FREEDOM):
         return _as_at_rest(records, found, still)
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found
@@ -208,7 +172,7 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
     is what the plant does."""
     still = [s.without([*found.hum, *found.lines]) for s in still]
     plain = found.correlation > 0 and found.slower[0] == 0.0
-    if not plain or _longest(still) < MEMORIES * found.tau or _freedom(still) < ENOUGH_FREEDOM:
+    if not plain or _longest(still) < MEMORIES * found.tau or freedom(still) < ENOUGH_FREEDOM:
         return found
     told = replace(_told(records, still, True, True), hum=found.hum, lines=found.lines)
     chance = LESS_SLOW * float(np.hypot(found.uncertainty, told.uncertainty))
@@ -227,17 +191,17 @@ def _before_events(records: Records) -> list[Stretches]:
 
 def _left(groups: Sequence[Stretches]) -> float:
     """The variance of stretches without what creeps."""
-    return sum(float(np.sum(g.left**2)) for g in groups) / max(_freedom(groups), 1)
+    return sum(float(np.sum(g.left**2)) for g in groups) / max(freedom(groups), 1)
 
 
 def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -> Noise:
     """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0))
-    found = _coloured(plain, step)
+    found = coloured(plain, step)
     if found.at_step.correlation:
         plain, lines = _stripped(chosen, records, found.colour(step))
-        found = _coloured(plain, step) if lines else found
+        found = coloured(plain, step) if lines else found
     colour = found.colour(step)
     long = colour.phi > np.exp(-1 / BRIEF)
     quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
@@ -268,20 +232,20 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
     if mains:
         every = _with_room(every, mains)
         chosen = calm(every, coarse, lines=mains)
-    if _freedom(chosen) < CALMEST:
+    if freedom(chosen) < CALMEST:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)
-    if _freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
+    if freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
-        if _freedom(other) > 2 * _freedom(chosen) and not louder(other, chosen):
+        if freedom(other) > 2 * freedom(chosen) and not louder(other, chosen):
             return other, False, True
-    return chosen, True, _freedom(chosen) < CALM_SHARE * _freedom(every)
+    return chosen, True, freedom(chosen) < CALM_SHARE * freedom(every)
 
 
 def _with_room(every: list[Stretches], lines: Sequence[float]) -> list[Stretches]:
     """The stretches of which lines take little, if these are enough: of short ones they take most of the noise."""
     long = [s for s in every if len(s.values) >= ROOM_A_LINE * len(lines)]
-    return long if _freedom(long) >= ENOUGH_FREEDOM else every
+    return long if freedom(long) >= ENOUGH_FREEDOM else every
 
 
 def usual_resolution(records: Records) -> float:
@@ -291,7 +255,7 @@ def usual_resolution(records: Records) -> float:
 
 def _mains(chosen: list[Stretches], records: Records) -> list[float]:
     """The lines [Hz] of hum in chosen stretches; none where they are too few to tell. No ringing of a plant is hum."""
-    if _freedom(chosen) < CALMEST:
+    if freedom(chosen) < CALMEST:
         return []
     step = min(s.step for s in chosen)
     return [f for f in _stripped(chosen, records, Colour(0.0))[1] if hums.is_hum(f, step)]
@@ -335,10 +299,6 @@ def _by_place(rms: float, step: float) -> float:
     return float(wave / (own + step**2 / 12))
 
 
-def _freedom(quiet: Sequence[Stretches]) -> int:
-    return sum(s.freedom for s in quiet)
-
-
 def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple[list[Stretches], list[float]]:
     """The stretches without lines, and their frequencies [Hz]: the strongest first, until none stands out.
 
@@ -369,158 +329,3 @@ def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> 
         for parts in rests.values()
     ]
     return hums.strongest([(t, r) for t, r in joined], step)
-
-
-@dataclass(frozen=True)
-class _ColourEstimate:
-    """A colour at the base step, and the variance; `uncertainty` is the relative standard error of the slow noise that
-    they make."""
-
-    at_step: Colour
-    step: float
-    variance: float
-    freedom: int
-    uncertainty: float
-
-    def colour(self, step: float) -> Colour:
-        return _at(self.at_step, step / self.step)
-
-
-def _at(colour: Colour, steps: float) -> Colour:
-    """A colour at so many times its step."""
-    phi = colour.phi
-    return Colour(
-        phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), colour.white, colour.pole**steps, colour.zero**steps
-    )
-
-
-def _coloured(quiet: Sequence[Stretches], step: float) -> _ColourEstimate:
-    """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place."""
-
-    def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
-        return _restricted(told, lambda s: _at(_numbered(x), s / step))[0]
-
-    far = float(np.arctanh(SLOWEST_COLOUR))
-    tried = {v: objective(np.array([v])) for v in (*np.linspace(FASTEST_COLOUR, far, COLOURS_TRIED).tolist(), 0.0)}
-    near = min(tried, key=lambda v: tried[v])
-    bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))
-    one = minimize_scalar(
-        lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": COLOUR_MISSED}
-    )
-    chosen, cost = np.array([0.0]), tried[0.0]
-    if 2 * (cost - one.fun) > EARNED:
-        chosen, cost = np.array([float(one.x)]), float(one.fun)
-    starts = [
-        np.array([min(max(float(one.x), 0.0) + more, far), np.log(share / (1 - share))])
-        for share in WHITE
-        for more in SLOWER
-    ]
-    begin = min(starts, key=objective)
-    if objective(begin) < cost:
-        simplex = begin + np.vstack([np.zeros(2), np.diag(SEARCH_WIDTHS[:2])])
-        two = minimize(
-            objective,
-            begin,
-            method="Nelder-Mead",
-            options={"xatol": TWO_MISSED, "fatol": TWO_COST, "maxiter": TWO_TURNS, "initial_simplex": simplex},
-        )
-        if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
-            chosen, cost = two.x, float(two.fun)
-    plain, chosen = chosen, _falling(objective, chosen, cost, step)
-    if chosen is not plain:
-        rest = _without_loudest(quiet, lambda s: _at(_numbered(plain), s / step))
-        alone = _freedom(rest) > (1 - ONE_STRETCH) * _freedom(quiet)
-        if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * EARNED:
-            return _coloured(rest, step)  # something moved in the one stretch that told of 1/f noise
-    colour, freedom = _numbered(chosen), _freedom(quiet)
-    _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
-    return _ColourEstimate(colour, step, variance, freedom, _standard_error(objective, chosen, freedom))
-
-
-def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:
-    """The stretches but the one that stands out most from noise of a colour."""
-    _, variance = _restricted(quiet, colour_at)
-    squares = [np.sum(g.rest(colour_at(g.step)) ** 2, axis=0) / variance for g in quiet]
-    each = [g.freedom / s.size for g, s in zip(quiet, squares, strict=True)]
-    out = [(s - f) / np.sqrt(2 * f) for s, f in zip(squares, each, strict=True)]
-    loudest = max(o.max() for o in out)
-    kept = [g.only(o < loudest) for g, o in zip(quiet, out, strict=True)]
-    return [g for g in kept if g.record.size]
-
-
-def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float) -> np.ndarray:
-    """The numbers with those of a filter that makes it 1/f noise, if they earn their place."""
-    plain = np.array([*chosen, NO_WHITE]) if chosen.size < 2 else chosen
-    begins = [
-        np.array([*plain, np.arctanh(np.exp(-step / tau)), np.log(np.expm1(np.log(times)))])
-        for tau in SLOW_TAU
-        for times in SLOW_TIMES
-    ]
-    begin = min(begins, key=objective)
-    if objective(begin) > cost:
-        return chosen
-    found = minimize(
-        objective,
-        begin,
-        method="Nelder-Mead",
-        options={
-            "xatol": FOUR_MISSED,
-            "fatol": FOUR_COST,
-            "maxiter": FOUR_TURNS,
-            "initial_simplex": begin + np.vstack([np.zeros(4), np.diag(SEARCH_WIDTHS)]),
-        },
-    )
-    return found.x if 2 * (cost - found.fun) > 2 * EARNED else chosen
-
-
-def _numbered(x: np.ndarray) -> Colour:
-    """The colour at the base step of the numbers that are searched."""
-    phi = float(np.clip(np.tanh(x[0]), MOST_OPPOSED, MOST_ALIKE_BESIDE))
-    white = float(1 / (1 + np.exp(-np.clip(x[1], -MOST_WHITE, MOST_WHITE)))) if x.size > 1 else 0.0
-    if x.size < 4:
-        return Colour(phi, white)
-    pole = float(np.clip(np.tanh(x[2]), 0.0, SLOWEST_POLE))
-    raised = np.clip(x[3], LEAST_RAISED, MOST_RAISED)
-    more = np.exp(np.log1p(np.exp(raised)))  # times that the filter raises what is slow
-    return Colour(phi, white, pole, float(max(1 - more * (1 - pole), 0.0)))
-
-
-def _restricted(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> tuple[float, float]:
-    """Minus the restricted log likelihood (but for constants), and the variance."""
-    squares, freedom, terms = 0.0, 0, 0.0
-    for group in quiet:
-        colour = colour_at(group.step)
-        n, m = group.values.shape
-        left, lengths = group.restricted(colour)
-        squares += left
-        freedom += group.freedom
-        terms += m * (2 * lengths + (n - 1) * np.log(colour.innovation))
-    variance = max(squares / max(freedom, 1), 1e-300)
-    return 0.5 * (freedom * np.log(variance) + terms), variance
-
-
-def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, freedom: int) -> float:
-    """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
-    if not at[0]:
-        return float(np.sqrt(2 / freedom))
-    k, width = at.size, CURVED_OVER
-    steps = np.eye(k) * width
-    curvature = np.array(
-        [
-            [
-                (objective(at + a + b) - objective(at + a - b) - objective(at - a + b) + objective(at - a - b))
-                / 4
-                / width**2
-                for b in steps
-            ]
-            for a in steps
-        ]
-    )
-
-    def log_density(x: np.ndarray) -> float:
-        colour = _numbered(x)
-        return float(np.log(colour.density(LOW) / colour.innovation))
-
-    slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])
-    spread = scipy.linalg.pinvh(curvature, rtol=ROUNDED_OFF)
-    return float(np.sqrt(2 / freedom + max(slope @ spread @ slope, 0.0)))

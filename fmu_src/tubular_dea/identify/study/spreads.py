@@ -22,7 +22,7 @@ from ..fitting.fit import inverse
 from ..fitting.marginal import marginal
 from ..fitting.problem import Free, whitened
 from ..records.start import LATEST, ZEROS
-from ..signals.noise import ROUNDED_OFF
+from ..signals.colour_estimate import ROUNDED_OFF
 from .linearised import Linearised, wide, windows_of
 from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
 from .study import Piece, Study
