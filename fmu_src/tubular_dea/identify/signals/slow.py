@@ -31,7 +31,7 @@ MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] 
 RESTS_AT = 20  # [samples] whose median is what a monitor rests at
 LEFT_REST = 8.0  # [1] times its noise from sample to sample by which it has left that
 BEGUN_BEFORE = 4  # [samples] before which it may have begun to
-RESTS_LONG = 40  # [samples] of rest that tell something
+FEWEST_AT_REST = 40  # [samples] of rest that tell something
 LAGS_AT_REST = 8  # [1] times the longest lag of its covariance that a rest lasts at least
 
 
@@ -70,7 +70,7 @@ def _rest(values: np.ndarray, fast: float, least: int) -> np.ndarray:
     """What a record shows before it moves, less its straight line; empty where that is less than `least` samples."""
     moved = np.abs(values - np.median(values[:RESTS_AT])) > LEFT_REST * fast
     number = np.arange(int(np.argmax(moved)) - BEGUN_BEFORE if moved.any() else values.size)
-    if number.size < max(least, RESTS_LONG):
+    if number.size < max(least, FEWEST_AT_REST):
         return np.empty(0)
     rest = values[: number.size]
     return rest - np.polyval(np.polyfit(number, rest, 1), number)

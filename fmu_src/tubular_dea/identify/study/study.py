@@ -263,32 +263,23 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
     Where a file rests at first, its colour shows.
     """
-    experiments = recordings.experiments
     found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
+    rested = [recordings.starts[e.name] == RESTED for e in recordings.experiments]
+    groups: dict[float, list[int]] = {}  # the files with each sampling step
+    for number, driven in enumerate(drives):
+        groups.setdefault(round(driven.step, SAME_STEP), []).append(number)
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
-            records = without_hum(experiments, signal.name)
-            groups: dict[float, list[np.ndarray]] = {}
-            for driven, values in zip(drives, records, strict=True):
-                groups.setdefault(round(driven.step, SAME_STEP), []).append(values)
-            told = [(step * n[0], n[1]) for step, group in groups.items() if (n := slow_level(group))]
+            records, fast = without_hum(recordings.experiments, signal.name), found[signal.name]
+            told = [(step * n[0], n[1]) for step, own in groups.items() if (n := slow_level([records[i] for i in own]))]
             slowest = max((lag for lag, _ in told), default=0.0)
-            rest = max(_at_rest(recordings, drives, records, step, found[signal.name]) for step in groups)
             longest = sorted(level for lag, level in told if 2 * lag > slowest)[:1]
-            found[signal.name] = max([found[signal.name], rest, *longest])
+            rests = [
+                level_at_rest([records[i] for i in own if rested[i]], fast, int(LONG_REST / step))
+                for step, own in groups.items()
+            ]
+            found[signal.name] = max(fast, *rests, *longest)
     return found
-
-
-def _at_rest(
-    recordings: Recordings, drives: Sequence[Drive], records: Sequence[np.ndarray], step: float, fast: float
-) -> float:
-    """The noise of a monitor by what its `records` with a sampling `step` show before they move."""
-    resting = [
-        values
-        for experiment, driven, values in zip(recordings.experiments, drives, records, strict=True)
-        if round(driven.step, SAME_STEP) == step and recordings.starts[experiment.name] == RESTED
-    ]
-    return level_at_rest(resting, fast, int(LONG_REST / step))
 
 
 def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held_out: bool) -> Piece:
