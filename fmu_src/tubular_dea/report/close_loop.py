@@ -159,8 +159,10 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
-    quiet = found.study.noise[found.study.plant.outputs[0].name].quiet
-    where = "in the quietest parts of the recordings" if quiet else "between the events, as no part is quiet"
+    first = found.study.noise[found.study.plant.outputs[0].name]
+    where = "in the quietest parts of the recordings" if first.quiet else "between the events, as no part is quiet"
+    if first.repeated:
+        where = "from what one repetition (beat) of the residual does not share with the others, as no part is quiet"
     page.text(
         f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "

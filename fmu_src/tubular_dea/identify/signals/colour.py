@@ -81,7 +81,7 @@ class Colour:
         raised, d = self.raised, self.pole - self.zero
         known = (1 + d * (1 - self.white) * self.phi / (1 - self.pole * self.phi)) / raised
         found = _sieved(values * np.sqrt(raised), self.pole, self.zero, known)
-        found[0] = values[0]
+        found[:1] = values[:1]
         return found
 
     def sample(self, count: int, random: np.random.Generator) -> np.ndarray:

@@ -68,6 +68,7 @@ class Noise:
     noise. `freedom` is the number of degrees of freedom that `rms` was estimated
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
+    `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
     enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch. `driven` is white
     noise on top (the same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain`
@@ -87,6 +88,7 @@ class Noise:
     slower: tuple[float, float] = (0.0, 0.0)
     slow_known: bool = True
     grain: float = 0.0
+    repeated: bool = False
 
     @property
     def uncertainty(self) -> float:
@@ -165,6 +167,27 @@ def estimate(records: Records) -> Noise:
         return _as_at_rest(records, found, still)
     told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found
+
+
+def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
+    """The noise that the `rest` of repetitions tells, as quiet stretches do; `known` where that is too little."""
+    if freedom(rest) < ENOUGH_FREEDOM:
+        return known
+    found = coloured(rest, min(s.step for s in rest))
+    colour = found.at_step
+    return replace(
+        known,
+        rms=float(np.sqrt(found.variance)),
+        correlation=colour.correlation,
+        freedom=found.freedom,
+        step=found.step,
+        white=colour.white,
+        form=max(FORM, found.uncertainty),
+        quiet=True,
+        slower=(colour.pole, colour.zero),
+        slow_known=not colour.pole,
+        repeated=True,
+    )
 
 
 def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise:

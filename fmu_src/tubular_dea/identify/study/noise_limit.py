@@ -6,6 +6,7 @@ nothing that drives a plant has lines there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,9 @@ import numpy as np
 from ..fitting.compiled import Ids
 from ..fitting.fit import Fit
 from ..signals import hum as hums
-from ..signals.noise import Noise
+from ..signals.noise import Noise, of_repetitions
 from ..signals.noise_bound import TOO_MUCH, limited
+from ..signals.repeats import Repeated, unrepeated
 from ..signals.sampling import SAME_STEP, usual_step
 from .nuisances import with_nuisances
 from .study import Study
@@ -38,8 +40,23 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
         known = replace(study.noise[name], hum=_hum(study.noise[name], records))
         more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
         left = [_without(list(known.hum), *one) if more else one[1] for one in records]
+        if not known.quiet or known.repeated:
+            known = of_repetitions(known, unrepeated(_repeated(study, name, left)))
         noise[name] = limited(known, left, more)
     return replace(study, noise=noise)
+
+
+def _repeated(study: Study, output: str, left: Sequence[np.ndarray]) -> list[Repeated]:
+    """The residuals `left` (each (n,)) of an output, and when what repeats begins: when an input is switched on."""
+    found = []
+    read = [(p, r) for p in study.training for r in p.case.readings if r.output == output]
+    for (piece, reading), values in zip(read, left, strict=True):
+        edges = piece.driven.edges
+        on = [e for e in edges if abs(e.high) > abs(e.low)]
+        each = [np.array([e.time for e in on if e.input == name]) for name in dict.fromkeys(e.input for e in on)]
+        begins = max(each, key=len, default=np.empty(0))
+        found.append(Repeated(reading.times, values, begins, np.array([e.time for e in edges])))
+    return found
 
 
 def quieter(before: Study, after: Study) -> bool:
