@@ -49,7 +49,8 @@ UNQUIET = 0.2  # [1] the same where no stretch is quiet
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k quiet`, `python -m measured.table`
 CALM_SHARE = 0.75  # [1] of the stretches that are calm where a plant comes to rest: with fewer it rings
-BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal
+BRIEF = 5.0  # [samples] of memory that noise may have where a plant rings or is never at rest: more may be its signal,
+# unless that is slower still: its bandwidth's time constant is allowed where it is longer
 
 # Set by theory: no digits are lost. Check: `pytest tests/test_noise.py`
 LEAST_COLOUR = 1e-12  # [1] share of the variance that has a colour, at least
@@ -69,6 +70,7 @@ class Noise:
     with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
+    `faster` is the time constant of the plant's bandwidth [s]: a memory as short is no signal's; 0 where none is known.
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
     enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch. `driven` is white
     noise on top (the same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain`
@@ -89,6 +91,12 @@ class Noise:
     slow_known: bool = True
     grain: float = 0.0
     repeated: bool = False
+    faster: float = 0.0
+
+    @property
+    def brief(self) -> float:
+        """The memory [samples] of noise up to which it cannot be the plant's signal."""
+        return max(BRIEF, self.faster / self.step) if self.step > 0 else BRIEF
 
     @property
     def uncertainty(self) -> float:
@@ -156,16 +164,18 @@ class Noise:
 
 
 @one_blas_thread
-def estimate(records: Records) -> Noise:
-    """The noise common to records of (time, output, times of events); outputs without gaps."""
+def estimate(records: Records, bandwidth: float = np.inf) -> Noise:
+    """The noise common to records of (time, output, times of events); outputs without gaps. A plant passes hardly more
+    than its `bandwidth` [Hz]."""
+    faster = 1 / (2 * np.pi * bandwidth)
     chosen, quiet, rings = _chosen(records)
-    found, still = _told(records, chosen, quiet, rings), _before_events(records)
+    found, still = _told(records, chosen, quiet, rings, faster), _before_events(records)
     if freedom(still) < CALMEST:
         return found
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
     if found.quiet and alike and not (rings and freedom(still) >= SOME_FREEDOM):
         return _as_at_rest(records, found, still)
-    told = _told(records, still, True, True)  # what rings out has a colour of its own, and noise no long one
+    told = _told(records, still, True, True, faster)  # what rings out has a colour of its own, and noise no long one
     return told if told.quiet else found
 
 
@@ -197,7 +207,7 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
     plain = found.correlation > 0 and found.slower[0] == 0.0
     if not plain or _longest(still) < MEMORIES * found.tau or freedom(still) < ENOUGH_FREEDOM:
         return found
-    told = replace(_told(records, still, True, True), hum=found.hum, lines=found.lines)
+    told = replace(_told(records, still, True, True, found.faster), hum=found.hum, lines=found.lines)
     chance = LESS_SLOW * float(np.hypot(found.uncertainty, told.uncertainty))
     return told if told.quiet and found.slow**2 > (1 + chance) * told.slow**2 else found
 
@@ -217,7 +227,7 @@ def _left(groups: Sequence[Stretches]) -> float:
     return sum(float(np.sum(g.left**2)) for g in groups) / max(freedom(groups), 1)
 
 
-def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -> Noise:
+def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, faster: float) -> Noise:
     """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0))
@@ -226,7 +236,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = coloured(plain, step) if lines else found
     colour = found.colour(step)
-    long = colour.phi > np.exp(-1 / BRIEF)
+    long = colour.phi > np.exp(-1 / max(BRIEF, faster / step))
     quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     one_colour = not 0 < colour.white < 1 or colour.phi <= 0
@@ -244,6 +254,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool) -
         quiet,
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
         slow_known=quiet and not colour.pole and (one_colour or _longest(chosen) >= SLOW_STRETCH),
+        faster=faster,
     )
 
 

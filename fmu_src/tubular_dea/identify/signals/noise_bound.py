@@ -43,8 +43,8 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
         return known
     innovation = known.own_innovation  # a line need not follow its monitor's noise at every sample
     # without a quiet stretch the signal cannot be separated from noise of its colour
-    if innovation > TOO_MUCH * bound or (not known.quiet and known.tau > BRIEF * known.step):
-        freedom, memory = float(sum(r.size for r in left)), _brief_memory(left)
+    if innovation > TOO_MUCH * bound or (not known.quiet and known.tau > known.brief * known.step):
+        freedom, memory = float(sum(r.size for r in left)), _brief_memory(left, known.brief)
         return Noise(
             bound / float(np.sqrt(1 - memory**2)),
             memory,
@@ -55,6 +55,7 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
             quiet=known.quiet,
             slow_known=known.slow_known,
             grain=known.grain,
+            faster=known.faster,
         )
     if hummed and innovation > bound:
         known = replace(known, rms=known.rms * bound / innovation)
@@ -64,10 +65,12 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
 def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
     """Noise no louder than it can be where the residuals (each (n,)) are calm: noise is at every frequency, and more
     than a brief memory cannot be told from what a model lacks."""
-    most = BRIEFLY_COLOURED * calmest(left)
+    most = BRIEFLY_COLOURED * float(np.sqrt(known.brief / BRIEF)) * calmest(left)
     if known.rms <= most:
         return known
-    return Noise(most, 0.0, known.freedom, known.hum, form=known.form, quiet=False, grain=known.grain)
+    return Noise(
+        most, 0.0, known.freedom, known.hum, form=known.form, quiet=False, grain=known.grain, faster=known.faster
+    )
 
 
 def calmest(records: list[np.ndarray]) -> float:
@@ -100,11 +103,11 @@ def _no_larger(known: Noise, left: list[np.ndarray]) -> Noise:
     return replace(known, rms=rms, correlation=float(np.sqrt(1 - (known.own_innovation / rms) ** 2)))
 
 
-def _brief_memory(records: list[np.ndarray]) -> float:
-    """The correlation of neighbours in records (each (n,)); 0 where it lasts longer than noise may."""
+def _brief_memory(records: list[np.ndarray], brief: float) -> float:
+    """The correlation of neighbours in records (each (n,)); 0 where it lasts longer than noise may, `brief` samples."""
     squares, beside = _covariances(records, 1)
     found = beside / squares if squares > 0 else 0.0
-    return found if 0 < found < np.exp(-1 / BRIEF) else 0.0
+    return found if 0 < found < np.exp(-1 / brief) else 0.0
 
 
 def prediction_error(records: list[np.ndarray]) -> float:

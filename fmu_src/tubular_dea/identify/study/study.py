@@ -348,7 +348,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
             seen = experiment.seen(output.name)
             if seen.any():
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], _events(driven)))
-        noise = noises.estimate(records)
+        noise = noises.estimate(records, recordings.plant.bandwidth)
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
