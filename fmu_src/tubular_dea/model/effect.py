@@ -65,6 +65,8 @@ class Effect:
         for mentioned in (self.off, self.typical, self.on, self.refine, *shaped):
             if not set(mentioned) <= names:
                 raise DeclarationError(f"{self.id}: expected its own parameters but was given {set(mentioned) - names}")
+        if missing := sorted(names - set(self.typical)):
+            raise DeclarationError(f"{self.id}: typical: expected a usual value of every parameter, also {missing[0]}")
 
     @property
     def fit(self) -> tuple[str, ...]:
