@@ -16,6 +16,7 @@ import numpy as np
 
 from ..discover.answer.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..discover.engine import Discovery
+from ..kernel import KernelError
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect, equations
 from ..model.units import factor, readable, with_ends
@@ -60,11 +61,21 @@ def effects(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         if effect.drawing:
             page.lines(effect.drawing, drawing=True)
         page.lines(re.sub(r"`(.+?)`", r"“\1”", equations(found.study.plant.model, effect)))
-        curve = own_curve(isolated, excitations)
-        drawn = [] if curve is None else [_own(effect, curve)]
-        page.drawings([*drawn, _over(isolated, excitations, records)])
-        if curve is None:
-            page.text(_constant(isolated, excitations))
+        try:
+            _pictures(page, effect, isolated, excitations, records)
+        except KernelError as error:  # alone, or as far as all of its range, it may have no answer
+            page.text(f"It cannot be drawn by itself: {error}.")
+
+
+def _pictures(
+    page: Page, effect: Effect, isolated: IsolatedEffect, excitations: Sequence[Excitation], records: Sequence[Answered]
+) -> None:
+    """An effect's own curve, and the residual over what it depends on."""
+    curve = own_curve(isolated, excitations)
+    drawn = [] if curve is None else [_own(effect, curve)]
+    page.drawings([*drawn, _over(isolated, excitations, records)])
+    if curve is None:
+        page.text(_constant(isolated, excitations))
 
 
 def _share(explained: float, effects: int) -> str:
