@@ -338,3 +338,24 @@ def test_an_instrument_as_slow_as_the_plant_is_unusual() -> None:
 
     assert sizes(None) == pytest.approx([10.0, 10.0])
     assert sizes(2 * slow)[0] == pytest.approx(1.0)
+
+
+def test_the_force_of_what_is_moved_takes_work_where_a_part_of_its_play_is_negative() -> None:
+    """Of a static law from displacement to force, a negative part of play is friction: each cycle takes work."""
+    m = Build("Strip", "A spring that is pulled")
+    pull = m.input("pull", "m", nominal=0.02)
+    m.output("force", "N", m.define("tension", "N", m.parameter("k", "N/m", 100.0) * pull))
+    effect = next(e for e in effects_at(m.model(), Path("pull")) if e.id == "hysteresis(pull)")
+    part, width = (q.name for q in effect.parameters)
+    assert next(q for q in effect.parameters if q.name == part).minimum == -1.0
+    kernel, time = Kernel(effect(m.model())), np.linspace(0.0, 400.0, 4001)  # slowly: the follower is dragged at once
+    x = 0.01 * np.sin(2 * np.pi * time / 200)
+
+    def work(value: float) -> float:
+        answer = kernel.simulate(Protocol(time, {"pull": x}), time, {part: value, width: 1e-3})
+        last = time >= 200.0
+        return float(np.trapezoid(answer["force"][last], x[last]))
+
+    loop = 0.2 * 100.0 * 4 * 1e-3 * (0.01 - 1e-3)  # a parallelogram: twice its half height times its width
+    assert work(-0.2) == pytest.approx(loop, rel=0.05)
+    assert work(0.2) == pytest.approx(-loop, rel=0.05)

@@ -222,6 +222,12 @@ def test_a_time_that_stands_there_twice_is_spread(tmp_path: Path) -> None:
     assert experiment.source and "line 102" in experiment.source.remarks[0]
 
 
+def test_a_time_that_stands_still_is_refused(tmp_path: Path) -> None:
+    """A column of equal times is no time."""
+    with pytest.raises(UserError, match="expected ascending times but every row is at 1 s"):
+        read_experiment(written(tmp_path, headed(time=np.ones(400))), PLANT)
+
+
 def test_gaps_are_no_coarse_clock(tmp_path: Path) -> None:
     columns = {k: np.delete(v, np.arange(200, 230)) for k, v in headed().items()}
     experiment = read_experiment(written(tmp_path, columns), PLANT)

@@ -287,3 +287,21 @@ def test_one_effect_takes_the_place_of_two_if_it_explains_as_much_with_instants_
     assert tried == [("offset",)]  # the best has had its turn, and the lag is far behind
     assert search.chosen.ids == taken
     assert (search.study == "its own") is (taken == ("offset",))
+
+
+@pytest.mark.parametrize(("excess", "better"), [(0.0, True), (LARGE - 1.0, False)])
+def test_a_base_that_explains_as_much_where_the_choice_ended_takes_its_place(
+    monkeypatch: pytest.MonkeyPatch, excess: float, better: bool
+) -> None:
+    """What leads a fit out of a local minimum is no effect; a base that is hardly better there is none."""
+    again = option(excess=excess)
+    monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: again)
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: (study, one))
+    base = option(excess=LARGE)
+    deeper = selection.base_from_choice(found(base, option("lag", excess=0.0)))
+    assert (deeper == (STUDY, again)) if better else (deeper is None)
+
+
+def test_no_base_is_sought_where_nothing_was_chosen() -> None:
+    """Without a choice there is no other place to begin at."""
+    assert selection.base_from_choice(found(BASE, BASE)) is None

@@ -222,11 +222,17 @@ def _held_out_anew(prepared: Study, found: Search) -> Study | None:
 
 
 def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progress) -> Search:
-    """The search; once more where its choice shows that the noise is less than the base's residual allowed.
+    """The search; once more where its choice shows a better base, or that the noise is less than the base's residual
+    allowed.
 
     Without quiet stretches a residual is all that limits the noise, and what the base lacks adds to it.
     """
     found = selection.forward_selection(work, fitted, numeric, seed, tell)
+    deeper = selection.base_from_choice(found)
+    if deeper is not None:
+        tell("the base is better where the choice ended")
+        work, fitted = _base_settled(deeper[0], deeper[1].fitted, seed)
+        found = selection.forward_selection(work, fitted, numeric, seed, tell)
     for _ in range(MOST_QUIETER):
         limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)
         if acceptance.far(found.chosen) or not quieter(found.study, limited):

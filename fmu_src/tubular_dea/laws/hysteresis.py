@@ -8,7 +8,8 @@
             +------------ signal         +------------ displacement
 
 Equations: of a signal, d(follower)/dt = ([signal - follower - width]+ - [follower - signal - width]+) / follows,
-signal' = signal - part (signal - follower): play of half width `width` in a part of it. In a balance, der(velocity) -=
+signal' = signal - part (signal - follower): play of half width `width` in a part of it, which comes later; one that
+is negative comes first, as friction does in the force of what is moved. In a balance, der(velocity) -=
 force z, travel dz/dt = v - (z^2 + SMALL)^((sharpness - 1) / 2) (|v| z + skew v |z|) / 2. With a skew of 1 the force
 ends at its largest value, as dry friction does; below -1 it stiffens, and its loop is narrow near zero.
 
@@ -45,7 +46,7 @@ def law(at: SignalSite | BalanceSite) -> Effect | None:
 
 def _play(at: SignalSite) -> Effect:
     n = at.nominal
-    part = at.knob("part", "1", f"Part of {at.words} that has play", 0.05, 0.0, 1.0, off=0.0)
+    part = at.knob("part", "1", f"Part of {at.words} that has play", 0.05, -1.0, 1.0, off=0.0)
     width = at.knob(
         "width",
         at.unit,

@@ -196,6 +196,21 @@ def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit 
     return fitted if fitted.cost < found.base.fitted.cost - least else None
 
 
+def base_from_choice(found: Search) -> tuple[Study, Option] | None:
+    """A better base, begun where the choice ended and with its numbers of the records' own; None where none is.
+
+    An effect that leads a fit out of a local minimum is no effect: without it the model explains as much from there.
+    """
+    if not found.chosen.ids:
+        return None
+    begun = fitted_option(found.study, (), found.chosen.fitted.values, ())
+    if begun is None:
+        return None
+    study, again = own_nuisances(found.study, begun)
+    least = max(AGREE, DEEPER * (found.base.misfit - found.chosen.misfit))
+    return (study, again) if again.misfit < found.base.misfit - least else None
+
+
 def _undenied(found: Search, stages: Sequence[Search]) -> Search:
     """Return to the last choice that the held-out experiments do not contradict; the later one becomes its rival."""
     best = last_undenied(found.base, [s.chosen for s in stages])
