@@ -13,6 +13,7 @@ import pytest
 from laboratory import drawn, numbers
 from tubular_dea.cli import main
 from tubular_dea.discover.answer import remarks
+from tubular_dea.errors import UserError
 from tubular_dea.identify.fitting import scales
 from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
 from tubular_dea.identify.records.start import RESTED, UNKNOWN, detected

@@ -42,7 +42,7 @@ PARAMETERS = (
         "Resistance along the electrodes: 0 at one place, 1/3 along their length",
         0.0,
         "Graf 2012",
-        -0.9,
+        -0.3,
         3.0,
     ),
     Quantity("electrode_share", "1", "Share of the layers whose electrodes lag", 0.0, "Graf 2012", 0.0, 1.0),
