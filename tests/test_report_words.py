@@ -19,6 +19,7 @@ from tubular_dea.discover.options import residuals
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores.channels import Isolation
 from tubular_dea.identify.fitting.cases import Case, Reading
+from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.model.units import in_words, three, with_ends
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
@@ -197,9 +198,48 @@ def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
     spread = {"measured_displacement": 1e-6, "pressure": 20.0}
     study = SimpleNamespace(plant=PLANT, spread=spread, zero=lambda name: 30e-6 if name[0] == "m" else 20.0)
-    said = remarks._spread(SimpleNamespace(study=study, shifted=Shift("measured_displacement", "trap1", 654e-6)))
+    found = {"study": study, "named": made_up.option(excess=0.0, z_slow=0.0)}
+    said = remarks._spread(SimpleNamespace(**found, shifted=Shift("measured_displacement", "trap1", 654e-6)))
     assert len(said) == 1 and said[0].startswith("The zero of pressure")
-    assert len(remarks._spread(SimpleNamespace(study=study, shifted=None))) == 2
+    assert len(remarks._spread(SimpleNamespace(**found, shifted=None))) == 2
+
+
+def test_a_zero_beside_what_the_model_lacks_is_not_said_to_be_the_monitors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where more than noise is left, zeros make up for it."""
+    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
+    study = SimpleNamespace(plant=PLANT, spread={"pressure": 20.0}, zero=lambda name: 20.0)
+    (said,) = remarks._spread(SimpleNamespace(study=study, named=made_up.option(excess=4e3), shifted=None))
+    assert said.startswith("In the fits the zero of pressure") and "make up for what the model lacks" in said
+
+
+@pytest.mark.parametrize(("name", "follows", "told"), [("a", "", True), ("a", "one", False), ("b", "", False)])
+def test_files_of_one_specimen_belong_together_where_what_was_found_outlasts_them(
+    name: str, follows: str, told: bool
+) -> None:
+    """The order of files is asked for, unless it is known or does not matter."""
+    catalogue = {n: replace(PLANT.catalogue["mullins_softening"], lasting=n == "a") for n in "ab"}
+    files = [SimpleNamespace(follows=""), SimpleNamespace(follows=follows)]
+    found = SimpleNamespace(
+        named=SimpleNamespace(ids=(name,)),
+        study=SimpleNamespace(catalogue=catalogue),
+        recordings=SimpleNamespace(experiments=files),
+    )
+    assert bool(remarks._in_a_row(found)) == told
+
+
+def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A branch that is declared as the other one is not implausible; one that is like neither is."""
+    known = PLANT.model.parameter_values()
+    study = SimpleNamespace(plant=PLANT)
+    base = SimpleNamespace(fitted=SimpleNamespace(names=("k_2", "C_1")))
+    monkeypatch.setattr(remarks, "interval", lambda fitted, n: (0.98 * fitted.values[n], 1.02 * fitted.values[n]))
+
+    def far(k_2: float) -> list[str]:
+        fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]}, undetermined=tuple)
+        return remarks.implausible(SimpleNamespace(base=base, study=study), fitted)
+
+    assert far(known["k_1"]) == []
+    assert far(10 * known["k_1"]) == ["k_2"]
 
 
 def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() -> None:
@@ -219,7 +259,8 @@ def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() 
 def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 390.0)
     study = SimpleNamespace(plant=PLANT, spread={"pressure": 1e9}, zero=lambda name: 130.0)
-    (said,) = remarks._spread(SimpleNamespace(study=study, shifted=None))
+    named = made_up.option(excess=0.0, z_slow=0.0)
+    (said,) = remarks._spread(SimpleNamespace(study=study, named=named, shifted=None))
     assert "do not tell" in said and "2.93 mmHg" in said
 
 
@@ -254,7 +295,7 @@ def test_the_noise_is_told_as_an_estimate() -> None:
 def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
     page, one = Page("a", "b"), made_up.option()
     first = PLANT.outputs[0].name
-    study = SimpleNamespace(plant=PLANT, noise={first: SimpleNamespace(quiet=True)})
+    study = SimpleNamespace(plant=PLANT, noise={first: Noise(17.5e-6, 0.78)})
     found = SimpleNamespace(base=one, chosen=one, study=study, search=SimpleNamespace(rounds=[]), isolated=None)
     told = found.__dict__ | {"numeric": 0.0, "held_ratio": 1.0, "tests_before": WHITE, "tests_after": WHITE}
     noise = {"rms": 17.5e-6, "correlation": 0.78, "from_monitors": 4e-6, "allowed": 71.4e-6}
@@ -264,6 +305,14 @@ def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
     text = page.document()
     assert "what noise and sampling allow: 71.4 um rms over all samples, of three parts" in text
     assert "near its edges" in text
+
+
+@pytest.mark.parametrize(("quiet", "excess", "certain"), [(True, 4e3, True), (False, 4e3, False), (False, 4e5, True)])
+def test_what_may_be_noise_is_not_certain(quiet: bool, excess: float, certain: bool) -> None:
+    """Where no part is quiet, twice the noise that could be told may be noise; many times is not."""
+    study = SimpleNamespace(plant=PLANT, noise={PLANT.outputs[0].name: Noise(9e-6, 0.0, quiet=quiet)})
+    found = SimpleNamespace(verdict="unexplained", study=study, named=made_up.option(excess=excess), wandering=None)
+    assert ("certain" in in_short._confidence(found)) == certain
 
 
 def what_is_left(verdict: str, one: Option, whiteness: float, widening: float = 1.0) -> list[str]:

@@ -134,6 +134,7 @@ class Site:
         *knobs: Knob,
         exact: bool = False,
         levels: Mapping[str, str] | None = None,
+        lasting: bool = False,
     ) -> Effect:
         """The law as an effect."""
         named = [(k.quantity.name, k) for k in knobs]
@@ -152,6 +153,7 @@ class Site:
             strengths={n: k.strengths for n, k in named if k.strengths},
             exact=exact,
             levels=levels or {},
+            lasting=lasting,
             recording=isinstance(self.place, Path) and (not self.drives or self.law not in ACTUATORS),
         )
 

@@ -46,4 +46,4 @@ def law(at: SignalSite) -> Effect:
         gone = drift.symbol * t / (1 + levelling.symbol * t)
         return at.put(model, signal * (1 + gone) if factor else signal + gone)
 
-    return at.effect(f"A drift in time changes {at.words}", "Doebelin 2004", apply, drift, levelling)
+    return at.effect(f"A drift in time changes {at.words}", "Doebelin 2004", apply, drift, levelling, lasting=factor)

@@ -71,4 +71,6 @@ def law(at: SignalSite) -> Effect | None:
         stays = 1 - sympy.exp(-largest / width.symbol)
         return at.put(model, coefficient * (1 - softer.symbol * below - damage.symbol * stays))
 
-    return at.effect(f"The largest {of.name} so far softens {at.words}", "Ogden 1999", apply, softer, width, damage)
+    return at.effect(
+        f"The largest {of.name} so far softens {at.words}", "Ogden 1999", apply, softer, width, damage, lasting=True
+    )

@@ -35,10 +35,10 @@ class Effect:
     beside it. `trades` says how a parameter of the grid changes if a share of an effect is replaced by the whole
     effect: by this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has only one
     form: a remaining residual has another cause. `channel` says where it acts, by the plant's own names; `recording`
-    that it is a fault of a monitor or sensor, not of the plant. `levels` are parameters that a state has to pass, or
-    the effect is another one: a stop that always holds is a spring. `curve` is how reports show the effect alone:
-    "x over y" or "x", the definition x over an input or state y that it depends on (default: what `alone` finds in
-    the declaration).
+    that it is a fault of a monitor or sensor, not of the plant; `lasting` that what it changes outlasts a record.
+    `levels` are parameters that a state has to pass, or the effect is another one: a stop that always holds is a
+    spring. `curve` is how reports show the effect alone: "x over y" or "x", the definition x over an input or state y
+    that it depends on (default: what `alone` finds in the declaration).
     """
 
     id: str
@@ -55,6 +55,7 @@ class Effect:
     trades: Values = field(default_factory=dict)
     exact: bool = False
     recording: bool = False
+    lasting: bool = False
     documentation: str = ""
     curve: str = ""
     levels: Mapping[str, str] = field(default_factory=dict)

@@ -7,6 +7,7 @@ from typing import Any
 from ..discover.answer.outcome import beyond_noise
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import noise_alone
+from ..discover.options.residuals import FAR
 from ..model.effect import Effect
 from ..model.units import in_words
 from .effects import size_words
@@ -30,6 +31,11 @@ DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
 )
+LOUDER = (
+    "The residual is larger than the noise that could be told, but no part of the recordings is quiet: either "
+    "something is missing, or the noise is larger and its errors last longer. A second of rest in each file would "
+    "tell, or its size under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
+)
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
@@ -38,7 +44,7 @@ WHITE = 2.0  # standard deviations of the whiteness of noise
 SHOWN = 3  # effects that could not be seen
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
-FAR = f"even {MOST_USUAL:.0f} times as strong as usual"
+STRONGEST = f"even {MOST_USUAL:.0f} times as strong as usual"
 
 
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
@@ -66,6 +72,8 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
+    if found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR:
+        return LOUDER
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
 
 
@@ -185,9 +193,14 @@ def better_as_declared(found: Discovery, errors: dict[str, Any]) -> list[str]:
     return [f"The model as declared, without any refit, predicts the held-out experiments with an error of {size}."]
 
 
+def _noise_known(found: Discovery) -> bool:
+    """Whether the first output's noise is known from what is quiet, or from repetitions."""
+    return found.study.noise[found.study.plant.outputs[0].name].quiet
+
+
 def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
-    if not found.study.noise[found.study.plant.outputs[0].name].quiet:
+    if not _noise_known(found):
         return "No part of the recordings is quiet, so the sensor's noise is not known well: it may be smaller."
     return "The error of a model can be about as small as the sensor's noise, which is itself an estimate."
 
@@ -227,7 +240,7 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         seen = "Stronger ones would have been seen; the table below lists all effects."
     texts = [f"{said}. {seen}"] if said else []
     if far:
-        texts.append(f"{', '.join(far)}, {FAR}.")
+        texts.append(f"{', '.join(far)}, {STRONGEST}.")
     if none:
         texts.append(f"{', '.join(none)} at any size: the model's own parameters compensate for it.")
     return texts
@@ -254,7 +267,7 @@ def _smaller_is_more(effect: Effect, parameter: str) -> bool:
 def _shown_limit(effect: Effect, parameter: str, value: float | None) -> str:
     if value is None:
         return ANY_SIZE
-    return FAR if _share(effect, parameter, value) > MOST_USUAL else _limit(effect, parameter, value)
+    return STRONGEST if _share(effect, parameter, value) > MOST_USUAL else _limit(effect, parameter, value)
 
 
 def _limit(effect: Effect, parameter: str, value: float) -> str:

@@ -41,6 +41,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_held_anew(found),
         *_partly(found),
         *_starts(found),
+        *_in_a_row(found),
         *_spread(found),
         *_wandering(found),
         *_coloured(found),
@@ -50,11 +51,19 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
 
 
 def implausible(found: Discovery, fitted: Fit) -> list[str]:
-    """The plant's own parameters that are implausible all over their intervals, by name."""
+    """The plant's own parameters that are implausible all over their intervals, by name.
+
+    One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
+    """
     declared = found.study.plant.model.parameter_values()
     judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
-    times = {n: sorted(end / declared[n] for end in interval(fitted, n)) for n in judged}
-    return [n for n, (low, high) in times.items() if low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE]
+    places = {n: [n, *(e.pairs[n] for e in found.study.plant.exchanges if n in e.pairs)] for n in judged}
+
+    def far(name: str, place: str) -> bool:
+        low, high = sorted(end / declared[place] for end in interval(fitted, name))
+        return low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE
+
+    return [n for n in judged if all(far(n, place) for place in places[n])]
 
 
 def _one_point(found: Discovery) -> list[str]:
@@ -198,20 +207,38 @@ def _starts(found: Discovery) -> list[str]:
     return said
 
 
+def _in_a_row(found: Discovery) -> list[str]:
+    """That files of one specimen belong together, where what was found outlasts a record."""
+    lasting = [n for n in found.named.ids if found.study.catalogue[n].lasting]
+    files = found.recordings.experiments
+    if not lasting or len(files) < 2 or any(e.follows for e in files):
+        return []
+    return [
+        f"What {' and '.join(lasting)} change{'s' * (len(lasting) == 1)} outlasts a record, but each was computed as "
+        "if nothing had been done to the plant before. If files were recorded one after the other, say when each began "
+        "([order] in bench.toml)."
+    ]
+
+
 def _spread(found: Discovery) -> list[str]:
     """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
-    said = []
+    said, lacks = [], not noise_alone(found.named.lack_of_fit)
     for name in found.study.spread:
         told_before = found.shifted is not None and found.shifted.output == name
         if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
             told = _told(spread, found.study.plant.quantity(name))
-            most = found.study.spread[name] >= AT_MOST * most_spread(found.study, name)
-            said.append(
-                f"By how much the zero of {name} differs from file to file, these recordings do not tell: up to {told} "
-                "was allowed for. Record each file from rest, or its zero before."
-                if most
-                else f"The zero of {name} differs by {told} from file to file."
-            )
+            if lacks:
+                said.append(
+                    f"In the fits the zero of {name} differs by {told} from file to file: it may make up for what the "
+                    "model lacks."
+                )
+            elif found.study.spread[name] >= AT_MOST * most_spread(found.study, name):
+                said.append(
+                    f"By how much the zero of {name} differs from file to file, these recordings do not tell: up to "
+                    f"{told} was allowed for. Record each file from rest, or its zero before."
+                )
+            else:
+                said.append(f"The zero of {name} differs by {told} from file to file.")
     return said
 
 

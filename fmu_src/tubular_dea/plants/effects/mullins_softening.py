@@ -60,4 +60,5 @@ EFFECT = Effect(
     typical={"mullins": 0.15, "mullins_width": 0.2, "mullins_bend": 0.0, "mullins_beta": 0.0, "damage": 0.0},
     shapes={"mullins_width": (0.03, 0.2, 1.0)},
     refine=("mullins_bend", "mullins_beta", "damage"),
+    lasting=True,
 )

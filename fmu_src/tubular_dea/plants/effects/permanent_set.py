@@ -41,4 +41,5 @@ EFFECT = Effect(
     off={"permanent_set": 0.0},
     typical={"permanent_set": 0.05, "tau_set": 1.0},
     shapes={"tau_set": (0.02, 0.3, 3.0)},
+    lasting=True,
 )
