@@ -249,9 +249,12 @@ def test_a_further_effect_must_be_more_than_another_form_of_the_first() -> None:
     nearly = option("lag", excess=1000.0)  # 1170 are asked for, but if four fifths are removed
     assert "another form of lag could" in refused(799.0, first=nearly)
     assert refused(801.0, first=nearly) == ""  # no form of the first looks so much like it
-    clean = option("lag", excess=300.0, z_slow=4.0)  # gained 39 700 and leaves noise: 0.4 % are asked for
-    assert "another form of lag could" in refused(158.0, first=clean)
-    assert refused(160.0, first=clean) == ""
+    clean = option("lag", excess=300.0, z_slow=4.0)  # gained 39 700 and leaves noise: 2 % are asked for
+    assert "another form of lag could" in refused(793.0, first=clean)
+    assert refused(795.0, first=clean) == ""
+    nearly = option("lag", excess=700.0)  # gained 39 300: what removes all that is left has to bring 2 % too
+    assert "another form of lag could" in refused(785.0, first=nearly)
+    assert refused(787.0, first=nearly) == ""
 
 
 def test_a_further_effect_that_hides_in_the_noise_gains_more_than_nulls_do() -> None:

@@ -33,6 +33,8 @@ FALSE_ALARMS = 0.001  # [1] share of records with nothing missing whose largest 
 SECOND_SHARE = 0.5  # [1] share of what is left that a further effect has to explain
 SECOND_PART = 0.004  # [1] share of the first effect's gain that a further one has to bring
 FORM_PART = 0.03  # [1] the same, where what is left is so little that another form of the first may be all there is
+CLEARED_PART = 0.02  # [1] the same of one that removes nearly all of it, or where it looks like noise: the laws of a
+# motor's friction (Stribeck) left as much as a dead zone that was not there, 1.1 %
 NOISE_GAIN = 70.0  # [squared standard deviations] that it has to gain where what is left is noise: twice nulls' most
 CLEARED = 0.8  # [1] share of what is left: another form of the first would hardly look so much like one other effect
 NEARLY_RATIO = 1.1  # [1] residual over noise up to which little is left
@@ -230,6 +232,8 @@ def _least_gain(base: Option, before: Option, gain: float) -> float:
     if before.exact:
         return SECOND_PART * first
     if clean(before.lack_of_fit):
-        return max(SECOND_PART * first, NOISE_GAIN)
+        return max(CLEARED_PART * first, NOISE_GAIN)
     clears = gain > CLEARED * before.lack_of_fit.excess
-    return first * (FORM_PART if nearly(before.lack_of_fit, base.lack_of_fit) and not clears else SECOND_PART)
+    if not nearly(before.lack_of_fit, base.lack_of_fit):
+        return SECOND_PART * first
+    return first * (CLEARED_PART if clears else FORM_PART)
