@@ -296,10 +296,8 @@ def test_a_base_that_explains_as_much_where_the_choice_ended_takes_its_place(
     """What leads a fit out of a local minimum is no effect; a base that is hardly better there is none."""
     again = option(excess=excess)
     monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: again)
-    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: (study, one))
-    base = option(excess=LARGE)
-    deeper = selection.base_from_choice(found(base, option("lag", excess=0.0)))
-    assert (deeper == (STUDY, again)) if better else (deeper is None)
+    deeper = selection.base_from_choice(found(option(excess=LARGE), option("lag", excess=0.0)))
+    assert deeper is (again.fitted if better else None)
 
 
 def test_no_base_is_sought_where_nothing_was_chosen() -> None:

@@ -231,7 +231,7 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
     deeper = selection.base_from_choice(found)
     if deeper is not None:
         tell("the base is better where the choice ended")
-        work, fitted = _base_settled(deeper[0], deeper[1].fitted, seed)
+        work, fitted = _base_settled(found.study, deeper, seed)
         found = selection.forward_selection(work, fitted, numeric, seed, tell)
     for _ in range(MOST_QUIETER):
         limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)

@@ -196,19 +196,16 @@ def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit 
     return fitted if fitted.cost < found.base.fitted.cost - least else None
 
 
-def base_from_choice(found: Search) -> tuple[Study, Option] | None:
+def base_from_choice(found: Search) -> Fit | None:
     """A better base, begun where the choice ended and with its numbers of the records' own; None where none is.
 
     An effect that leads a fit out of a local minimum is no effect: without it the model explains as much from there.
     """
     if not found.chosen.ids:
         return None
-    begun = fitted_option(found.study, (), found.chosen.fitted.values, ())
-    if begun is None:
-        return None
-    study, again = own_nuisances(found.study, begun)
+    again = fitted_option(found.study, (), found.chosen.fitted.values, ())
     least = max(AGREE, DEEPER * (found.base.misfit - found.chosen.misfit))
-    return (study, again) if again.misfit < found.base.misfit - least else None
+    return again.fitted if again is not None and again.misfit < found.base.misfit - least else None
 
 
 def _undenied(found: Search, stages: Sequence[Search]) -> Search:
