@@ -381,6 +381,7 @@ def test_mixed_rates_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("voltage", 0.5, "voltage 2 times too small"),
         ("radius", 2.0, "radius 2 times too large (a diameter for a radius)"),
         ("radius", 0.1, "radius 10 times too small (cm labelled mm)"),
+        ("displacement", -1.0, "of the wrong sign (counted the other way)"),
         ("", 1.0, ""),
     ],
 )
@@ -390,6 +391,7 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
     for e in recordings.experiments:
         inputs = {n: v * factor if n == signal else v for n, v in e.inputs.items()}
         outputs = {n: (v + 0.015) * (factor if signal == "radius" else 1) - 0.015 for n, v in e.outputs.items()}
+        outputs = {n: -v if signal == "displacement" else v for n, v in outputs.items()}
         experiments.append(dataclasses.replace(e, inputs=inputs, outputs=outputs))
     said = scales.findings(dataclasses.replace(recordings, experiments=experiments))
     assert words in said[0] if words else not said, said

@@ -1,4 +1,4 @@
-"""Detection of mislabelled units: a factor on one signal that makes the records agree with the declared plant.
+"""Detection of mislabelled units: a factor or sign of one signal that makes the records agree with the declared plant.
 
 The ranges of single signals (`checks`) reveal kV labelled V, but kPa labelled mbar is a plausible pressure too. A plant
 that responds ten times as strongly as declared is less likely than a wrong label. So the factors of usual mistakes are
@@ -78,6 +78,7 @@ def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling
             yield Mislabelling(name, factor, words)
             a, _, b = words.partition(" labelled ")
             yield Mislabelling(name, 1 / factor, INVERSE.get(words, f"{b} labelled {a}" if b else words))
+        yield Mislabelling(name, -1.0, "counted the other way")
 
 
 def findings(recordings: Recordings) -> list[str]:
@@ -102,7 +103,8 @@ def findings(recordings: Recordings) -> list[str]:
         except KernelError:
             return float("inf")
         scale = wrong.factor if wrong and wrong.signal == output.name else 1.0
-        seen = [(y + zero) / scale - zero for *_, y in records]
+        rest = zero if scale > 0 else 0.0  # a laser that counts the other way does so from where the plant rests
+        seen = [(y + rest) / scale - rest for *_, y in records]
         left = sum(float(np.sum((y - a) ** 2)) for y, a in zip(seen, answers, strict=True))
         size = sum(float(np.sum(y**2)) for y in seen)
         return float(np.sqrt(left / size)) if size > 0 else float("inf")
@@ -122,7 +124,7 @@ def findings(recordings: Recordings) -> list[str]:
     what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)
     return [
         f"is {what}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
-        f"(rms), else {_percent(tried[0][0])}; if so, correct the unit in the files, or give it with --columns"
+        f"(rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with --columns)"
     ]
 
 
@@ -131,6 +133,8 @@ def _percent(share: float) -> str:
 
 
 def _times(factor: float) -> str:
+    if factor < 0:
+        return "of the wrong sign"
     return f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
 
 
