@@ -223,6 +223,16 @@ def test_a_time_that_stands_there_twice_is_spread(tmp_path: Path) -> None:
     assert experiment.source and "line 102" in experiment.source.remarks[0]
 
 
+def test_equal_readings_of_a_coarse_clock_are_no_doubles(tmp_path: Path) -> None:
+    """Every sample counts where a clock ticks less often than samples are taken, also two that are equal."""
+    columns = headed(time=np.floor(table()["time"] * 100) / 100)
+    for values in columns.values():
+        values[41] = values[40]
+    experiment = read_experiment(written(tmp_path, columns), PLANT)
+    assert experiment.time.size == 400
+    np.testing.assert_allclose(experiment.time, table()["time"], rtol=1e-9)
+
+
 def test_a_time_that_stands_still_is_refused(tmp_path: Path) -> None:
     """A column of equal times is no time."""
     with pytest.raises(UserError, match="expected ascending times but every row is at 1 s"):

@@ -31,4 +31,4 @@ def law(at: SignalSite) -> Effect:
         model, signal, slow = at.followed(model, tau, "as it creeps")
         return at.put(model, signal + part.symbol * (slow - signal))
 
-    return at.effect(f"A part of {at.words} comes slowly", "OIML R 60", apply, part, tau)
+    return at.effect(f"A part of {at.words} comes slowly, or goes again", "OIML R 60", apply, part, tau)
