@@ -10,6 +10,7 @@ import pytest
 
 import tubular_dea as td
 from tubular_dea.identify.fitting.cases import Case, Reading, runs
+from tubular_dea.identify.fitting.fit import search
 from tubular_dea.identify.fitting.response import TOLERANCE, Response
 from tubular_dea.kernel import Driven, Kernel, KernelError
 from tubular_dea.protocol import Protocol
@@ -95,3 +96,35 @@ def test_sensitivities_are_taken_over_finer_steps_where_a_step_has_no_answer(mon
     found = Response(kernel, [case]).sensitivities({}, ["C_1"])
     assert tried[0] == coarse < tried[1]
     assert np.allclose(found[1][0], expected[1][0], rtol=1e-3, atol=1e-12)
+
+
+class Parabola:
+    """(x - 3)^2, whose derivative has an answer `told` times."""
+
+    def __init__(self, told: int) -> None:
+        self.told = told
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        return x**2 - 9.0
+
+    def linearised(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.told -= 1
+        if self.told < 0:
+            raise KernelError("the trajectory ended")
+        return self.residuals(x), np.diag(2 * x)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.full(1, -np.inf), np.full(1, np.inf)
+
+
+@pytest.mark.parametrize(("told", "ended"), [(99, 3.0), (2, 5.0), (1, 9.0)])
+def test_a_search_ends_where_it_last_had_a_derivative(told: int, ended: float) -> None:
+    """What it has reached counts; Newton's steps for x^2 = 9 from 9 lead to 5."""
+    found = search(Parabola(told), np.array([9.0]), 50)
+    assert found is not None and found.x[0] == pytest.approx(ended, rel=1e-6)
+    assert found.fun[0] == pytest.approx(ended**2 - 9, abs=1e-4)
+
+
+def test_a_search_without_any_derivative_finds_nothing() -> None:
+    """An answer alone does not say where to go."""
+    assert search(Parabola(0), np.array([9.0]), 50) is None

@@ -129,16 +129,27 @@ def fit(
 def search(
     problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
 ) -> OptimizeResult | None:
-    """scipy's bounded least squares; None where the model cannot be solved at the start."""
+    """scipy's bounded least squares; None where the model cannot be solved at the start.
+
+    Where there is an answer but no sensitivities, it ends at the best point that has them.
+    """
     first = problem.residuals(start)
     if not np.all(np.isfinite(first)):
         return None
+    last: OptimizeResult | None = None
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        nonlocal last
+        residual, slopes = problem.linearised(x)
+        last = OptimizeResult(x=x.copy(), fun=residual, jac=slopes, cost=0.5 * float(residual @ residual), status=0)
+        return slopes
+
     try:
         with np.errstate(over="ignore"):  # an infinite cost is that of a step to be refused
             return least_squares(
                 lambda x: first if np.array_equal(x, start) else problem.residuals(x),
                 start,
-                jac=lambda x: problem.linearised(x)[1],
+                jac=jacobian,
                 bounds=problem.bounds(),
                 method="trf",
                 x_scale="jac",
@@ -147,8 +158,8 @@ def search(
                 gtol=LEVEL_GROUND,
                 max_nfev=evaluations,
             )
-    except KernelError:  # an answer there, but no sensitivities
-        return None
+    except KernelError:
+        return last
 
 
 def may_be_better(other: Fit, fitted: Fit) -> bool:

@@ -49,8 +49,8 @@ def line_error(
     small = HARMLESS * float(np.ptp(values))  # what a filter that rings leaves
     if error > max(WRONG * float(np.hypot(noise, coarse / 2)), small):  # a coarse monitor may toggle
         raise DataError(
-            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI), but "
-            f"its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
+            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI "
+            f"units), but its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
         )
     return error
 
@@ -77,9 +77,9 @@ def check_sampling(experiment: Experiment, name: str, noise: float, stated: bool
     curves = ", band_limited=True (a smooth curve through all samples)" if off_even(time) <= JITTER else ""
     raise DataError(
         f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
-        f"unknown by {unknown:.3g} (rms, SI), beside a noise of {noise:.3g}; expected a rate that follows it: "
+        f"unknown by {unknown:.3g} (rms, SI units), beside a noise of {noise:.3g}; expected a rate that follows it: "
         f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or say how these records are to be read: in "
         f"your own plant's declaration the input held=True (each value holds until the next){curves}, or under [noise] "
-        f"in bench.toml {name} = {np.sqrt(missed / 1.5):.2g} (SI) if what is fast is noise: what that moves is not "
-        "missed then, and hides effects of its size"
+        f"in bench.toml {name} = {np.sqrt(missed / 1.5):.2g} (SI units) if what is fast is noise: what that moves is "
+        "not missed then, and hides effects of its size"
     )
