@@ -49,8 +49,8 @@ def line_error(
     small = HARMLESS * float(np.ptp(values))  # what a filter that rings leaves
     if error > max(WRONG * float(np.hypot(noise, coarse / 2)), small):  # a coarse monitor may toggle
         raise DataError(
-            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI "
-            f"units), but its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
+            f"{experiment.name}, column {name!r}: the line drawn through it misses it by {error:.3g} (rms, SI units), "
+            f"but its noise is {noise:.3g}; expected a monitor that the model can be driven by: look at this column"
         )
     return error
 
