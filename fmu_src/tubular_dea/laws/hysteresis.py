@@ -46,7 +46,9 @@ def law(at: SignalSite | BalanceSite) -> Effect | None:
 
 def _play(at: SignalSite) -> Effect:
     n = at.nominal
-    part = at.knob("part", "1", f"Part of {at.words} that has play", 0.05, -1.0, 1.0, off=0.0)
+    part = at.knob(
+        "part", "1", f"Part of {at.words} that has play (negative: as of friction)", 0.05, -1.0, 1.0, off=0.0
+    )
     width = at.knob(
         "width",
         at.unit,

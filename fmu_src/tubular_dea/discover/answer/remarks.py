@@ -273,8 +273,9 @@ def _coloured(found: Discovery) -> list[str]:
     state = found.named.lack_of_fit
     if clean(state) or not noise_alone(state):
         return []
-    return [
-        f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that quiet stretches "
-        "tell. It may be noise that is slower than these stretches last, or a weak effect: record longer ones, in "
-        "which nothing moves."
-    ]
+    quiet = all(noise.quiet for noise in found.study.noise.values())
+    told = (
+        "quiet stretches tell. It may be noise that is slower than these stretches last" if quiet else "could be told"
+    )
+    also = "or a weak effect: record longer ones, in which nothing moves" if quiet else "as no stretch is quiet"
+    return [f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that {told}, {also}."]
