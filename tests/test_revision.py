@@ -303,3 +303,15 @@ def test_a_base_that_explains_as_much_where_the_choice_ended_takes_its_place(
 def test_no_base_is_sought_where_nothing_was_chosen() -> None:
     """Without a choice there is no other place to begin at."""
     assert selection.base_from_choice(found(BASE, BASE)) is None
+
+
+@pytest.mark.parametrize(
+    ("left", "parameters", "tried"), [(900.0, 2, True), (900.0, 3, False), (0.0, 2, False)], ids=["", "bends", "clean"]
+)
+def test_a_simpler_law_is_settled_where_the_choice_is_not_all(left: float, parameters: int, tried: bool) -> None:
+    """A law that bends more fits better with others' zeros; what is behind by up to a tenth may be before it."""
+    before = option("relaxation", excess=1000.0, parameters=3)
+    search = found(option(excess=LARGE), option("relaxation", excess=left, z_slow=9.0 * (left > 0)))
+    behind = option("leak", excess=4000.0, parameters=parameters)
+    reach = selection._reach(search, before, behind, 50.0)
+    assert (behind.misfit - before.misfit < reach) == tried
