@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from blind.conventions import NAMES
 from blind.effects import EFFECTS, channel
-from blind.trials import Trial, first_channel, trial
+from blind.trials import TooLarge, Trial, first_channel, trial
 
 Share = tuple[str, list[bool]]
 
@@ -153,6 +153,11 @@ def conventions_of(options: argparse.Namespace) -> list[str] | None:
     return None if options.conventions is None else [c for c in options.conventions if c != "plain"]
 
 
+def identifies(kind: str, options: argparse.Namespace) -> bool:
+    """Whether `identify` is run, too."""
+    return kind == "none" and not options.no_identify
+
+
 def parsed(arguments: list[str] | None = None, description: str | None = __doc__) -> argparse.Namespace:
     """The command's options."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -164,6 +169,7 @@ def parsed(arguments: list[str] | None = None, description: str | None = __doc__
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--conventions", nargs="+", metavar="NAME", help=f"plain, or these alone: {', '.join(NAMES)}")
     parser.add_argument("--no-identify", action="store_true", help="run no `identify` where nothing is hidden")
+    parser.add_argument("--largest", type=int, metavar="N", help="leave out, and name, sets of more than N samples")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder where the sets and the answers stay")
     parser.add_argument("--out", type=Path, help="trials as JSON lines, added to")
@@ -176,22 +182,29 @@ def main(arguments: list[str] | None = None) -> None:
     options = parsed(arguments)
     only = conventions_of(options)
     trials = [Trial(**json.loads(row)) for path in options.read for row in path.read_text("utf-8").splitlines()]
+    left_out = []
     with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
         jobs = {
-            pool.submit(trial, seed, kind, only, kind == "none" and not options.no_identify, options.keep): (seed, kind)
+            pool.submit(trial, seed, kind, only, identifies(kind, options), options.keep, options.largest): (seed, kind)
             for seed, kind in planned(options)
         }
         for job in tqdm(as_completed(jobs), total=len(jobs), unit="set"):
             try:
-                trials.append(job.result())
+                done = job.result()
+            except TooLarge as known:
+                left_out.append(str(known))
+                continue
             except Exception as problem:
                 print(f"the bench failed on {jobs[job]}: {type(problem).__name__}: {problem}", file=sys.stderr)
                 continue
-            tqdm.write(line(trials[-1]), file=sys.stderr)
+            trials.append(done)
+            tqdm.write(line(done), file=sys.stderr)
             if options.out:
                 with options.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(asdict(trials[-1])) + "\n")
+                    file.write(json.dumps(asdict(done)) + "\n")
     print(table(trials))
+    if left_out:
+        print("left out, too large: " + ", ".join(sorted(left_out)))
 
 
 if __name__ == "__main__":

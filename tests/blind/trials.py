@@ -29,6 +29,10 @@ NAMED = ("effect_found", "ambiguous", "partly_explained")
 VERDICTS = (*NAMED, "no_effect", "unexplained")
 
 
+class TooLarge(Exception):
+    """A set of more samples than asked for."""
+
+
 @dataclass
 class Trial:
     """What was hidden under which conventions, and what the package said."""
@@ -89,8 +93,10 @@ class Trial:
         return self.verdict in NAMED and set(self.hidden) <= self.named and not self.false_names
 
 
-def trial(seed: int, kind: str, only: Collection[str] | None, identify: bool, keep: Path | None) -> Trial:
-    """Draw, write, run, judge. The set stays in `keep` where one is given."""
+def trial(
+    seed: int, kind: str, only: Collection[str] | None, identify: bool, keep: Path | None, largest: int | None = None
+) -> Trial:
+    """Draw, write, run, judge. The set stays in `keep` where one is given. TooLarge above `largest` samples."""
     lab = laboratory(seed, kind, only)
     with contextlib.ExitStack() as stack:
         if keep:
@@ -99,6 +105,8 @@ def trial(seed: int, kind: str, only: Collection[str] | None, identify: bool, ke
         else:
             place = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "set"
         truth = write(lab, place / "data")
+        if largest is not None and truth["samples"] > largest:
+            raise TooLarge(f"{kind}-{seed}: {truth['samples']} samples")
         done = Trial(
             seed,
             kind,

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..runs import runs
+
 GRID, QUIET = "#dde3e8", "#5b6b7a"
 FONT = 12.0  # px, as are all lengths here
 
@@ -172,8 +174,7 @@ def _opened(ends: tuple[float, float]) -> tuple[float, float]:
 def _finite(x: np.ndarray, y: np.ndarray) -> Sequence[slice]:
     """The stretches in which all is finite."""
     good = np.isfinite(x) & np.isfinite(y)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    return [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    return [slice(a, b) for a, b in runs(good)]
 
 
 def _text(x: float, y: float, text: str, anchor: str, more: str = "") -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ...identify.fitting.fit import AGREE, Fit, FitError
 from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
@@ -149,12 +147,9 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     found.study, found.chosen = own_nuisances(found.study, before)
     gained = before.misfit - found.chosen.misfit
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
-    share = ABSORBED if clean(before.lack_of_fit) else 0.0  # else they make up for what further effects explain
-    reach = max(gained, share * (found.base.misfit - before.misfit))
-    reach = reach if reach >= AGREE else -np.inf
     stuck = [r for r in alike if _promised_more(found, without, r)]
-    rest = [r for r in alike if not any(r is s for s in stuck)]
-    near = [r for r in rest if r.misfit - before.misfit < _reach(found, before, r, reach)][:SETTLED_RIVALS]
+    near = [r for r in alike if _may_pass(found, before, r, gained) and not any(r is s for s in stuck)]
+    near = near[:SETTLED_RIVALS]
     if not near and not stuck:
         return
     settled = side_by_side(lambda r: own_nuisances(found.study, r), near)
@@ -170,15 +165,19 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     found.rivals = sorted([*rest, *others], key=lambda o: -o.evidence)
 
 
-def _reach(found: Search, before: Option, rival: Option, reach: float) -> float:
-    """By how much a rival may be behind to be settled: `reach`, or more for a simpler law where the choice is not all.
+def _may_pass(found: Search, before: Option, rival: Option, gained: float) -> bool:
+    """Whether a rival was behind the choice `before` its numbers of the records' own were taken anew by so little that
+    its own may bring it before it: by what the choice `gained` so, or by a share of what that explains.
 
-    What bends more fits better with numbers of the records' own that belong to neither: a relaxing inflow was before a
-    leak by 3 % of what both explain, and is behind it with those that belong to each.
+    Where the choice leaves noise, numbers of the records' own may keep a rival from explaining as much; else they make
+    up for what further effects explain. A law that bends more fits better with numbers that belong to neither: a
+    relaxing inflow was before a leak by 3 % of what both explain, and is behind it with those that belong to each.
     """
-    if clean(found.chosen.lack_of_fit) or len(rival.fitted.names) >= len(before.fitted.names):
-        return reach
-    return max(reach, BEHIND * (found.base.misfit - before.misfit))
+    share = ABSORBED if clean(before.lack_of_fit) else 0.0
+    if not clean(found.chosen.lack_of_fit) and len(rival.fitted.names) < len(before.fitted.names):
+        share = max(share, BEHIND)
+    reach = max(gained, share * (found.base.misfit - before.misfit))
+    return reach >= AGREE and rival.misfit - before.misfit < reach
 
 
 def _promised_more(found: Search, without: Option, rival: Option) -> bool:

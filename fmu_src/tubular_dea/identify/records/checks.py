@@ -9,6 +9,7 @@ import numpy as np
 
 from ...model.declare import Quantity
 from ...plants.plant import Input, Output, Plant
+from ...runs import runs
 from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
 
 # Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
@@ -146,8 +147,7 @@ def _standstill(
 
 def _still(values: np.ndarray) -> list[tuple[int, int]]:
     """The first and the last sample of every run of STANDSTILL equal values or more."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.diff(values) == 0, [False]]).astype(int)))
-    return [(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True) if b - a + 1 >= STANDSTILL]
+    return [(a, b) for a, b in runs(np.diff(values) == 0) if b - a + 1 >= STANDSTILL]
 
 
 def _noisy(values: np.ndarray) -> bool:

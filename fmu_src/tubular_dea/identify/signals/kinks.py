@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...runs import runs
+
 # Set by theory: three samples and more, of which at most one is on another line, tell where a line runs.
 # Check: `pytest tests/test_kinks.py`
 STRAIGHT = 2  # [samples] that a line lasts at least on either side of a kink
@@ -105,10 +107,9 @@ def untold(
     """
     t, gaps = lines[0], np.diff(lines[0])
     brief = (gaps < (STRAIGHT + 0.5) * step) & ~_kinked(gaps, step)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], brief, [False]]).astype(int)))
     rough = _rough(values) > UNKNOWN * noise
     found = []
-    for first, last in ends.reshape(-1, 2):  # pieces from `first` on, before `last`
+    for first, last in runs(brief):  # pieces from `first` on, before `last`
         alone = t[last] - t[first] < (BRIEFLY + 0.5) * step and first > 0 and last < gaps.size
         if alone and rough[slice(*np.searchsorted(time, [t[first] - 0.5 * step, t[last] + 0.5 * step]))].any():
             found.append((t[first], t[last] + RESPONDS * step))

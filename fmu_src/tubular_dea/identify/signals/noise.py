@@ -96,7 +96,7 @@ class Noise:
     @property
     def brief(self) -> float:
         """The memory [samples] of noise up to which it cannot be the plant's signal."""
-        return max(BRIEF, self.faster / self.step) if self.step > 0 else BRIEF
+        return _brief(self.faster, self.step)
 
     @property
     def uncertainty(self) -> float:
@@ -222,6 +222,11 @@ def _before_events(records: Records) -> list[Stretches]:
     return [k for k in kept if k.record.size]
 
 
+def _brief(faster: float, step: float) -> float:
+    """The memory [samples] that noise may have beside a plant whose bandwidth has the time constant `faster` [s]."""
+    return max(BRIEF, faster / step) if step > 0 else BRIEF
+
+
 def _left(groups: Sequence[Stretches]) -> float:
     """The variance of stretches without what creeps."""
     return sum(float(np.sum(g.left**2)) for g in groups) / max(freedom(groups), 1)
@@ -236,7 +241,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, f
         plain, lines = _stripped(chosen, records, found.colour(step))
         found = coloured(plain, step) if lines else found
     colour = found.colour(step)
-    long = colour.phi > np.exp(-1 / max(BRIEF, faster / step))
+    long = colour.phi > np.exp(-1 / _brief(faster, step))
     quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     one_colour = not 0 < colour.white < 1 or colour.phi <= 0

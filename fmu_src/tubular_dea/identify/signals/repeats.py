@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...runs import runs
 from .quiet import LEAST_STRETCH, Stretches, basis
 from .sampling import usual_step
 
@@ -61,7 +62,7 @@ def _unshared(record: Repeated, number: int) -> list[Stretches]:
     cut = record.values[first[kept, None] + np.arange(size)].T @ apart
     return [
         Stretches(step, cut[a:b], basis(b - a, step), np.full(cut.shape[1], number), first[kept][: cut.shape[1]] + a)
-        for a, b in _runs(~often)
+        for a, b in runs(~often)
         if b - a >= LEAST_STRETCH
     ]
 
@@ -88,9 +89,3 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     """Values (m,) about their mean, of size 1 at most."""
     centred = values - values.mean()
     return centred / max(float(np.abs(centred).max()), np.finfo(float).tiny)
-
-
-def _runs(true: np.ndarray) -> list[tuple[int, int]]:
-    """The runs of true values among (n,): first, and one behind the last."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
-    return list(zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True))
