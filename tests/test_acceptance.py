@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -358,6 +359,30 @@ def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
         residual = sizes["lag"] * columns[:, 0] + random.standard_normal(800)
         passed.append(next(s.statistic for s in scores(listed, residual, jacobian) if s.id == "lag") > threshold)
     assert np.mean(passed) == pytest.approx(0.8, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("score", "growth", "true"),
+    [
+        (lambda size: (40 * size) ** 2, 1.0, 0.168),  # grows with its square
+        (lambda size: (20 * size) ** 4, 1.0, 0.1296),
+        (lambda level: max(0.0, 12.0 - level) ** 2 * 1e5, -1.0, 11.99),  # an end of a range of 12
+        (lambda size: 1e6 * size if size > 6.6 else 1e-6 * size, 1.0, 6.6),  # nothing is seen of it up to a length
+        (lambda rate: 1e3 + 50 / rate, -1.0, np.inf),  # a little more than off at any rate
+    ],
+)
+@pytest.mark.parametrize("first", [0.9, 0.5])
+def test_sizes_are_sought_where_what_is_needed_is_scored(
+    score: Callable[[float], float], growth: float, true: float, first: float
+) -> None:
+    needed = 45.2
+    search = power._SizeSearch(power.Guess(SimpleNamespace(id="one"), {}, "size", first, growth), [12 * first])
+    while len(search.scores) < power.SIMULATED and not search.settled(needed):
+        search.scored(score(search.sizes[-1]), needed, taken=False)
+    limit = search.limit(needed)
+    assert limit == pytest.approx(true, rel=0.3) if np.isfinite(true) else limit > 12 * first
+    if not np.isfinite(true):
+        assert len(search.scores) < power.SIMULATED
 
 
 def test_held_out_experiments_settle_which_of_the_accepted_stays() -> None:

@@ -375,6 +375,20 @@ def test_slow_noise_beside_white_noise_and_corners_is_found(tau: float) -> None:
     assert np.median(found) == pytest.approx(0.02 * np.hypot(1, np.sqrt((1 + phi) / (1 - phi))), rel=0.3)
 
 
+def test_the_longest_averages_tell_most_of_noise_whose_spectrum_is_one_over_f() -> None:
+    """Where a monitor rests between two ramps; sample by sample its noise is that of white noise."""
+    time, told = np.arange(0, 12, 1 / 300), []
+    stays = np.interp(time, [0, 0.3, 1.5, 12], [0, 0, 1e4, 1e4])
+    for seed in range(12):
+        random, frequency = np.random.default_rng(seed), np.fft.rfftfreq(2 * time.size)[1:]
+        lines = random.standard_normal((2, frequency.size)) / np.sqrt(frequency)
+        flicker = np.fft.irfft(np.r_[0, lines[0] + 1j * lines[1]])[: time.size]
+        slow = 45 * flicker / flicker.std()
+        told.append([(slow_level([stays + one]) or (0, 0.0))[1] for one in (slow, random.permutation(slow))])
+    flicker_level, white_level = np.median(told, axis=0)
+    assert flicker_level > 3 * 45 and white_level == pytest.approx(45, rel=0.05)
+
+
 @pytest.mark.parametrize(("slow", "times"), [(0.0, 1.0), (1.5, 2.7), (2.5, 3.0)])
 def test_noise_with_a_memory_shows_at_rest_before_a_signal_moves(slow: float, times: float) -> None:
     """Heartbeats from the second second on: differences tell nothing of the memory, a second of rest in a few files

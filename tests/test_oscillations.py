@@ -19,21 +19,35 @@ SLOW = 0.2 * (TIME % 500) / 500  # a ramp in every part of the record
 
 
 NOTHING = np.zeros(TIME.size)
+STEPS = np.floor(TIME / 700) % 2
+THIRD_OF_IT = np.sin(2 * np.pi * 0.2 / 3 * TIME)  # friction makes waves of three times the frequency
 
 
 @pytest.mark.parametrize(
-    ("left", "driven", "told"),
-    [(STEADY, NOTHING, 1), (STEADY, 3 * STEADY, 0), (AFTER_A_PULSE, NOTHING, 0), (SLOW, NOTHING, 0)],
+    ("left", "driven", "told", "force"),
+    [
+        (STEADY, NOTHING, 1, STEPS),
+        (STEADY, 3 * STEADY, 0, STEPS),
+        (AFTER_A_PULSE, NOTHING, 0, STEPS),
+        (SLOW, NOTHING, 0, STEPS),
+        (STEADY, NOTHING, 0, THIRD_OF_IT),
+        (STEADY + 10e-3 * STEPS, NOTHING, 0, STEPS),  # the model misses much else
+    ],
 )
 def test_a_line_that_lasts_is_told_once_and_what_a_model_misses_otherwise_is_none(
-    monkeypatch: pytest.MonkeyPatch, left: np.ndarray, driven: np.ndarray, told: int
+    monkeypatch: pytest.MonkeyPatch, left: np.ndarray, driven: np.ndarray, told: int, force: np.ndarray
 ) -> None:
     record = driven + left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
-    case = SimpleNamespace(readings=[SimpleNamespace(output="voltage", times=TIME)], parts=lambda: [slice(None)])
+    case = SimpleNamespace(
+        readings=[SimpleNamespace(output="voltage", times=TIME)],
+        parts=lambda: [slice(None)],
+        protocol=SimpleNamespace(at=lambda times: {"force": force}),
+    )
+    plant = SimpleNamespace(inputs=[SimpleNamespace(name="force")])
     piece = SimpleNamespace(name="a", record=record, case=case)
     noise = {"voltage": Noise(1e-4, 0.0, lines=(0.18, 0.2, 0.21), step=1.0)}
     answers = SimpleNamespace(outputs=lambda values: [driven])
-    study = SimpleNamespace(noise=noise, pieces=[piece], response=lambda ids, pieces: answers)
+    study = SimpleNamespace(plant=plant, noise=noise, pieces=[piece], response=lambda ids, pieces: answers)
     named = SimpleNamespace(ids=(), fitted=SimpleNamespace(values={}))
     monkeypatch.setattr(oscillations, "with_nuisances", lambda study, piece, answer: answer)
     waves = oscillations.oscillations(SimpleNamespace(study=study, named=named))

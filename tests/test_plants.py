@@ -191,3 +191,20 @@ def test_what_to_do_in_a_channel_can_be_done(read: float, measure: str) -> None:
     assert told["level"].startswith(f"repeat an experiment and measure {measure}")
     assert told["drain"].startswith("repeat one course of pump at several levels of level")
     assert told["k"].startswith("record steps of pump of several heights")
+
+
+def test_a_coefficient_may_depend_on_two_quantities() -> None:
+    """What the second place adds has names of its own; what is the same at both is there once."""
+    m = Build("Shaft", "a shaft", "Two masses")
+    torque = m.input("torque", "N.m", nominal=1.0)
+    k, c = m.parameter("k", "N.m", 30.0), m.parameter("c", "N.m.s", 0.1)
+    twist, speed = m.state("twist", "rad", nominal=0.05), m.state("speed", "rad/s", nominal=20.0)
+    shaft = m.define("shaft", "N.m", k * twist + c * speed, nominal=1.0)
+    m.derivative(twist, speed)
+    m.derivative(speed, (torque - shaft) / m.parameter("J", "kg.m2", 0.01))
+    m.output("angle", "rad", 1.0 * twist)
+    places = [Coefficient("shaft", of="speed"), Coefficient("shaft", of="twist")]
+    both = Plant(m.model(), inputs=[Input("torque", held=True)], outputs=[Output("angle")], places=places).catalogue
+    assert {"dependence(shaft)", "shaft_dependence_twist", "softening(shaft)", "shaft_softening_twist"} <= both.keys()
+    assert "shaft_power_twist" not in both and "power(shaft)" in both
+    assert len({q.name for e in both.values() for q in e.parameters}) == sum(len(e.parameters) for e in both.values())

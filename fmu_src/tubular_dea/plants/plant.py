@@ -24,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 import sympy
 
-from ..laws import Place, check, effects_at
+from ..laws import Coefficient, Path, Place, check, effects_at, laws
 from ..model.declare import DeclarationError, Model, Quantity, nearest, rate
 from ..model.effect import Effect
 from ..protocol import Protocol
@@ -269,9 +269,22 @@ class Plant:
     def catalogue(self) -> Mapping[str, Effect]:
         """All candidate effects by id: the plant's own, then every law at its places."""
         found, held = dict(self.own), [s.name for s in self.inputs if s.held]
-        for place in self.places:
-            found |= {effect.id: effect for effect in effects_at(self.model, place, held) if effect.id not in found}
+        for number, place in enumerate(self.places):
+            there = effects_at(self.model, place, held)
+            if any(type(p) is type(place) and p.name == place.name for p in self.places[:number]):
+                there = self._of_another(place, held)
+            found |= {effect.id: effect for effect in there if effect.id not in found}
         return MappingProxyType(found)
+
+    def _of_another(self, place: Place, held: Sequence[str]) -> list[Effect]:
+        """The effects at a place that is declared once more because it may depend on a further quantity: only what that
+        changes, as shaft_dependence_twist for Coefficient("shaft", of="twist") after one of another quantity."""
+        if not isinstance(place, Path | Coefficient) or not place.of:
+            return effects_at(self.model, place, held)
+        alone = {effect.id for effect in effects_at(self.model, replace(place, of="", laws=None, names={}), held)}
+        own = [law for law in laws() if place.asks(law) and f"{law}({place.name})" not in alone]
+        named = {law: f"{place.name}_{law}_{place.of}" for law in own} | dict(place.names)
+        return [e for e in effects_at(self.model, replace(place, names=named), held) if e.id not in alone]
 
     @property
     def channels(self) -> tuple[str, ...]:

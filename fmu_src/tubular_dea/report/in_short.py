@@ -224,7 +224,10 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """The effects with the largest detection limits relative to their usual sizes, in a sentence."""
     known, none, far = [], [], []
+    named = {name for entry in outcome["effects"] for name in (entry["id"], *entry["equivalent"])}
     for name, sizes in outcome["invisible"].items():
+        if name in named:  # beside the base model some could not be told; here they were
+            continue
         effect = found.study.catalogue[name]
         for parameter, value in sizes.items():
             if value is None:

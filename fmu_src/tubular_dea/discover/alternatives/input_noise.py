@@ -63,6 +63,19 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
     return study
 
 
+def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
+    """The study with monitors' noise no larger than what moves the outputs by their whole error: the rest of what
+    changes from sample to sample is signal (light behind clouds)."""
+    caused, answers = caused_rms(study, values), study.response((), study.pieces).outputs(values)
+    squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            squares[reading.output].append((answer - piece.record)[rows] ** 2)
+    errors = {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items() if parts}
+    share = min([1.0, *(errors[name] / caused[name] for name in errors if caused[name] > 0)])
+    return replace(study, monitor_noise={name: share * level for name, level in study.monitor_noise.items()})
+
+
 def _fastest(study: Study, name: str) -> float:
     """The noise of a monitor that changes from sample to sample."""
     return float(np.median([p.driven.noise[name] for p in study.pieces]))

@@ -13,7 +13,10 @@ import numpy as np
 
 from ...identify.signals.sampling import usual_step
 from ...identify.study.nuisances import with_nuisances
+from ...identify.study.study import Study
 from ..engine import Discovery
+
+Record = tuple[str, np.ndarray, np.ndarray]  # a piece's name, its times [s] and residual, each (n,)
 
 # Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/signals/hum.py).
 # Check: `pytest tests/test_discover.py::test_an_oscillation_that_no_input_drives_is_told`
@@ -25,6 +28,9 @@ LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
 WINDOW = 3.0  # [1] over the number of samples: squared error of an amplitude, in units of the noise
 
 # Set by judgement. Check: `pytest tests/test_oscillations.py`
+OWN_SHARE = 0.05  # [1] of the variance of a residual that a wave has at least
+MOSTLY_ONE = 0.4  # [1] of the variance of an input that one wave has
+OVERTONES = 9  # [1] times its frequency that a law makes of a wave, at most
 PARTS = 8  # [1] equal parts of a record in most of which a line is, or it is the trace of a few events
 STEADY = 0.5  # [1] of its amplitude in the whole record that it has there at least
 
@@ -50,7 +56,7 @@ def oscillations(found: Discovery) -> list[Oscillation]:
     if not any(noise.lines for noise in study.noise.values()):
         return []
     answers = study.response(named.ids, study.pieces).outputs(named.fitted.values)
-    left: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
+    left: dict[str, list[Record]] = {}
     driven: dict[tuple[str, str], np.ndarray] = {}
     for piece, answer in zip(study.pieces, answers, strict=True):
         residual = piece.record - with_nuisances(study, piece, answer)
@@ -69,13 +75,34 @@ def oscillations(found: Discovery) -> list[Oscillation]:
                 name: noise.slow_at(usual_step(times)) * np.sqrt(WINDOW / times.size) for name, times, _ in records
             }
             follows = {name: abs(_wave(fine, times, driven[output, name])) for name, times, _ in records}
-            seen = [r for r in records if amplitudes[r[0]] > max(LINE_TOLD * errors[r[0]], follows[r[0]])]
+            told_in = {n for n, e in errors.items() if amplitudes[n] > max(LINE_TOLD * e, follows[n])}
+            seen = [r for r in records if r[0] in told_in and _by_itself(study, fine, amplitudes[r[0]], r)]
             if any(_steady(fine, times, residual) for _, times, residual in seen):
                 told.append(Oscillation(output, fine, amplitudes))
     return told
 
 
-def _finest(line: float, records: list[tuple[str, np.ndarray, np.ndarray]]) -> float:
+def _by_itself(study: Study, frequency: float, amplitude: float, record: Record) -> bool:
+    """Whether a wave is more than a part of what the model misses, and no overtone of what an input does, which a
+    plant's own laws make (friction)."""
+    name, times, residual = record
+    if 0.5 * amplitude**2 < OWN_SHARE * float(np.var(residual)):
+        return False
+    inputs = next(p for p in study.pieces if p.name == name).case.protocol.at(times)
+    return not any(_overtone(frequency, times, inputs[s.name]) for s in study.plant.inputs)
+
+
+def _overtone(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a frequency is a multiple of that of an input which is mostly one wave."""
+    grid = np.fft.rfftfreq(times.size, usual_step(times))[1:]
+    spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(times.size)))[1:]
+    ground = float(grid[int(np.argmax(spectrum))])
+    times_as_high = round(frequency / ground)
+    mostly = 0.5 * abs(_wave(ground, times, values)) ** 2 > MOSTLY_ONE * float(np.var(values))
+    return mostly and 2 <= times_as_high <= OVERTONES and abs(frequency / times_as_high - ground) < grid[0]
+
+
+def _finest(line: float, records: list[Record]) -> float:
     """The frequency near a line with the largest amplitude in the records, each with its own phase."""
     grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]

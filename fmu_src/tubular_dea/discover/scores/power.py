@@ -37,10 +37,12 @@ POWER = 0.8  # [1] share of records with an effect of that size in which it is s
 SLOWEST_GAIN = 2.0  # [1] power of the gain over a size beyond those that were simulated, at least
 FASTEST_GAIN = 4.0  # [1] the same at most
 
-# Set by judgement: where the second says, the third would hardly differ.
+# Set by judgement: what is scored grows as the power says after two sizes, and not at all where a level is not reached.
 # Check: `python -m blind.limits --seed 500`
-SIMULATED = 2  # [1] sizes at which an effect is simulated, each where the one before says the limit is
-FARTHEST_SIZE = 30.0  # [1] times by which that may differ from the one before
+SIMULATED = 7  # [1] sizes at which an effect is simulated at most, each where those before say the limit is
+SETTLED = 4.0  # [1] times by which what is scored there may differ from what is needed: the size by less than twice
+UNCHANGED = 0.01  # [1] change of a score from one size to the next, that is none
+FARTHEST_SIZE = 30.0  # [1] times by which a size may differ from the one before
 
 # Set by measurement: of a delay of 2.5 ms of a sensor beside filtered monitors, columns leave 300 of 1092, and monitors
 # that are estimated anew 248, 25, 17 and 16 after so many times. Check: `python -m blind.limits --seed 500`
@@ -107,8 +109,10 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
     basis, held = (np.linalg.qr(j)[0] for j in (common.beside(fitted.jacobian), fitted.jacobian))
     searches = {g.effect.id: _SizeSearch(g, [g.size]) for g in guessed if g.size is not None}
     for _ in range(SIMULATED):
-        chords = _chords(study, fitted, [s for s in searches.values() if not s.ended])
+        chords = _chords(study, fitted, [s for s in searches.values() if not (s.ended or s.settled(least))])
         for name, search in searches.items():
+            if search.settled(least):
+                continue
             if name in chords and not search.ended:
                 left = _left(replace(chords[name], columns=common.apply(chords[name].columns)), basis)
                 search.scored(left, least, taken=left < TAKEN * _left(chords[name], held))
@@ -124,8 +128,14 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
         search = searches.get(guess.effect.id)
         if search is None:
             return None
-        followed = _followed(training, fitted, guess, search.sizes[-1]) if search.taken and not search.ended else None
-        return search.sizes[-1] if followed is None else _next(search.sizes[-1:], [followed], least, guess.growth)
+        if search.taken and not search.ended:
+            search = _SizeSearch(guess, [search.sizes[-1]])
+            while len(search.scores) < SIMULATED and not search.settled(least):
+                followed = _followed(training, fitted, guess, search.sizes[-1])
+                if followed is None:
+                    break
+                search.scored(followed, least, taken=True)
+        return search.limit(least)
 
     return {g.effect.id: {g.name: size} for g, size in zip(guessed, side_by_side(limit, guessed), strict=True)}
 
@@ -148,6 +158,21 @@ class _SizeSearch:
         self.scores.append(score)
         self.taken = taken
         self.sizes.append(_next(self.sizes, self.scores, least, self.guess.growth))
+
+    def settled(self, least: float) -> bool:
+        """Whether the last size that was simulated scored nearly what is needed, or as much as that before: where an
+        effect is a little more than off however small it is."""
+        if len(self.scores) < 2:
+            return False
+        last, before = self.scores[-1], self.scores[-2]
+        return least / SETTLED <= last <= least * SETTLED or (last > least and abs(last - before) < UNCHANGED * before)
+
+    def limit(self, least: float) -> float:
+        """Where `least` is scored; beside a jump of the score the smallest effect that was seen."""
+        if self.settled(least):
+            return _extrapolated(self.sizes, self.scores, least, self.guess.growth)
+        seen, unseen = _between(self.sizes, self.scores, least, self.guess.growth)
+        return seen if seen is not None and unseen is not None and not self.ended else self.sizes[-1]
 
 
 def _chords(study: Study, fitted: Fit, searches: Sequence[_SizeSearch]) -> dict[str, Candidate]:
@@ -183,14 +208,33 @@ def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float 
 
 
 def _next(sizes: Sequence[float], scored: Sequence[float], least: float, growth: float) -> float:
-    """Where `least` is scored, from the sizes at which something was; not far from the last of them."""
+    """Where `least` is scored, not beyond a size that scored more or less: halfway to it then."""
+    guess = _extrapolated(sizes, scored, least, growth)
+    seen, unseen = _between(sizes, scored, least, growth)
+    if seen is None or unseen is None or min(seen, unseen) < guess < max(seen, unseen):
+        return guess
+    return float(np.sqrt(seen * unseen))
+
+
+def _extrapolated(sizes: Sequence[float], scored: Sequence[float], least: float, growth: float) -> float:
+    """Where `least` is scored, as a power of the size says from the last two that were; not far from the last."""
     if scored[-1] <= 0:
-        return sizes[-1] * FARTHEST_SIZE**growth
-    power = growth * SLOWEST_GAIN
-    if len(scored) > 1 and scored[-2] > 0 and sizes[-1] != sizes[-2]:
-        power = float(np.log(scored[-1] / scored[-2]) / np.log(sizes[-1] / sizes[-2]))
+        return sizes[len(scored) - 1] * FARTHEST_SIZE**growth
+    n, power = len(scored), growth * SLOWEST_GAIN
+    if n > 1 and scored[-2] > 0 and sizes[n - 1] != sizes[n - 2]:
+        power = float(np.log(scored[-1] / scored[-2]) / np.log(sizes[n - 1] / sizes[n - 2]))
     power = growth * float(np.clip(growth * power, SLOWEST_GAIN, FASTEST_GAIN))
-    return sizes[-1] * float(np.clip((least / scored[-1]) ** (1 / power), 1 / FARTHEST_SIZE, FARTHEST_SIZE))
+    return sizes[n - 1] * float(np.clip((least / scored[-1]) ** (1 / power), 1 / FARTHEST_SIZE, FARTHEST_SIZE))
+
+
+def _between(
+    sizes: Sequence[float], scored: Sequence[float], least: float, growth: float
+) -> tuple[float | None, float | None]:
+    """The smallest effect among those that scored `least`, and the largest that did not; None where there is none."""
+    tried = sorted(zip(sizes, scored, strict=False), key=lambda one: growth * one[0])
+    seen = [size for size, score in tried if score >= least]
+    unseen = [size for size, score in tried if score < least]
+    return (seen[0] if seen else None), (unseen[-1] if unseen else None)
 
 
 def _left(candidate: Candidate, basis: np.ndarray) -> float:

@@ -102,8 +102,8 @@ def assigned(
         if signal.name not in columns and (column := _only(table, units[signal.name], columns)):
             columns[signal.name] = column
     for output in plant.outputs:
-        if columns.keys().isdisjoint(output.headings) and (found := _worded(table, output, units, columns)):
-            columns |= dict([found])
+        if columns.keys().isdisjoint(output.headings):
+            columns |= _by_content(table, output, units, columns)
     if "time" not in columns and rate is not None:
         columns["time"] = Column("time", "s", f"{rate:g} Hz (bench.toml)", np.arange(table.lines.size) / rate, 0)
     _complete(table, plant, columns, units)
@@ -163,6 +163,18 @@ def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | No
     return alike[0] if len(alike) == 1 else None
 
 
+def _by_content(
+    table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column]
+) -> dict[str, Column]:
+    """The only column that an output without its own heading can be: by a word, or by its unit where that is needed and
+    says which of its headings is meant."""
+    if found := _worded(table, output, units, columns):
+        return dict([found])
+    heading, *others = output.headings
+    only = _only(table, units[heading], columns) if output.required and not others else None
+    return {heading: only} if only else {}
+
+
 def _worded(
     table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column]
 ) -> tuple[str, Column] | None:
@@ -189,14 +201,14 @@ def is_in(unit: str, expected: str) -> bool:
 
 
 def _times(columns: Sequence[Column]) -> list[Column]:
-    """The column that must be the time: by another usual name, as the only one with it in its name, or a clock's."""
+    """The column that must be the time: by another usual name, as the only one with it in its name, a clock's, or the
+    only one in a unit of time."""
     for also in ALSO_TIME:
         if any(c.name == also for c in columns):
             return [c for c in columns if c.name == also]
-    for wanted in ([c for c in columns if {"time", "zeit"} & set(c.name.split("_"))], [c for c in columns if c.clock]):
-        if len(wanted) == 1:
-            return wanted
-    return []
+    worded = [c for c in columns if {"time", "zeit"} & set(c.name.split("_"))]
+    clocks, in_unit = [c for c in columns if c.clock], [c for c in columns if _measured(c) and is_in(c.unit, "s")]
+    return next((wanted for wanted in (worded, clocks, in_unit) if len(wanted) == 1), [])
 
 
 def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -214,9 +226,11 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
         there = [name for name in output.headings if name in columns]
         if len(there) > 1 or (output.required and not there):
             wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
+            only = None if there else _only(table, units[output.headings[0]], columns)
+            which = f"{output.headings[0]}={only.number if only else 'ITS_NAME_OR_NUMBER'}"
             raise ReadError(
                 f"{table.heading_place}: expected one column {wanted} but found {table.headings}; say which with "
-                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER"
+                f"--columns {which}"
             )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...model.units import converted
 from ...plants.plant import Input, Output, Plant
-from ...recordings import NoTableError, ReadError, Table, is_recording, is_spreadsheet, read
+from ...recordings import Column, NoTableError, ReadError, Table, is_recording, is_spreadsheet, read
 from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
@@ -253,19 +253,22 @@ def experiment_of(
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
     outputs, idle = _outputs(table, plant, columns, values, lines, _nothing_moves(inputs, plant), known)
-    told = [
-        f"{s.name} is read from {columns[s.name].column.shown}, the only column in a unit of its kind"
-        for s in plant.inputs
-        if s.name not in chosen and columns[s.name].column.name != plain(s.name)
-    ]
-    told += [
-        f"{name} is read from {columns[name].column.shown}, the only column with that in its heading"
-        for output in plant.outputs
-        for name in output.headings
-        if name in values and name not in chosen and columns[name].column.name != plain(name)
-    ]
+    told = _read_from(plant, {n: a.column for n, a in columns.items() if n not in chosen})
     source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _read_from(plant: Plant, columns: Mapping[str, Column]) -> list[str]:
+    """What is said of signals that are in columns of other names, which nobody chose."""
+    sensed = [name for o in plant.outputs for name in o.headings]
+    told = []
+    for name, column in columns.items():
+        if name in (TRIGGER, "time") or column.name == plain(name):
+            continue
+        worded = name in sensed and {*plain(name).split("_")} <= {*column.name.split("_")}
+        only = "with that in its heading" if worded else "in a unit of its kind"
+        told.append(f"{name} is read from {column.shown}, the only column {only}")
+    return told
 
 
 def _without_lost(table: Table, plant: Plant, columns: Mapping[str, Assigned]) -> tuple[dict[str, Assigned], list[str]]:

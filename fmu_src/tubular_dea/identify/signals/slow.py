@@ -25,6 +25,7 @@ WITHOUT_EVENTS = 0.5  # [1] of all differences over a lag, at least, that are wi
 MOST_GROWTH = 2.2  # [1] growth of it from one lag to twice that: 2 of noise whose memory is longer, and some chance
 LEAST_ERROR = 0.02  # [1] relative error of such a variance at least: noise is not quite normally distributed
 SLOW_EARNS = 9.0  # [squared standard errors] by which slow noise beside white noise has to explain them better
+MEDIAN_ERROR = 2.3  # [1] of a normal variance told by the median of n / lag differences, in units of sqrt(lag / n)
 MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] that are tried
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k rest`
@@ -40,15 +41,37 @@ def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
     longest lag [samples] that tells it, from records (each (n,)) of one sampling step.
 
     White noise, and beside it an autoregression with that memory which explains best how differences grow with the lag,
-    if it earns its place. One record is too short to tell a memory of seconds. None where a signal moves in all.
+    if it earns its place. 1/f noise has any memory: averages over the longest lag show most of it. One record is too
+    short to tell a memory of seconds. None where a signal moves in all.
     """
-    told = [(v.size, found) for v in records if (found := _grown(v)).size]
+    told = [(v, found) for v in records if (found := _grown(v)).size]
     if not told:
         return None
     lags = 2.0 ** np.arange(max(found.size for _, found in told))
-    sizes = np.array([sum(n for n, found in told if found.size > k) for k in range(lags.size)])
-    sums = [sum(n * found[k] for n, found in told if found.size > k) for k in range(lags.size)]
-    return int(lags[-1]), _level(lags, np.array(sums) / sizes, sizes)
+    sizes = np.array([sum(v.size for v, found in told if found.size > k) for k in range(lags.size)])
+    sums = [sum(v.size * found[k] for v, found in told if found.size > k) for k in range(lags.size)]
+    longest = int(lags[-1])
+    return longest, max(_level(lags, np.array(sums) / sizes, sizes), _of_averages([v for v, _ in told], longest))
+
+
+def _of_averages(records: Sequence[np.ndarray], longest: int) -> float:
+    """White noise whose averages over a lag have the same third differences as those of a monitor's noise (Hadamard's
+    variance): for the lag up to `longest` at which that is most, if it is more than by chance; else 0."""
+    found = [_averages_vary(records, 1 << doubled) for doubled in range(longest.bit_length())]
+    white = found[0][0]
+    more = [variance for variance, relative in found if variance > white * (1 + relative)]
+    return float(np.sqrt(max(more, default=0.0)))
+
+
+def _averages_vary(records: Sequence[np.ndarray], lag: int) -> tuple[float, float]:
+    """The variance of white noise that averages over a `lag` tell, and how much may be chance, relatively; 0 where
+    none tells it."""
+    told, count = 0.0, 0
+    for values in records:
+        averages = np.convolve(values, np.full(lag, 1 / lag), mode="valid")
+        if averages.size > LAGS * lag and (here := _calm_level(averages, lag)) is not None:
+            told, count = told + values.size * lag * here**2, count + values.size
+    return (told / count, MEDIAN_ERROR * chance(lag, count)) if count else (0.0, 0.0)
 
 
 def level_at_rest(records: Sequence[np.ndarray], fast: float, least: int) -> float:
