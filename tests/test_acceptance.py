@@ -157,7 +157,7 @@ def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) 
         covariance=0.01 * np.eye(2),
     )
     assert acceptance.bounded_away(lag, fitted) is away
-    study = SimpleNamespace(catalogue={"lag": lag})
+    study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     described = replace(option("lag", excess=100.0, held_out=2000.0), fitted=fitted)
     assert engine.supported(study, found(BASE, described), described) is away
     denied = replace(described, unseen=1.1 * BASE.unseen)
@@ -212,7 +212,7 @@ def test_an_effect_that_gains_little_is_vague() -> None:
     lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
     chosen = option("lag", excess=50.0)
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
-    study = SimpleNamespace(catalogue={"lag": lag})
+    study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     for gain, vague in ((10.7, ["lag"]), (10.9, [])):  # a normal number is 3.3 from its mean once in a thousand
         assert [*engine._vague(study, found(BASE, chosen, gains={"lag": gain}), chosen)] == vague
 

@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import tubular_dea as td
 from tubular_dea.api.ended import recorded
 from tubular_dea.api.given import model_of
 from tubular_dea.cli import main
@@ -22,7 +23,8 @@ from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.laws import laws
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.model.effect import with_effects
-from tubular_dea.plants import Build
+from tubular_dea.plants import Build, Input, Output, Plant
+from tubular_dea.plants import Path as Place
 from tubular_dea.plants.__main__ import main as tables
 from tubular_dea.plants.load import PlantError, load_plant
 from tubular_dea.plants.saved import ModelFileError, as_json, load
@@ -350,3 +352,20 @@ def test_a_model_that_cannot_follow_its_records_is_said_with_its_file(tmp_path: 
     words = "^tank.py:PLANT: the model cannot follow a recorded experiment: it ended; look"
     with pytest.raises(KernelError, match=words), recorded(plant):
         raise KernelError("it ended")
+
+
+def test_a_plant_that_runs_away_is_said_without_a_warning() -> None:
+    m = Build("Levitated", "A body that nothing holds")
+    pull = m.input("pull", "m/s", nominal=1.0)
+    x = m.state("x", "m", start=0.0, nominal=0.01)
+    m.derivative(x, m.parameter("rate", "1/s", 40.0) * x + pull)
+    m.output("place", "m", 1.0 * x)
+    plant = Plant(m.model(), inputs=[Input("pull")], outputs=[Output("place")], places=[Place("pull")])
+    time = 0.01 * np.arange(1000)
+    random, tables = np.random.default_rng(0), {}
+    for i in range(2):
+        pull = 0.1 * np.sin((1 + i) * time)
+        read = 0.01 * np.sin(time) + 1e-4 * random.standard_normal(time.size)
+        tables[f"file {i}"] = {"time [s]": time, "pull [m/s]": pull, "place [m]": read}
+    with pytest.raises(UserError, match="runs away by itself"):
+        td.discover(td.read_recordings(tables, plant=plant))

@@ -179,7 +179,7 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
         f"electrical. The channel is uncertain: the summary names the sensor channel, because {why}." in page.document()
     )
     advice = outcome.advice(found)
-    assert f"a second sensor in the sensor channel, because {why}; the channel is uncertain, as the " in advice
+    assert f"a second sensor, because {why}; the channel is uncertain, as the " in advice
     assert advice.endswith(
         f"the {'residual is largest where the ' * disturbance}electrical channel "
         f"{'acts' if disturbance else 'explains most of it'}."

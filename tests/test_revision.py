@@ -198,7 +198,7 @@ def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> No
     catalogue = STUDY.catalogue | {
         n: SimpleNamespace(typical={n: 1.0}, parameters=[SimpleNamespace(name=n)], refine=("shape",)) for n in names
     }
-    study = SimpleNamespace(catalogue=catalogue)
+    study = SimpleNamespace(catalogue=catalogue, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     rivals = [option(n, excess=2001.0 + i) for i, n in enumerate(names)]
     finer = option("lag", excess=100.0, refined=("lag",))
     asked = refits(monkeypatch, {(("lag",), ("lag",)): finer})
@@ -218,7 +218,9 @@ def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch
         SimpleNamespace(off={name: off}, fit=(name,), parameters=[SimpleNamespace(name=name, minimum=None)])
         for name, off in (("lag", 0.0), ("creep", 1.0))
     )
-    study = SimpleNamespace(catalogue={"lag": exact, "creep": vague})
+    study = SimpleNamespace(
+        catalogue={"lag": exact, "creep": vague}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0
+    )
     both = option("lag", "creep")
     both = replace(both, fitted=replace(both.fitted, scaled=np.ones(3), covariance=0.01 * np.eye(3)))
     alone = option("lag", excess=50.0)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import tubular_dea as td
+from tubular_dea.discover.alternatives import zeros
 from tubular_dea.plants import Build, Input, Output, Path, Plant
 
 TIME = 0.01 * np.arange(600)
@@ -46,3 +49,23 @@ def test_a_file_with_an_impossible_zero_is_not_explained(hold_out: list[str]) ->
     assert "file 3" in said
     assert "stretch" in said
     assert found.content["residual"]["remainder"]["rms"] == pytest.approx(0.04, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "usual"),
+    [
+        ("offset(pull)", 0.09, True),
+        ("offset(pull)", -0.09, True),
+        ("offset(pull)", 0.11, False),
+        ("gain(pull)", 0.09, False),
+        ("offset(stretch)", 0.09, False),
+    ],
+)
+def test_an_offset_as_zeros_are_is_no_effect(effect: str, size: float, usual: bool) -> None:
+    declared = SimpleNamespace(
+        plant=plant(),
+        catalogue={effect: SimpleNamespace(off={"size": 0.0})},
+        zero=lambda name: {"pull": 0.2, "stretch": 1e-3}.get(name, 0.0),
+    )
+    fitted = SimpleNamespace(fitted=SimpleNamespace(values={"size": size}, names=["size"]))
+    assert zeros.as_usual(declared, fitted, effect) is usual

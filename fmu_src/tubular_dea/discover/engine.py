@@ -327,9 +327,19 @@ def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
             why[name] = "it would need an implausible strength, or a level that no record passes"
         elif not acceptance.bounded_away(work.catalogue[name], described.fitted):
             why[name] = "the interval of its size includes nothing"
+        elif _no_more_than_a_zero(work, found, described, name):
+            why[name] = "a zero no larger than that signal usually has explains as much"
         elif found.gains.get(name, np.inf) < acceptance.EARNS * slow:
             why[name] = "beside the others it gains no more than chance can"
     return why
+
+
+def _no_more_than_a_zero(work: Study, found: Search, described: Option, name: str) -> bool:
+    """Whether an effect, or one that is equivalent to it, is an offset as all zeros of a signal may have in common."""
+    if zeros.as_usual(work, described, name):
+        return True
+    pairs = ((r, equivalence.stands_in(r, found.chosen, found.gains)) for r in found.rivals)
+    return any(pair and pair[0] == name and zeros.as_usual(work, rival, pair[1]) for rival, pair in pairs)
 
 
 def _withdrawn(work: Study, found: Search, described: Option) -> Option:

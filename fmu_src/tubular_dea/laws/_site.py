@@ -139,7 +139,7 @@ class Site:
         """The law as an effect."""
         named = [(k.quantity.name, k) for k in knobs]
         return Effect(
-            self.place.names.get(self.law, f"{self.law}({self.place.name})"),
+            self.place.id(self.law),
             self.place.channel or self.place.name,
             summary,
             apply,

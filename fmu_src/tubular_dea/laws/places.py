@@ -38,6 +38,10 @@ class Place:
     seconds: float | None = field(default=None, kw_only=True)
     size: float | None = field(default=None, kw_only=True)
 
+    def id(self, law: str) -> str:
+        """The id of a law's effect here."""
+        return self.names.get(law, f"{law}({self.name})")
+
     def asks(self, law: str) -> bool:
         """Whether a law of that name may act here."""
         return self.laws is None or law in self.laws

@@ -133,7 +133,8 @@ def at_channel(plant: Plant, channel: str) -> str:
     if isinstance(place, Balance):
         itself = "" if place.name in _measured(plant) else f"{place.name} itself too, or "
         return f"repeat an experiment and measure {itself}what else acts on {'it' if itself else place.name}"
-    return f"repeat an experiment with a second sensor in the {channel} channel"
+    where = "" if channel == "sensor" else f" in the {channel} channel"
+    return f"repeat an experiment with a second sensor{where}"
 
 
 def _measured(plant: Plant) -> set[str]:

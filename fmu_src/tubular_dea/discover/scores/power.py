@@ -40,7 +40,7 @@ FASTEST_GAIN = 4.0  # [1] the same at most
 # Set by judgement: what is scored grows as the power says after two sizes, and not at all where a level is not reached.
 # Check: `python -m blind.limits --seed 500`
 SIMULATED = 7  # [1] sizes at which an effect is simulated at most, each where those before say the limit is
-SETTLED = 4.0  # [1] times by which what is scored there may differ from what is needed: the size by less than twice
+NEARLY = 4.0  # [1] times by which what is scored there may differ from what is needed: the size by less than twice
 UNCHANGED = 0.01  # [1] change of a score from one size to the next, that is none
 FARTHEST_SIZE = 30.0  # [1] times by which a size may differ from the one before
 
@@ -165,7 +165,7 @@ class _SizeSearch:
         if len(self.scores) < 2:
             return False
         last, before = self.scores[-1], self.scores[-2]
-        return least / SETTLED <= last <= least * SETTLED or (last > least and abs(last - before) < UNCHANGED * before)
+        return least / NEARLY <= last <= least * NEARLY or (last > least and abs(last - before) < UNCHANGED * before)
 
     def limit(self, least: float) -> float:
         """Where `least` is scored; beside a jump of the score the smallest effect that was seen."""

@@ -120,7 +120,7 @@ def fit(
     if not found:
         raise FitError(
             "the model cannot be solved at the starting values: expected parameters under which it can follow the "
-            "recorded inputs; choose others"
+            "recorded inputs; choose others, and declare a plant that runs away by itself with what holds it"
         )
     best = min(found, key=lambda s: s.cost)
     return described(problem, best.x, bool(best.status > 0), (best.fun, best.jac))

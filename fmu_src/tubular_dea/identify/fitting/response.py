@@ -29,6 +29,9 @@ COLUMNS_TOGETHER = 4  # [1] columns of sensitivities that the kernel works on at
 
 # Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
+
+# Set by theory: squares of it are still numbers. Check: `pytest tests/test_plant_files.py -k runs_away`
+RUN_AWAY = 1e100  # [SI] that no plant reaches
 STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its inputs
 
 
@@ -107,6 +110,8 @@ class Response:
             wanted=case.outputs,
             keep_mesh=keep_mesh,
         )
+        if any(float(np.abs(v).max(initial=0.0)) > RUN_AWAY for v in found.values.values()):
+            raise KernelError(f"{self.kernel.model.name} runs away: it reaches more than {RUN_AWAY:g}")
         if found.mesh is not None:
             self._meshes[id(run)] = (parameters, found.mesh)
         return run.read(found.values)

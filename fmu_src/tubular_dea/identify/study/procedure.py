@@ -193,6 +193,6 @@ def _from_anywhere(problem: Problem, start: Mapping[str, float], plant: Plant) -
     if best is None:
         raise FitError(
             f"{plant.name} cannot be solved at the starting values; expected parameters under which it can "
-            "follow the recorded inputs: try others"
+            "follow the recorded inputs: try others, and declare a plant that runs away by itself with what holds it"
         )
     return dict(start) | best.values
