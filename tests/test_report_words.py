@@ -31,12 +31,12 @@ WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
 def hidden(invisible: dict[str, dict[str, float | None]]) -> str:
-    return " ".join(in_short._hidden(FOUND, {"invisible": invisible}))
+    return " ".join(in_short._hidden(FOUND, {"effects": [], "invisible": invisible}))
 
 
 def table(invisible: dict[str, dict[str, float | None]]) -> str:
     page = Page("a", "b")
-    in_short.not_seen(page, FOUND, {"invisible": invisible})
+    in_short.not_seen(page, FOUND, {"effects": [], "invisible": invisible})
     return page.document()
 
 
@@ -48,7 +48,7 @@ def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     assert "Larger" not in said
     beside = SimpleNamespace(study=FOUND.study, verdict="unexplained")  # what remains may hide more
     assert "Stronger ones" not in " ".join(
-        in_short._hidden(beside, {"invisible": {"pressure_gain": {"pressure_gain": 0.05}}})
+        in_short._hidden(beside, {"effects": [], "invisible": {"pressure_gain": {"pressure_gain": 0.05}}})
     )
 
 

@@ -160,12 +160,14 @@ def _own(effect: Effect, curve: OwnCurve) -> tuple[str, str]:
 
 
 def _between(curve: OwnCurve) -> str:
-    """The ends of a step in words, to a hundredth of the larger."""
+    """The ends of a step in words, to a hundredth of the larger, or a tenth of what is between them."""
     assert curve.moved is not None
     scale, unit = _unit(curve.moved, np.array(curve.ends))
     ends = np.array(curve.ends) / scale
-    low, high = np.round(ends, 2 - math.ceil(math.log10(np.abs(ends).max()))) + 0.0
-    return f"from {low:g} to {high:g} {unit}".removesuffix(" 1")
+    largest, apart = float(np.abs(ends).max()), float(np.ptp(ends)) or np.inf
+    digits = max(2 - math.ceil(math.log10(largest)), 1 - math.ceil(math.log10(min(apart, largest))))
+    low, high = np.round(ends, digits) + 0.0
+    return f"from {low:.8g} to {high:.8g} {unit}".removesuffix(" 1")
 
 
 def _constant(isolated: IsolatedEffect, excitations: Sequence[Excitation]) -> str:
