@@ -68,7 +68,8 @@ def _averages_vary(records: Sequence[np.ndarray], lag: int) -> tuple[float, floa
     none tells it."""
     told, count = 0.0, 0
     for values in records:
-        averages = np.convolve(values, np.full(lag, 1 / lag), mode="valid")
+        sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+        averages = (sums[lag:] - sums[:-lag]) / lag
         if averages.size > LAGS * lag and (here := _calm_level(averages, lag)) is not None:
             told, count = told + values.size * lag * here**2, count + values.size
     return (told / count, MEDIAN_ERROR * chance(lag, count)) if count else (0.0, 0.0)
