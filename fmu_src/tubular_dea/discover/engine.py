@@ -392,7 +392,8 @@ def _base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
     for number in range(MOST_SETTLES):
         before = work.late
         work = adjusted(with_noise_of(work, fitted), (), fitted.values, base_parameters(work.plant))
-        work = input_noise.bounded_by_outputs(work, fitted.values)
+        if number == 0:
+            work = input_noise.bounded_by_outputs(work, fitted.values)
         gains = input_noise.input_gains(work, fitted.values)
         work = input_noise.weighted(input_noise.told_by_outputs(work, fitted.values, gains), gains)
         fitted = base.recalibrate(work, 1, seed, fitted.values)

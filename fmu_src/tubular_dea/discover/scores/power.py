@@ -109,11 +109,12 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
     basis, held = (np.linalg.qr(j)[0] for j in (common.beside(fitted.jacobian), fitted.jacobian))
     searches = {g.effect.id: _SizeSearch(g, [g.size]) for g in guessed if g.size is not None}
     for _ in range(SIMULATED):
-        chords = _chords(study, fitted, [s for s in searches.values() if not (s.ended or s.settled(least))])
-        for name, search in searches.items():
-            if search.settled(least):
-                continue
-            if name in chords and not search.ended:
+        sought = {name: s for name, s in searches.items() if not (s.ended or s.settled(least))}
+        if not sought:
+            break
+        chords = _chords(study, fitted, list(sought.values()))
+        for name, search in sought.items():
+            if name in chords:
                 left = _left(replace(chords[name], columns=common.apply(chords[name].columns)), basis)
                 search.scored(left, least, taken=left < TAKEN * _left(chords[name], held))
             else:  # the model has no answer there
@@ -129,7 +130,7 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
         if search is None:
             return None
         if search.taken and not search.ended:
-            search = _SizeSearch(guess, [search.sizes[-1]])
+            search = _SizeSearch(guess, [search.sizes[-1]], least=1)
             while len(search.scores) < SIMULATED and not search.settled(least):
                 followed = _followed(training, fitted, guess, search.sizes[-1])
                 if followed is None:
@@ -144,12 +145,14 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
 class _SizeSearch:
     """The sizes of an effect so far, the last of them not simulated yet, and what the others scored.
 
-    `taken`: instants, delays and rises take most of it. `ended`: the model had no answer at the last size.
+    At `least` so many are simulated. `taken`: instants, delays and rises take most of it. `ended`: the model had no
+    answer at the last size.
     """
 
     guess: Guess
     sizes: list[float]
     scores: list[float] = field(default_factory=list)
+    least: int = 2
     taken: bool = False
     ended: bool = False
 
@@ -162,10 +165,11 @@ class _SizeSearch:
     def settled(self, least: float) -> bool:
         """Whether the last size that was simulated scored nearly what is needed, or as much as that before: where an
         effect is a little more than off however small it is."""
-        if len(self.scores) < 2:
+        if len(self.scores) < self.least:
             return False
-        last, before = self.scores[-1], self.scores[-2]
-        return least / NEARLY <= last <= least * NEARLY or (last > least and abs(last - before) < UNCHANGED * before)
+        last, before = self.scores[-1], self.scores[-2:][0]
+        unchanged = len(self.scores) > 1 and abs(last - before) < UNCHANGED * before
+        return least / NEARLY <= last <= least * NEARLY or (last > least and unchanged)
 
     def limit(self, least: float) -> float:
         """Where `least` is scored; beside a jump of the score the smallest effect that was seen."""

@@ -226,11 +226,9 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
         there = [name for name in output.headings if name in columns]
         if len(there) > 1 or (output.required and not there):
             wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
-            only = None if there else _only(table, units[output.headings[0]], columns)
-            which = f"{output.headings[0]}={only.number if only else 'ITS_NAME_OR_NUMBER'}"
             raise ReadError(
                 f"{table.heading_place}: expected one column {wanted} but found {table.headings}; say which with "
-                f"--columns {which}"
+                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER"
             )
 
 
