@@ -57,10 +57,14 @@ def slow_level(records: Sequence[np.ndarray]) -> tuple[int, float] | None:
 def _of_averages(records: Sequence[np.ndarray], longest: int) -> float:
     """White noise whose averages over a lag have the same third differences as those of a monitor's noise (Hadamard's
     variance): for the lag up to `longest` at which that is most, if it is more than by chance; else 0."""
-    found = [_averages_vary(records, 1 << doubled) for doubled in range(longest.bit_length())]
-    white = found[0][0]
-    more = [variance for variance, relative in found if variance > white * (1 + relative)]
-    return float(np.sqrt(max(more, default=0.0)))
+    white = before = _averages_vary(records, 1)[0]
+    most = 0.0
+    for doubled in range(1, longest.bit_length()):
+        variance, relative = _averages_vary(records, 1 << doubled)
+        if not 0 < variance < before * (MOST_GROWTH + relative):  # a signal that moves adds more
+            break
+        most, before = (max(most, variance) if variance > white * (1 + relative) else most), variance
+    return float(np.sqrt(most))
 
 
 def _averages_vary(records: Sequence[np.ndarray], lag: int) -> tuple[float, float]:
