@@ -389,6 +389,8 @@ def test_the_longest_averages_tell_most_of_noise_whose_spectrum_is_one_over_f() 
         told.append([(slow_level([stays + one]) or (0, 0.0))[1] for one in (slow, random.permutation(slow))])
     flicker_level, white_level = np.median(told, axis=0)
     assert flicker_level > 3 * 45 and white_level == pytest.approx(45, rel=0.05)
+    beats = 5e3 * np.sin(2 * np.pi * 0.3 * time) + 45 * np.random.default_rng(1).standard_normal(time.size)
+    assert (slow_level([beats, stays + slow]) or (0, 0.0))[1] < 10 * 45  # what moves is no noise
 
 
 @pytest.mark.parametrize(("slow", "times"), [(0.0, 1.0), (1.5, 2.7), (2.5, 3.0)])
