@@ -71,7 +71,7 @@ def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
     for piece, answer in zip(study.pieces, answers, strict=True):
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             squares[reading.output].append((answer - piece.record)[rows] ** 2)
-    errors = {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items() if parts}
+    errors = _roots(squares)
     share = min([1.0, *(errors[name] / caused[name] for name in errors if caused[name] > 0)])
     return replace(study, monitor_noise={name: share * level for name, level in study.monitor_noise.items()})
 
@@ -112,6 +112,11 @@ def allowed_rms(study: Study) -> dict[str, float]:
     for piece in study.pieces:
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             squares[reading.output].append((study.noise[reading.output].slow / piece.weight[rows]) ** 2)
+    return _roots(squares)
+
+
+def _roots(squares: Mapping[str, list[np.ndarray]]) -> dict[str, float]:
+    """The root mean squares by output, of parts of squares (each (n,)); none for an output without a part."""
     return {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items() if parts}
 
 

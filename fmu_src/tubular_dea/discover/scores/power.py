@@ -130,7 +130,7 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
         if search is None:
             return None
         if search.taken and not search.ended:
-            search = _SizeSearch(guess, [search.sizes[-1]], least=1)
+            search = _SizeSearch(guess, [search.sizes[-1]], fewest=1)
             while len(search.scores) < SIMULATED and not search.settled(least):
                 followed = _followed(training, fitted, guess, search.sizes[-1])
                 if followed is None:
@@ -145,14 +145,14 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
 class _SizeSearch:
     """The sizes of an effect so far, the last of them not simulated yet, and what the others scored.
 
-    At `least` so many are simulated. `taken`: instants, delays and rises take most of it. `ended`: the model had no
+    `fewest` are simulated at least. `taken`: instants, delays and rises take most of it. `ended`: the model had no
     answer at the last size.
     """
 
     guess: Guess
     sizes: list[float]
     scores: list[float] = field(default_factory=list)
-    least: int = 2
+    fewest: int = 2
     taken: bool = False
     ended: bool = False
 
@@ -165,7 +165,7 @@ class _SizeSearch:
     def settled(self, least: float) -> bool:
         """Whether the last size that was simulated scored nearly what is needed, or as much as that before: where an
         effect is a little more than off however small it is."""
-        if len(self.scores) < self.least:
+        if len(self.scores) < self.fewest:
             return False
         last, before = self.scores[-1], self.scores[-2:][0]
         unchanged = len(self.scores) > 1 and abs(last - before) < UNCHANGED * before
