@@ -136,6 +136,13 @@ def test_an_input_that_is_sampled_too_slowly_is_refused() -> None:
         drive(recorded(time, "pressure", truth), PRESSURE)
 
 
+def test_a_plant_without_states_may_be_sampled_at_any_rate() -> None:
+    """Nothing between samples matters to it: measured power of the sun, every quarter of an hour, was refused."""
+    time, truth = beating(40, 6.0)
+    found = drive(recorded(time, "pressure", truth), PRESSURE, remembers=False).lines["pressure"]
+    assert np.abs(np.interp(time, found.time, found.values) - truth).max() < 0.01 * np.ptp(truth)
+
+
 def test_a_band_limited_input_is_known_between_its_samples() -> None:
     random = np.random.default_rng(4)
     lines, phases = random.uniform(1, 200, 60), random.uniform(0, 7, 60)

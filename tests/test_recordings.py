@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -421,6 +422,8 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     assert spike == (
         "d: pump is 1e+09 V at 5 s, far from the others (1 sample): is it a spike? If so, leave its cell empty"
     )
+    commanded = replace(read_recordings(more | {"d": spiked}, tank), noise={"pump": 0.0})
+    assert unusual.findings(commanded) == []
     twice = table(2.0)
     twice["reading [m]"] = np.where(np.isin(np.arange(401), [100, 101]), 1e9, twice["reading [m]"])
     assert unusual.findings(read_recordings(more | {"d": twice}, tank))[0].startswith(

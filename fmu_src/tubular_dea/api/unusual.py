@@ -46,11 +46,13 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
 def _spikes(recordings: Recordings) -> Iterator[str]:
     """Samples that stand alone, far from all others, and single ones of inputs: those of outputs are left out.
 
-    An output that depends on rates has such samples where an input switches: the charging of a capacitance.
+    An output that depends on rates has such samples where an input switches: the charging of a capacitance. What was
+    commanded is as it stands in the file.
     """
-    rates = {o.name for o in recordings.plant.outputs if o.feels_rates}
+    certain = {name for name, level in recordings.noise.items() if level == 0}
+    left_out = certain | {o.name for o in recordings.plant.outputs if o.feels_rates}
     for e in recordings.experiments:
-        for name, values in ((n, v) for n, v in (*e.inputs.items(), *e.outputs.items()) if n not in rates):
+        for name, values in ((n, v) for n, v in (*e.inputs.items(), *e.outputs.items()) if n not in left_out):
             there = np.flatnonzero(np.isfinite(values))
             alone = there[_alone(values[there])]
             if name in e.inputs:

@@ -238,6 +238,11 @@ class Model:
 
     # What is declared --------------------------------------------------------------------------------
 
+    @property
+    def remembers(self) -> bool:
+        """Whether outputs depend on what inputs were before: not those of a static law."""
+        return bool(self.states or self.delays or self.discretes)
+
     def quantities(self) -> dict[str, Quantity]:
         """Every declared quantity by name, in the order inputs, parameters, states, fold, definitions."""
         fold = [self.curve.fold] if self.curve else []

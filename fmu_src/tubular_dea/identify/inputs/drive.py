@@ -160,14 +160,16 @@ def drive(
     rises: Mapping[str, Rise | None] | None = None,
     between: float = 0.5,
     mains: Mapping[str, Sequence[float]] | None = None,
+    remembers: bool = True,
 ) -> Drive:
     """The protocol behind the recorded monitors.
 
     `noise` gives levels that bench.toml states; `trigger` (n,) is a logical signal of the switching. `rises` says how
     each held input rises where a set of records tells it (`drives`), `mains` what lines [Hz] of hum each continuous one
-    has; else this record alone does. `between` two samples (0 to 1) is where an edge is if nothing tells.
+    has; else this record alone does. `between` two samples (0 to 1) is where an edge is if nothing tells. To a plant
+    that does not remember (without states) it makes no difference what an input does between samples.
     """
-    levels = _levels([experiment], inputs, noise)[0]
+    levels = _levels([experiment], inputs, noise, remembers)[0]
     exact = {n for n, level in (noise or {}).items() if level == 0.0}  # commanded: it holds what stands in the file
     drawn: dict[str, _Drawn] = {}
     numbered: dict[str, HeldLine] = {}
@@ -178,7 +180,9 @@ def drive(
             drawn[name] = _band_limited(experiment, signal, levels[name])
         elif not signal.held:
             lines = _mains([experiment], name) if mains is None else mains[name]
-            drawn[name] = _continuous(experiment, signal, levels[name], lines, name in (noise or {}))
+            if remembers and float(np.abs(values).max()) > signal.least:  # else nothing but noise is in it
+                check_sampling(experiment, name, levels[name], name in (noise or {}))
+            drawn[name] = _continuous(experiment, name, levels[name], lines)
         elif (sent := sent_at(experiment.time, values)) is not None:
             drawn[name] = replace(_sent(experiment, values, levels[name], sent[0]), room=sent[1])
         elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
@@ -209,16 +213,22 @@ def drive(
 
 @one_blas_thread
 def drives(
-    experiments: Sequence[Experiment], inputs: Sequence[Input], noise: Mapping[str, float] | None = None
+    experiments: Sequence[Experiment],
+    inputs: Sequence[Input],
+    noise: Mapping[str, float] | None = None,
+    remembers: bool = True,
 ) -> list[Drive]:
-    """The drives of a set whose files were recorded on one bench.
+    """The drives of a set whose files were recorded on one bench, of a plant that `remembers` or not (`drive`).
 
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
-    levels = _levels(experiments, inputs, noise)
+    levels = _levels(experiments, inputs, noise, remembers)
     rises = {s.name: _rise(experiments, s.name, [n[s.name] for n in levels]) for s in inputs if s.held}
     mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
-    return [drive(e, inputs, n, e.trigger, rises, mains=mains) for e, n in zip(experiments, levels, strict=True)]
+    return [
+        drive(e, inputs, n, e.trigger, rises, mains=mains, remembers=remembers)
+        for e, n in zip(experiments, levels, strict=True)
+    ]
 
 
 def _rise(experiments: Sequence[Experiment], name: str, noise: Sequence[float]) -> Rise | None:
@@ -237,17 +247,18 @@ def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, floa
 
 
 def _levels(
-    experiments: Sequence[Experiment], inputs: Sequence[Input], stated: Mapping[str, float] | None
+    experiments: Sequence[Experiment], inputs: Sequence[Input], stated: Mapping[str, float] | None, remembers: bool
 ) -> list[dict[str, float]]:
     """The noise of every monitor in every record: as stated, or estimated."""
     known = stated or {}
     each = {
-        s.name: [known[s.name]] * len(experiments) if s.name in known else _estimated(experiments, s) for s in inputs
+        s.name: [known[s.name]] * len(experiments) if s.name in known else _estimated(experiments, s, remembers)
+        for s in inputs
     }
     return [{name: levels[i] for name, levels in each.items()} for i in range(len(experiments))]
 
 
-def _estimated(experiments: Sequence[Experiment], signal: Input) -> list[float]:
+def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool) -> list[float]:
     """The noise of a monitor in every record, with what all of them tell of its colour, and of its resolution.
 
     Where it is off, it may toggle between two readings, which looks like a command that is new at every sample: whether
@@ -258,7 +269,7 @@ def _estimated(experiments: Sequence[Experiment], signal: Input) -> list[float]:
         return [noise_floor(values) for values in records]
     largest = max(records, key=lambda values: float(np.abs(values).max()))
     there = float(np.abs(largest).max()) > signal.least  # else nothing but noise is in it
-    if signal.held and there and changes_by_itself(largest):
+    if (signal.held or not remembers) and there and changes_by_itself(largest):
         return [0.0] * len(records)
     kept = _middle([memory(values) for values in records]) if signal.linear else NO_MEMORY
     step = min((c for values in records if (c := coarseness(values)) > 0), default=0.0)
@@ -285,16 +296,8 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
     return _Drawn(_unmoved(covered, np.interp(covered, times, fine)), noise, error, experiment.time)
 
 
-def _continuous(
-    experiment: Experiment, signal: Input, noise: float, mains: Sequence[float], stated: bool = False
-) -> _Drawn:
-    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away.
-
-    `stated`: the noise is known, not estimated from the record.
-    """
-    name = signal.name
-    if float(np.abs(experiment.inputs[name]).max()) > signal.least:  # else nothing but noise is in it
-        check_sampling(experiment, name, noise, stated)
+def _continuous(experiment: Experiment, name: str, noise: float, mains: Sequence[float]) -> _Drawn:
+    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away."""
     time, values = experiment.time, experiment.inputs[name]
     hum = hums.at(mains, time, _within_a_turn(time, values))
     for _ in range(HUM_PASSES):  # the line follows what is left of the hum

@@ -216,7 +216,8 @@ def study(
     sensors may drift.
     """
     plant, experiments = recordings.plant, recordings.experiments
-    drives = zeroed(experiments, all_drives(experiments, plant.inputs, recordings.noise), plant, effects)
+    drives = all_drives(experiments, plant.inputs, recordings.noise, plant.model.remembers)
+    drives = zeroed(experiments, drives, plant, effects)
     names = choose_held_out(recordings) if held_out is None else list(held_out)
     known = [e.name for e in recordings.experiments]
     for name in names:
