@@ -240,9 +240,9 @@ def test_what_begins_under_load_is_not_taken_to_begin_at_rest() -> None:
 
 
 def test_the_command_that_finds_what_is_missing_has_the_plant() -> None:
-    given = SimpleNamespace(data=Path("my data"), plant="tanks.py:LINEAR", columns=["pump=AI3"])
+    given = SimpleNamespace(data=Path("my data"), plant="tanks.py:LINEAR", columns=["pump=AI3"], out=Path("fitted"))
     assert to_find(given).endswith(
-        "run tubular-dea close-loop 'my data' --plant tanks.py:LINEAR --columns pump=AI3 --out closed"
+        "run tubular-dea close-loop 'my data' --plant tanks.py:LINEAR --columns pump=AI3 --out fitted_effects"
     )
-    given = SimpleNamespace(data=Path("data"), plant="tube", columns=[])
-    assert to_find(given).endswith("run tubular-dea close-loop data --out closed")
+    given = SimpleNamespace(data=Path("data"), plant="tube", columns=[], out=Path("o"))
+    assert to_find(given).endswith("run tubular-dea close-loop data --out o_effects")

@@ -359,7 +359,7 @@ def test_a_missing_library_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, library: str, start: bytes
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ReadError, match=rf"needs {library.partition('.')[0]}.*pip install 'tubular-dea\[files\]'"):
+    with pytest.raises(ReadError, match=rf"needs {library.partition('.')[0]}.*pip install '\.\[files\]'"):
         read(saved(tmp_path, start + b"\0" * 64))
 
 

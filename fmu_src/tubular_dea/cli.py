@@ -33,7 +33,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 2 where the user has something to correct, 130 when interrupted."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     parser = Parser(
         prog="tubular-dea",
         description="A tubular dielectric elastomer actuator as a co-simulation unit.",

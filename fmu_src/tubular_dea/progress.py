@@ -16,7 +16,7 @@ class Lines(tqdm):
     """A bar for log files: each state is a line of its own, and work that is done at once has none."""
 
     def __init__(self, **options: Any) -> None:
-        self._shown = False
+        self._shown = ""
         self.disable: bool
         super().__init__(mininterval=EVERY, maxinterval=EVERY, delay=SILENT, ascii=True, ncols=100, **options)
         self._first = Timer(SILENT, self.refresh)  # also of work whose one step is long
@@ -26,8 +26,10 @@ class Lines(tqdm):
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Write the state as a line."""
-        self._shown = True
-        print(str(self) if msg is None else msg, file=sys.stderr, flush=True)
+        line = str(self) if msg is None else msg
+        if line != self._shown:
+            print(line, file=sys.stderr, flush=True)
+        self._shown = line
         return True
 
     def close(self) -> None:

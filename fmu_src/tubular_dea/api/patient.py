@@ -102,6 +102,12 @@ class PatientResult:
                 f"No flow was recorded: {self.assumed * litres:g} L/min (+- {100 * OUTPUT_UNCERTAINTY:.0f} %) is "
                 "assumed, and all volumes, flows, compliances and resistances scale with it."
             )
+            away = found.cardiac_output / self.assumed - 1
+            if abs(away) > OUTPUT_UNCERTAINTY / 2:
+                lines.append(
+                    f"The recorded pressure fits an output {100 * abs(away):.0f} % {'below' if away < 0 else 'above'} "
+                    "the assumed one better, which its uncertainty allows."
+                )
         unknown = [n for n, e in found.estimates.items() if not e.identified]
         if unknown:
             lines.append(

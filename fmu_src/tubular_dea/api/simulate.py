@@ -238,7 +238,9 @@ def _unset(model: Model, values: Mapping[str, float]) -> list[str]:
     if not free:
         return []
     taken = ", ".join(f"{q.name} = {q.value:g} {q.unit}".removesuffix(" 1") for q in free)
-    return [f"{taken}: the plant leaves the start free, and the default was taken; choose by --set {free[0].name}=0"]
+    usual = f"{2 * (free[0].value or 0.0):g}{free[0].unit}".removesuffix("1") if free[0].value else "0"
+    chosen = f"--set {free[0].name}={usual}"
+    return [f"{taken}: the plant leaves the start free, and the default was taken; choose, as by {chosen}"]
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

@@ -59,7 +59,7 @@ class SweepResult:
 
     def lines(self) -> list[str]:
         """The number of rows and failures, as text."""
-        note = f", {self.failed} of them without a result (see column message)" if self.failed else ""
+        note = f", {self.failed} of them beyond what can be computed (column message says why)" if self.failed else ""
         return [f"{self.store.manifest.rows} rows in {self.folder / 'parts'}{note}"]
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -14,7 +14,8 @@ def steps(shown: bool, total: int | None, unit: str = "step") -> Iterator[Callab
     if not shown:
         yield lambda what: None
         return
-    with progress_bar(total=total, unit=unit) as bar:
+    counted = {} if total is not None else {"bar_format": "{elapsed}{postfix}"}  # what it does says more than how often
+    with progress_bar(total=total, unit=unit, **counted) as bar:
 
         def tell(what: str) -> None:
             bar.set_postfix_str(what, refresh=False)

@@ -74,5 +74,5 @@ def run(options: argparse.Namespace) -> None:
 def _to_find(options: argparse.Namespace) -> str:
     plant = [] if options.plant == "tube" else ["--plant", options.plant]
     columns = ["--columns", *options.columns] if options.columns else []
-    command = ["tubular-dea", "close-loop", str(options.data), *plant, *columns, "--out", "closed"]
+    command = ["tubular-dea", "close-loop", str(options.data), *plant, *columns, "--out", f"{options.out}_effects"]
     return f"to find what it is, run {shlex.join(command)}"

@@ -16,7 +16,7 @@ FORMATS = f"""files:
   Text with any delimiter (comma, semicolon, tab, spaces), decimal point or comma, encoding, and lines above or in
   between that are no numbers; headings such as 'pressure [mbar]', 'time (s)', 'radius_um' or units in a row of their
   own; times in s, ms, hh:mm:ss.fff or ISO 8601. MATLAB (.mat), HDF5, TDMS and Parquet after
-  pip install 'tubular-dea[files]'. A column `trigger` gives switching instants, `current` is a second output.
+  pip install '.[files]'. A column `trigger` gives switching instants, `current` is a second output.
   --dry-run shows how the files are understood.
 
 {bench_file.__doc__}"""

@@ -80,6 +80,7 @@ class Discovery:
     repeated: bool
     wandering: tuple[str, float] | None = None
     shifted: zeros.Shift | None = None
+    missed: second_output.Missed | None = None
     limits: dict[str, Sizes] = field(default_factory=dict)
     held_at_first: tuple[str, ...] = ()
 
@@ -157,7 +158,8 @@ def discover(
     held = _held_ratio(work, found.chosen)
     wandering = _wandering(work, found)
     shifted = zeros.impossible(work, found.chosen)
-    verdict = decide(found, held, equivalent, wandering is not None, shifted is not None)
+    missed = second_output.missed(work, found.chosen)
+    verdict = decide(found, held, equivalent, wandering is not None, shifted is not None, missed is not None)
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -178,6 +180,7 @@ def discover(
         repeated,
         wandering,
         shifted,
+        missed,
         _limits(found),
         () if other is None else tuple(p.name for p in prepared.held_out),
     )
@@ -288,19 +291,25 @@ def _wandering(work: Study, found: Search) -> tuple[str, float] | None:
 
 
 def decide(
-    found: Search, held_ratio: float, equivalent: dict[str, list[str]], wanders: bool = False, shifted: bool = False
+    found: Search,
+    held_ratio: float,
+    equivalent: dict[str, list[str]],
+    wanders: bool = False,
+    shifted: bool = False,
+    missed: bool = False,
 ) -> str:
     """no_effect, effect_found, ambiguous, partly_explained or unexplained.
 
     `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do; `shifted`
-    whether a file would need a zero that no sensor has.
+    whether a file would need a zero that no sensor has; `missed` whether an output that takes no part in fits shows
+    something that the model does not have.
     """
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     if shifted:
         return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
     noise = wanders or acceptance.noise_alone(state)
     if not found.chosen.ids:
-        return "no_effect" if noise and held_ratio <= acceptance.PREDICTED else "unexplained"
+        return "no_effect" if noise and held_ratio <= acceptance.PREDICTED and not missed else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
     if held_ratio > acceptance.PREDICTED and acceptance.earned(found.base, found.chosen):

@@ -39,7 +39,7 @@ def fmi2(model: Model, kind: str = "native", source_files: tuple[str, ...] = ())
     }
     interfaces = []
     if kind == "native" and not (model.discretes or model.delays):
-        interfaces.append(ET.SubElement(root, "ModelExchange", common | {"completedIntegratorStepNotNeeded": "true"}))
+        interfaces.append(ET.SubElement(root, "ModelExchange", common))
     interfaces.append(
         ET.SubElement(
             root,
@@ -82,7 +82,7 @@ def fmi3(model: Model) -> str:
         "providesAdjointDerivatives": "true",
     }
     if not (model.discretes or model.delays):  # they live at communication points, which model exchange does not have
-        ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "false"})
+        ET.SubElement(root, "ModelExchange", common | {"needsCompletedIntegratorStep": "true"})
     ET.SubElement(
         root,
         "CoSimulation",

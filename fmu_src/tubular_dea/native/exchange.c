@@ -49,6 +49,28 @@ Status instance_get_states(Instance *instance, double *x, size_t n)
     return status;
 }
 
+static int inputs_differ(const Instance *instance)
+{
+    for (int i = 0; i < MODEL_NU; i++)
+        if (instance->held.u[i] != instance->now.u[i][0]) return 1;
+    return 0;
+}
+
+static void note_inputs(Instance *instance)
+{
+    Held *const held = &instance->held;
+    if (held->within && inputs_differ(instance)) held->varies = 1;
+    held->asked = held->within = 1;
+    for (int i = 0; i < MODEL_NU; i++) held->u[i] = instance->now.u[i][0];
+}
+
+int instance_completed_step(Instance *instance)
+{
+    Held *const held = &instance->held;
+    held->within = 0;
+    return held->asked && !held->varies && inputs_differ(instance);
+}
+
 Status instance_get_derivatives(Instance *instance, double *dx, size_t n)
 {
     Status status = check_count(instance, "state derivatives", dx, n, MODEL_NX);
@@ -62,6 +84,7 @@ Status instance_get_derivatives(Instance *instance, double *dx, size_t n)
                                    "%s is not a finite number at time %.9g; check the states and inputs that were set",
                                    instance_name_of(DERIVATIVE, (int)i), instance->now.time);
     if (n > 0) memcpy(dx, value, n * sizeof *dx);
+    if (instance->now.mode == CONTINUOUS_TIME) note_inputs(instance);
     return STATUS_OK;
 }
 

@@ -24,7 +24,8 @@ FMI(Status) FMI(CompletedIntegratorStep)(FMI_HANDLE handle, FMI(Boolean) no_stat
 {
     (void)no_state_before_now;
     ONLY_IN(CONTINUOUS_TIME);
-    if (enter_event_mode) *enter_event_mode = FMI(False);
+    const int jumped = instance_completed_step(own);
+    if (enter_event_mode) *enter_event_mode = jumped ? FMI(True) : FMI(False);
     if (terminate) *terminate = FMI(False);
     return FMI(OK);
 }

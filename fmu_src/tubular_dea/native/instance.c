@@ -72,6 +72,7 @@ void instance_forget(Instance *instance)
 void instance_reset(Instance *instance)
 {
     memset(&instance->now, 0, sizeof instance->now);
+    memset(&instance->held, 0, sizeof instance->held);
     instance->now.stop = INFINITY;
     instance->now.tolerance = DEFAULT_TOLERANCE;
     instance->now.mode = INSTANTIATED;

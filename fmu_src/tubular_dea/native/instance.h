@@ -62,6 +62,13 @@ typedef struct {
     int32_t marks;
 } Snapshot;
 
+/* How a host of model exchange treats inputs: with which ones it asked for derivatives last (where it has at all, and
+ * whether since the last completed step), and whether it has ever changed them within a step. */
+typedef struct {
+    int asked, within, varies;
+    double u[AT_LEAST_ONE(MODEL_NU)];
+} Held;
+
 typedef struct Instance {
     Snapshot now;
     /* recomputed from the snapshot when wanted */
@@ -69,6 +76,7 @@ typedef struct Instance {
     double y[AT_LEAST_ONE(MODEL_NY)];
     double fold, fold_unknown;
     double fold_u[AT_LEAST_ONE(MODEL_NU)], fold_p[AT_LEAST_ONE(MODEL_NP)]; /* for which the fold was sought; p = 0: none */
+    Held held;
     /* fixed at instantiation */
     Interface interface;
     char *name;
@@ -122,6 +130,10 @@ Status instance_set_states(Instance *instance, const double *x, size_t n);
 Status instance_get_states(Instance *instance, double *x, size_t n);
 Status instance_get_derivatives(Instance *instance, double *dx, size_t n);
 Status instance_get_nominals(Instance *instance, double *nominal, size_t n);
+
+/* Whether the inputs now differ from those of the last derivatives, in a host that holds them over its steps: to its
+ * solver the derivatives jump here, so that it has to start anew (an event). */
+int instance_completed_step(Instance *instance);
 
 /* OK where all states are above their minima; `status` and a message that names the first one that is not. */
 Status instance_above_minima(Instance *instance, const char *what, const double *x, Status status);

@@ -74,6 +74,7 @@ Status state_set(Instance *instance, const char *function, const void *state)
     const Status status = check(instance, function, state);
     if (status != STATUS_OK) return status;
     memcpy(&instance->now, (const unsigned char *)state + HEADER, sizeof instance->now);
+    instance->held.asked = instance->held.within = 0;
     instance_forget(instance);
     return STATUS_OK;
 }

@@ -102,7 +102,7 @@ def _library(module: str, path: Path) -> Any:
     except ImportError:
         raise ReadError(
             f"{path}: reading it needs {module.partition('.')[0]}, which is not installed; install it with "
-            "pip install 'tubular-dea[files]', or export the recording as CSV"
+            "pip install '.[files]' (in the folder of the repository), or export the recording as CSV"
         ) from None
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import implausible_zero, still, thin
+from ..discover.answer.remarks import implausible_zero, still, thin, unexplained_output
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.search.law_uncertainty import LAW
@@ -59,6 +59,12 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     return page
 
 
+def _averaged(samples: int) -> str:
+    """Over how many samples the points of a figure are averages."""
+    each = samples // POINTS
+    return f"; averages over {each} samples" if each > 1 else ""
+
+
 def headline(found: Discovery) -> str:
     """The verdict in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
@@ -89,7 +95,7 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
         said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
     few = [f"these recordings prove little: {little}"] if little else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
-    return [*said, *better_as_declared(found, errors), *implausible_zero(found), *few]
+    return [*said, *better_as_declared(found, errors), *implausible_zero(found), *unexplained_output(found), *few]
 
 
 def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
@@ -301,7 +307,7 @@ def _records(found: Discovery) -> list[tuple[go.Figure, str]]:
         label, left = f"{one.label} [{one.unit}]", (f"residual [{one.unit}]", 1.0)
         drawn = record_and_residuals(one.time, one.record, one.models, label, left)
         note = ", held out of every fit" if one.piece.held_out else ""
-        figures.append((drawn, f"{one.piece.name}{note}; averages over {max(1, one.time.size // POINTS)} samples."))
+        figures.append((drawn, f"{one.piece.name}{note}{_averaged(one.time.size)}."))
     return figures
 
 

@@ -116,6 +116,9 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         shift = found.shifted
         unit = _unit(found, shift.output)
         return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
+    if found.missed and noise_alone(state) and not found.named.ids:
+        own = _unit(found, found.missed.output)
+        return {"rms": found.missed.value, "unit": own, "share": 1.0, "channel": channel(found)}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
@@ -165,6 +168,9 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
     if found.shifted:
         own = next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
         return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
+    if found.missed and noise_alone(found.base.lack_of_fit):
+        own = next(o.channel for o in found.study.plant.outputs if o.name == found.missed.output)
+        return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
     known = found.study.plant.own_channels
     moved = {n: known[n] for n in remarks.implausible(found, found.base.fitted) if n in known}
     if moved:  # a parameter far from where it belongs has taken up what its own part of the model lacks

@@ -31,6 +31,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     swinging = [_swinging(found, w) for w in waves]
     said = [
         *implausible_zero(found),
+        *unexplained_output(found),
         *_one_point(found),
         *_ended(found),
         *_beyond(found),
@@ -252,6 +253,18 @@ def implausible_zero(found: Discovery) -> list[str]:
     return [
         f"In {shift.piece}, {shift.output} would have to read {off} too much; its zero is usually {usual}. The plant "
         "differs between the files, or the model lacks what shifts it. Errors are computed without this shift."
+    ]
+
+
+def unexplained_output(found: Discovery) -> list[str]:
+    """An output beside those of the fits that shows what the model does not have."""
+    missed = found.missed
+    if missed is None:
+        return []
+    size = _told(missed.value, found.study.plant.quantity(missed.output))
+    return [
+        f"In {missed.piece}, {missed.output} differs by {size} (rms) between stretches in which it is next to nothing "
+        "as the model has it: something acts on it that the model lacks (a leakage, for instance, or its monitor)."
     ]
 
 

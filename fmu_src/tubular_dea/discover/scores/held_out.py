@@ -28,6 +28,10 @@ HELD_LONG = 0.2  # [1] share of all samples that may be held out in one experime
 FEWEST_HELD_FROM = 3  # [1] experiments from which on one is held out by its information
 DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate that is confirmed
 
+# Set by judgement: else a ramp of 4 kV is held out, which costs nothing because it tells nothing.
+# Check: `pytest tests/test_rounds.py -k held`, `python -m blind.score --singles 2 --seed 1000`
+AS_GOOD = 0.05  # [1] of worth: of experiments that are as good, the one that confirms most candidates is held out
+
 
 @dataclass(frozen=True)
 class _Information:
@@ -36,12 +40,16 @@ class _Information:
     shares: np.ndarray
     information: np.ndarray
 
+    def confirmed(self, chosen: list[int]) -> float:
+        """The share of the candidates that the pieces `chosen` confirm."""
+        return float(np.mean(np.minimum(self.shares[:, chosen].sum(axis=1), HELD))) / HELD
+
     def worth(self, chosen: list[int]) -> float:
         """The value of holding out the pieces `chosen`: candidates confirmed, less candidates and information lost."""
-        seen = self.shares[:, chosen].sum(axis=1)
-        confirmed = np.mean(np.minimum(seen, HELD) / HELD - np.maximum(seen - HELD, 0) / (1 - HELD))
+        lost = float(np.mean(np.maximum(self.shares[:, chosen].sum(axis=1) - HELD, 0))) / (1 - HELD)
         rest = [i for i in range(len(self.information)) if i not in chosen]
-        return float(confirmed - np.mean(self._errors(rest) - self._errors(range(len(self.information)))) / DEAR)
+        dear = float(np.mean(self._errors(rest) - self._errors(range(len(self.information))))) / DEAR
+        return self.confirmed(chosen) - lost - dear
 
     def _errors(self, pieces: list[int] | range) -> np.ndarray:
         """Logarithms of the parameters' standard errors from some pieces (with a prior of 1)."""
@@ -65,7 +73,9 @@ def with_held_out(study: Study, shown: Ids = ()) -> Study:
         rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, HELD_LONG * sum(sizes))]
         if not rest:
             break
-        chosen.append(max(rest, key=lambda i: (information.worth([*chosen, i]), -i)))
+        worth = {i: information.worth([*chosen, i]) for i in rest}
+        good = [i for i in rest if worth[i] > max(worth.values()) - AS_GOOD]
+        chosen.append(max(good, key=lambda i: (information.confirmed([*chosen, i]), -i)))
     if not chosen:
         return study
     return replace(study, pieces=[replace(p, held_out=i in chosen) for i, p in enumerate(study.pieces)])
