@@ -30,9 +30,7 @@ NEXT_TO_NOTHING = 3.0  # [standard deviations] of the monitor's noise: the model
 AFTER_FLOW = 10  # [samples] from where the answer is more, as instants are not known to better than some samples
 STRETCH = 20  # [samples] of which a median is taken there
 FEWEST_MEDIANS = 4  # [1] such medians that tell
-LEAST_MISSED = (
-    5.0  # [standard deviations] of the monitor's noise by which medians differ that the model does not explain
-)
+LEAST_MISSED = 5.0  # [standard deviations] of the monitor's noise by which medians differ that are not explained
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def missed(study: Study, option: Option) -> Missed | None:
     except KernelError:
         return None
     for row in rows:
-        noise = max(noise_level(row.record), resolution(row.record) / float(np.sqrt(12.0)))
+        noise = max(noise_level(row.record), resolution(row.record))
         medians = _at_nothing(row.record, row.answer, noise)
         if medians.size >= FEWEST_MEDIANS and (value := float(np.std(medians))) > LEAST_MISSED * noise > 0:
             found[value / noise] = Missed(row.output, row.piece.name, value)
