@@ -1,4 +1,4 @@
-"""A preload: a constant part with the sign of a state (brushes' contact voltage, yield stress, Coulomb's friction).
+"""A preload: a constant part with the sign of a quantity (brushes' contact voltage, yield stress, Coulomb's friction).
 
 ::
 
@@ -9,7 +9,8 @@
       ------+-|------------ of
             |.'
 
-Equation: signal' = signal + size tanh((of - turn) / corner), where turn = 0.
+Equation: signal' = signal + size tanh((of - turn) / corner), where turn = 0. Of a speed that is recorded, and drives the
+model, it is the friction in a force that is computed from it.
 
 Source: A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System Design", McGraw-Hill
 1968, appendix B (preload); W. H. Herschel, R. Bulkley, Kolloid-Zeitschrift 39 (1926) 291 (yield stress).
@@ -26,13 +27,13 @@ from .places import Coefficient
 
 KINDS = (Coefficient,)
 CORNER = 0.01  # of the nominal value of `of`, within which it turns
-NEEDS = "`of`, a state"
+NEEDS = "`of`, a state; of a definition, an input or a definition too"
 
 
 def law(at: SignalSite) -> Effect | None:
-    """The signal has a constant part with the sign of a state."""
+    """The signal has a constant part with the sign of another quantity."""
     of = at.other
-    if of is None or of.name not in [s.quantity.name for s in at.model.states]:
+    if of is None or (at.is_constant and of.name not in [s.quantity.name for s in at.model.states]):
         return None
     n = at.nominal
     size = at.knob("size", at.unit, f"Part of {at.words} that is there at once", 0.05 * n, 0.0, 5 * n, off=0.0)

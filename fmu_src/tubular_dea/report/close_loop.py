@@ -162,6 +162,11 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     )
 
 
+def _stated(found: Discovery) -> bool:
+    """Whether bench.toml states the noise of the first output."""
+    return any(name in found.recordings.noise for name in found.study.plant.outputs[0].headings)
+
+
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
@@ -169,8 +174,9 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     where = "in the quietest parts of the recordings" if first.quiet else "between the events, as no part is quiet"
     if first.repeated:
         where = "from what one repetition (beat) of the residual does not share with the others, as no part is quiet"
+    told = "as bench.toml states it" if _stated(found) else f"estimated {where}"
     page.text(
-        f"1. The sensor's noise, estimated {where}: {_size(found, noise['rms'])}, correlation "
+        f"1. The sensor's noise, {told}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
         f"{_size(found, noise['from_monitors'])}."
     )

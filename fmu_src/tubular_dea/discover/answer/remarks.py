@@ -162,19 +162,19 @@ def thin(found: Discovery) -> str:
 
 
 def still(found: Discovery) -> str:
-    """Which inputs barely move in any experiment; "" where all do."""
+    """Which inputs barely move in any experiment, nor from one to the next; "" where all do."""
     names = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
     return f"{' and '.join(names)} barely move{'s' if len(names) == 1 else ''} in any experiment" if names else ""
 
 
 def _moves(found: Discovery, name: str) -> bool:
-    spans = [float(np.ptp(p.case.protocol.inputs[name])) for p in found.study.pieces]
-    return max(spans) > MOVES * found.study.monitor_noise.get(name, 0.0)
+    values = np.concatenate([p.case.protocol.inputs[name] for p in found.study.pieces])
+    return float(np.ptp(values)) > MOVES * found.study.monitor_noise.get(name, 0.0)
 
 
 def _partly(found: Discovery) -> list[str]:
     """What is left where it is more than noise is in no interval."""
-    if found.verdict != "partly_explained":
+    if found.verdict not in ("partly_explained", "unexplained"):
         return []
     return [
         "The intervals of parameters hold if nothing else is missing. Something is: the parameters may compensate "

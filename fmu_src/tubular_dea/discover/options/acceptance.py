@@ -56,7 +56,8 @@ VISIBLE = 10.0  # [1] squared distance of two models on the held-out experiments
 AS_LARGE = 0.6  # [1] times its fitted size that an effect has there at least, if chance is no other explanation
 SMALLER_BY = 3.0  # [standard deviations] by which its size there is less than fitted, to be so
 DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiments may lose by it: no law is exact
-PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays
+PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays,
+PREDICTS = 0.5  # [1] unless they explain this share of what held-out experiments have beyond noise
 
 # Set by convention: a range of twenty decades and more is none. Check: `pytest tests/test_acceptance.py -k interval`
 UNKNOWN_SIZE = 50.0  # [1] logarithm of an interval's end over its middle, at most
@@ -184,11 +185,13 @@ def denied(before: Option, after: Option) -> bool:
 
 def earned(base: Option, chosen: Option) -> bool:
     """Whether effects that leave a significant remainder may be named: they explain most of what they were fitted to,
-    and a part of what the held-out experiments have beyond noise."""
-    before = max(base.lack_of_fit.excess, 1.0)
+    and a part of what the held-out experiments have beyond noise; or most of that, as other disturbances of the fitted
+    ones may be larger."""
+    explained = 1 - chosen.lack_of_fit.excess / max(base.lack_of_fit.excess, 1.0)
     held = base.held_out - chosen.held_out
     missed = max(base.unseen_squares - base.unseen.size, 1.0)
-    return held > max(DENIAL, FURTHER * missed) and 1 - chosen.lack_of_fit.excess / before >= PARTLY
+    needed = FURTHER if explained >= PARTLY else PREDICTS
+    return held > max(DENIAL, needed * missed)
 
 
 def last_undenied(base: Option, accepted: list[Option]) -> Option:

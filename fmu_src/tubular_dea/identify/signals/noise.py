@@ -57,6 +57,7 @@ LEAST_COLOUR = 1e-12  # [1] share of the variance that has a colour, at least
 
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
+MOST_SLOW = 0.1  # [1] of the largest variance of a record: slow noise with more is what the plant does
 COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
 
 
@@ -242,7 +243,8 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, f
         found = coloured(plain, step) if lines else found
     colour = found.colour(step)
     long = colour.phi > np.exp(-1 / _brief(faster, step))
-    quiet = quiet and found.variance < _variance(records) and not (long and (rings or found.freedom < CALMEST))
+    moves = found.variance > (MOST_SLOW if long else 1.0) * _variance(records)
+    quiet = quiet and not moves and not (long and (rings or found.freedom < CALMEST))
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     one_colour = not 0 < colour.white < 1 or colour.phi <= 0
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
@@ -275,7 +277,10 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)
     if freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
-        other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
+        between = stretches(records, 0.0)
+        if freedom(between) < BARELY_CALM:
+            between = stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
+        other = calm(between, coarse)
         if freedom(other) > 2 * freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, freedom(chosen) < CALM_SHARE * freedom(every)

@@ -98,7 +98,8 @@ class Stretches:
 def stretches(records: Records, settled: float = SETTLED, short: bool = False) -> list[Stretches]:
     """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other.
 
-    `short` ones too: half a second before the first event may be all that a record rests.
+    `short` ones too: half a second before the first event may be all that a record rests. What comes before that is a
+    stretch of its own length.
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
@@ -108,9 +109,9 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
         firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
         lasts = np.searchsorted(time, marks[1:])
-        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
-            at = first
-            for size in sizes:
+        for gap, (first, last) in enumerate(zip(firsts.tolist(), lasts.tolist(), strict=True)):
+            at, whole = first, last - first
+            for size in [whole] if gap == 0 and LEAST_STRETCH <= whole <= sizes[0] else sizes:
                 while last - at >= size:
                     cut.setdefault((step, size), []).append((number, at))
                     at += size
