@@ -9,8 +9,8 @@
       ------+-|------------ of
             |.'
 
-Equation: signal' = signal + size tanh((of - turn) / corner), where turn = 0. Of a speed that is recorded, and drives the
-model, it is the friction in a force that is computed from it.
+Equation: signal' = signal + size tanh((of - turn) / corner), where turn = 0. Of a recorded speed that
+drives the model, it is the friction in a force that is computed from it.
 
 Source: A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System Design", McGraw-Hill
 1968, appendix B (preload); W. H. Herschel, R. Bulkley, Kolloid-Zeitschrift 39 (1926) 291 (yield stress).
