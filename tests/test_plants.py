@@ -8,12 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import tubular_dea as td
 from made_up import option
 from tubular_dea.discover.answer.outcome import advice
 from tubular_dea.discover.experiments.next_experiment import Proposal, at_channel, kind, sweeps
 from tubular_dea.laws.places import Balance, Coefficient, Path
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError
+from tubular_dea.model.smooth import root
 from tubular_dea.plants.effects import catalogue
 from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
 from tubular_dea.plants.tube import PLANT, TABLE_II
@@ -208,3 +210,12 @@ def test_a_coefficient_may_depend_on_two_quantities() -> None:
     assert {"dependence(shaft)", "shaft_dependence_twist", "softening(shaft)", "shaft_softening_twist"} <= both.keys()
     assert "shaft_power_twist" not in both and "power(shaft)" in both
     assert len({q.name for e in both.values() for q in e.parameters}) == sum(len(e.parameters) for e in both.values())
+
+
+def test_the_width_of_a_root_may_be_a_parameter() -> None:
+    m = Build("Orifice", "A valve")
+    drop, width = m.input("drop", "Pa", nominal=1e4), m.parameter("width", "Pa", 100.0, tunable=False)
+    gain = m.parameter("gain", "m3/s/Pa0.5", 1e-6)
+    m.output("flow", "m3/s", gain * root(drop, width))
+    run = td.simulate(Plant(m.model(), [Input("drop")], [Output("flow")]), drop=1e4, stop=1.0)
+    assert run["flow"][-1] == pytest.approx(1e-4, rel=1e-3)

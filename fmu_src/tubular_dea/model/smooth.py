@@ -46,12 +46,17 @@ def magnitude(x: sympy.Expr) -> sympy.Expr:
     return 2 * positive_part(x) - x
 
 
-def ramp(x: sympy.Expr, width: float) -> sympy.Expr:
+def _as_written(width: float | sympy.Expr) -> sympy.Expr:
+    """A width, a number or a parameter, as an expression."""
+    return width if isinstance(width, sympy.Expr) else sympy.Float(width)
+
+
+def ramp(x: sympy.Expr, width: float | sympy.Expr) -> sympy.Expr:
     """0 below 0, x - width far above it, with a continuous slope: no drift while x is negative, no kink at 0."""
     above = positive_part(x)
-    return above**2 / (above + sympy.Float(width))
+    return above**2 / (above + _as_written(width))
 
 
-def root(x: sympy.Expr, width: float) -> sympy.Expr:
+def root(x: sympy.Expr, width: float | sympy.Expr) -> sympy.Expr:
     """The square root to both sides: sqrt(x) far above `width`, -sqrt(-x) far below -`width`, a finite slope at 0."""
-    return x / (x**2 + sympy.Float(width) ** 2) ** sympy.Rational(1, 4)
+    return x / (x**2 + _as_written(width) ** 2) ** sympy.Rational(1, 4)

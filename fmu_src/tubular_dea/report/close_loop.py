@@ -17,7 +17,7 @@ from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import effects
-from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen
+from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, stated
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -162,11 +162,6 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     )
 
 
-def _stated(found: Discovery) -> bool:
-    """Whether bench.toml states the noise of the first output."""
-    return any(name in found.recordings.noise for name in found.study.plant.outputs[0].headings)
-
-
 def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("From the residual to its cause", level=3)
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
@@ -174,7 +169,7 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     where = "in the quietest parts of the recordings" if first.quiet else "between the events, as no part is quiet"
     if first.repeated:
         where = "from what one repetition (beat) of the residual does not share with the others, as no part is quiet"
-    told = "as bench.toml states it" if _stated(found) else f"estimated {where}"
+    told = "as bench.toml states it" if stated(found) else f"estimated {where}"
     page.text(
         f"1. The sensor's noise, {told}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "

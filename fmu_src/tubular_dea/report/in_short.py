@@ -198,8 +198,15 @@ def _noise_known(found: Discovery) -> bool:
     return found.study.noise[found.study.plant.outputs[0].name].quiet
 
 
+def stated(found: Discovery) -> bool:
+    """Whether bench.toml states the noise of the first output."""
+    return any(name in found.recordings.noise for name in found.study.plant.outputs[0].headings)
+
+
 def least(found: Discovery) -> str:
     """What the sensor's noise means for the error of a model."""
+    if stated(found):
+        return "The sensor's noise is as bench.toml states it."
     if not _noise_known(found):
         return "No part of the recordings is quiet, so the sensor's noise is not known well: it may be smaller."
     return "The error of a model can be about as small as the sensor's noise, which is itself an estimate."

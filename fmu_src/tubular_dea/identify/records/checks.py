@@ -57,7 +57,11 @@ def output(
     """
     seen = np.flatnonzero(np.isfinite(recorded))
     if seen.size < plant.least_samples:
-        yield f"column {name!r}: too few samples: {seen.size} numbers; expected at least {plant.least_samples}"
+        none = "; leave the experiment out" if seen.size < recorded.size else ""
+        yield (
+            f"column {name!r}: too few samples: {seen.size} numbers in {recorded.size} rows; expected at least "
+            f"{plant.least_samples}{none}"
+        )
         return
     values, there = recorded[seen], lines[seen]
     yield from _wrong_unit(values, name, signal, plant.quantity(signal.name).unit, there)

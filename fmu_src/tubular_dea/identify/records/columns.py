@@ -226,9 +226,11 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
         there = [name for name in output.headings if name in columns]
         if len(there) > 1 or (output.required and not there):
             wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
+            several = sum(o.required for o in plant.outputs) > 1 and not there
+            alone = f"; what some files lack is declared as Output({output.name!r}, required=False)" if several else ""
             raise ReadError(
                 f"{table.heading_place}: expected one column {wanted} but found {table.headings}; say which with "
-                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER"
+                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER{alone}"
             )
 
 

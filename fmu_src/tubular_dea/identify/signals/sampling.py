@@ -50,7 +50,11 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
             said += ", or split the file where its headings are repeated"
         raise _refusal(table, int(kept[i + 1]), said)
     if there.size > 1 and there[0] == there[-1]:
-        raise _refusal(table, int(kept[-1]), f"expected ascending times but every row is at {there[0]:g} s")
+        raise _refusal(
+            table,
+            int(kept[-1]),
+            f"expected ascending times but every row is at {there[0]:g} s: write the column with more digits",
+        )
     even, equal = _even(there), np.flatnonzero(np.diff(there) == 0)
     if even is not None:
         remarks.append(f"times of a coarse clock, replaced by even ones: {1 / (even[1] - even[0]):.6g} Hz")

@@ -262,7 +262,7 @@ function isConstant(values) {
 /* The faults of an output, which `rests` where another one moves. */
 function outputFindings(recorded, signal, lines, name, rest, rests) {
   const seen = indicesOf(Array.from(recorded), Number.isFinite), values = Float64Array.from(seen, (i) => recorded[i]), there = seen.map((i) => lines[i]);
-  if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers; expected at least ${bench.leastSamples}`];
+  if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers in ${recorded.length} rows; expected at least ${bench.leastSamples}${seen.length < recorded.length ? "; leave the experiment out" : ""}`];
   const found = wrongUnit(values, name, signal, there);
   const noise = noiseLevel(values);
   if (!rests && isConstant(values))
