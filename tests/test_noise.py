@@ -374,3 +374,25 @@ def test_a_recursive_filter_is_scipys(shape: tuple[int, ...], above: list[float]
     begin = np.full((1, *shape[1:]), 0.3)
     expected = lfilter(above, below, values, axis=0, zi=begin)[0] if len(values) else values
     np.testing.assert_allclose(filtered(above, below, values, begin), expected, rtol=1e-12, atol=1e-14)
+
+
+def test_slow_noise_as_large_as_the_record_is_what_the_plant_does() -> None:
+    """A muscle's contraction, smooth beside a laser of 30 um, was read as noise of 22 mm with a long memory."""
+    random, time = np.random.default_rng(1), np.arange(2000) / 50.0
+    late = np.exp(-0.02 / 10.0)
+    records = [(time, 0.15 * np.sin(time), time[::3])]  # what moves all the time tells nothing, but is large
+    for number in range(2):
+        stairs = 0.01 * np.floor(time / 4) * (-1) ** np.floor(time / 8)
+        read = lfilter([1 - late], [1, -late], stairs) + random.normal(0, 3e-5, time.size)
+        records.append((time, read, np.arange(0, 40, 4.0 + number / 2)))
+    assert not noise.estimate(records).quiet
+
+
+def test_a_rest_before_anything_moves_is_a_stretch_of_its_own() -> None:
+    """A second of 50 samples is no half of eight seconds, and was left out."""
+    random, time = np.random.default_rng(6), np.arange(300) / 50.0
+    events = np.concatenate([[0.0], time[49:]])
+    records = [(time, np.where(time < 0.98, 0, 0.1 * time) + random.normal(0, 1e-3, 300), events) for _ in range(6)]
+    (rest,) = stretches(records)
+    assert rest.values.shape == (44, 6)  # a tenth of a second later
+    assert noise.estimate(records).rms == pytest.approx(1e-3, rel=0.15)

@@ -277,10 +277,7 @@ def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
         every = stretches(records, short=True)
         chosen = calm(every, coarse, BARELY_CALM)
     if freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
-        between = stretches(records, 0.0)
-        if freedom(between) < BARELY_CALM:
-            between = stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0)
-        other = calm(between, coarse)
+        other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
         if freedom(other) > 2 * freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, freedom(chosen) < CALM_SHARE * freedom(every)

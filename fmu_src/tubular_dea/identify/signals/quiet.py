@@ -98,8 +98,8 @@ class Stretches:
 def stretches(records: Records, settled: float = SETTLED, short: bool = False) -> list[Stretches]:
     """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other.
 
-    `short` ones too: half a second before the first event may be all that a record rests. What comes before that is a
-    stretch of its own length.
+    `short` ones too: half a second before the first event may be all that a record rests. What comes before that, if
+    not long, is a stretch of its own length.
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
@@ -109,9 +109,10 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
         marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
         firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
         lasts = np.searchsorted(time, marks[1:])
-        for gap, (first, last) in enumerate(zip(firsts.tolist(), lasts.tolist(), strict=True)):
-            at, whole = first, last - first
-            for size in [whole] if gap == 0 and LEAST_STRETCH <= whole <= sizes[0] else sizes:
+        for mark, first, last in zip(marks[:-1].tolist(), firsts.tolist(), lasts.tolist(), strict=True):
+            at, rest = first, last - first
+            alone = mark <= time[0] and LEAST_STRETCH <= rest < 2 * sizes[-1]
+            for size in [rest] if alone else sizes:
                 while last - at >= size:
                     cut.setdefault((step, size), []).append((number, at))
                     at += size
