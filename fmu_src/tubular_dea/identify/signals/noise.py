@@ -57,7 +57,7 @@ LEAST_COLOUR = 1e-12  # [1] share of the variance that has a colour, at least
 
 # Set by theory: noise of a third of a step and more makes rounding white, and a record at rest shows all of it.
 # Check: `pytest tests/test_noise.py -k rounding`, `python -m blind.score --nulls 12 --conventions bits --seed 1000`
-MOST_SLOW = 0.1  # [1] of the largest variance of a record: slow noise with more is what the plant does
+MOST_SLOW = 0.03  # [1] of the largest variance of a record: slow noise with more is what the plant does
 COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows at rest
 
 
