@@ -164,20 +164,20 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
 
 def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     """The model's error before and after, next to the noise, as bars."""
-    seen = "" if outcome["held_out"] else "on the fitted recordings"
-    key = "rmse" if seen else "held_out_rmse"
+    kinds = {"": "rmse"} if not outcome["held_out"] else {", fitted": "rmse", ", held out": "held_out_rmse"}
     effects = " and ".join(e["id"] for e in outcome["effects"])
-    unit = outcome["error"]["after"]["unit"]
-    rows = [("model before" if effects else "the model", outcome["error"]["recalibrated"][key], BEFORE)]
-    rows += [("model after", outcome["error"]["after"][key], AFTER)] if effects else []
-    rows += [("sensor's noise", outcome["noise_floor"], RECORD)]
+    unit, rows = outcome["error"]["after"]["unit"], []
+    for kind, key in kinds.items():
+        rows.append((f"{'before' if effects else 'the model'}{kind}", outcome["error"]["recalibrated"][key], BEFORE))
+        rows += [(f"after{kind}", outcome["error"]["after"][key], AFTER)] if effects else []
+    rows.append(("sensor's noise", outcome["noise_floor"], RECORD))
     entries = []
     for words, value, colour in rows:
         entries.append((words, value or 0.0, "no answer" if value is None else in_words(value, unit), colour))
     first = found.study.plant.outputs[0].headings[0].replace("_", " ")
-    where = seen or "on held-out experiments"
+    where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
-    declared = "" if seen else " ".join(better_as_declared(found, outcome["error"]))
+    declared = " ".join(better_as_declared(found, outcome["error"]))
     return bars("errors", entries), (
         f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
         f"{least(found)} {declared}".strip()
