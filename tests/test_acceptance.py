@@ -59,6 +59,13 @@ def test_verdict_by_what_an_effect_leaves(excess: float, held_ratio: float, verd
     assert engine.decide(found(BASE, chosen), held_ratio, {"lag": []}) == verdict
 
 
+def test_verdict_where_another_output_shows_what_the_model_does_not_have() -> None:
+    clean, lag = option(), option("lag", excess=100.0)
+    assert engine.decide(found(clean, clean), 1.0, {}) == "no_effect"
+    assert engine.decide(found(clean, clean), 1.0, {}, missed=True) == "unexplained"
+    assert engine.decide(found(BASE, lag), 1.0, {"lag": []}, missed=True) == "effect_found"
+
+
 @pytest.mark.parametrize(("share", "verdict"), [(0.51, "partly_explained"), (0.49, "unexplained")])
 def test_verdict_where_disturbances_of_the_fitted_experiments_are_larger(share: float, verdict: str) -> None:
     """A robot's shoulder: friction is 9 % of what its ripple leaves of fast motions, and most of a slow one."""

@@ -65,7 +65,7 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
     monkeypatch.setattr(close_loop, "still", lambda found: "load barely moves in any experiment")
     held = [SimpleNamespace(name="ramp, second half")]
-    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None)
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None, missed=None)
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6, "unit": "m"}
     told = {"published": errors, "recalibrated": errors, "after": errors}
     first, second, third = close_loop.error_lines(found, told)
@@ -162,6 +162,7 @@ def isolated(disturbance: bool, shifted: bool = True) -> SimpleNamespace:
         study=SimpleNamespace(plant=PLANT),
         isolated=Isolation("electrical", {"electrical": 9.0, "sensor": 2.0}, {}, disturbance),
         shifted=Shift("measured_displacement", "trap1", 654e-6) if shifted else None,
+        missed=None,
         equivalent={},
         repeated=False,
         proposal=None,
@@ -288,8 +289,11 @@ def test_samples_are_counted_once_whatever_is_read_in_them() -> None:
 
 def test_the_noise_is_told_as_an_estimate() -> None:
     noise = {PLANT.outputs[0].name: SimpleNamespace(quiet=True)}
-    said = in_short.least(SimpleNamespace(study=SimpleNamespace(plant=PLANT, noise=noise)))
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, noise=noise), recordings=SimpleNamespace(noise={}))
+    said = in_short.least(found)
     assert "about as small as" in said and "an estimate" in said
+    found.recordings.noise["radius"] = 15e-6
+    assert in_short.least(found) == "The sensor's noise is as bench.toml states it."
 
 
 def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
@@ -297,6 +301,7 @@ def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
     first = PLANT.outputs[0].name
     study = SimpleNamespace(plant=PLANT, noise={first: Noise(17.5e-6, 0.78)})
     found = SimpleNamespace(base=one, chosen=one, study=study, search=SimpleNamespace(rounds=[]), isolated=None)
+    found.recordings = SimpleNamespace(noise={})
     told = found.__dict__ | {"numeric": 0.0, "held_ratio": 1.0, "tests_before": WHITE, "tests_after": WHITE}
     noise = {"rms": 17.5e-6, "correlation": 0.78, "from_monitors": 4e-6, "allowed": 71.4e-6}
     errors = {name: {"rmse": 17e-6} for name in ("recalibrated", "after")}
