@@ -125,8 +125,13 @@ def test_mistakes_cost_one_line(
     assert not out.exists(), "bad input leaves nothing behind"
 
 
+def test_the_bare_command_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([])
+    assert ended.value.code == 0 and "COMMAND" in capsys.readouterr().out
+
+
 MISTAKES = [
-    ([], "tubular-dea: the following arguments are required: COMMAND; see tubular-dea --help"),
     (["simulte"], "tubular-dea: argument COMMAND: invalid choice: 'simulte'"),
     (["simulate", "--tolerance", "so"], "tubular-dea simulate: argument --tolerance: invalid float value: 'so'"),
     (["build", "--platforms", "amiga"], "tubular-dea build: argument --platforms: invalid choice: 'amiga'"),

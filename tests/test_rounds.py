@@ -207,7 +207,9 @@ class Pieces:
 def test_long_experiments_are_kept_for_fits(
     monkeypatch: pytest.MonkeyPatch, sizes: list[int], wanted: list[float], held: list[int]
 ) -> None:
-    information = SimpleNamespace(worth=lambda chosen: sum(wanted[i] for i in chosen), confirmed=lambda chosen: 0.0)
+    information = SimpleNamespace(
+        worth=lambda chosen: sum(wanted[i] for i in chosen), confirmed=lambda chosen: 0.0, dear=lambda chosen: 0.0
+    )
     monkeypatch.setattr(held_out, "_information", lambda study, effects: information)
     study = Pieces([Piece(np.zeros(n)) for n in sizes])
     chosen = held_out.with_held_out(study)
@@ -216,9 +218,11 @@ def test_long_experiments_are_kept_for_fits(
 
 def test_of_experiments_that_are_as_good_the_one_that_shows_most_is_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ramp of 4 kV costs nothing where it is held out, as it tells nothing."""
-    worth, shows = [0.14, 0.12, 0.04, -0.2], [0.17, 0.28, 0.34, 0.66]
+    worth, shows, costs = [0.14, 0.12, 0.13, 0.04], [0.17, 0.28, 0.66, 0.34], [0.03, 0.15, 0.6, 0.28]
     information = SimpleNamespace(
-        worth=lambda chosen: sum(worth[i] for i in chosen), confirmed=lambda chosen: sum(shows[i] for i in chosen)
+        worth=lambda chosen: sum(worth[i] for i in chosen),
+        confirmed=lambda chosen: sum(shows[i] for i in chosen),
+        dear=lambda chosen: sum(costs[i] for i in chosen),
     )
     monkeypatch.setattr(held_out, "_information", lambda study, effects: information)
     monkeypatch.setattr(held_out, "HELD_LONG", 0.3)

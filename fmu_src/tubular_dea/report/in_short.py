@@ -129,6 +129,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     if not outcome["invisible"]:
         return
     page.heading("What these recordings would not have shown", level=3)
+    named = [e["id"] for e in outcome["effects"]]
     values = [value for sizes in outcome["invisible"].values() for value in sizes.values()]
     page.text(
         "The detection limit of every effect: the smallest size that would have been seen with a probability of 80 %, "
@@ -139,6 +140,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows = [
         [name, parameter, _shown_limit(found.study.catalogue[name], parameter, value)]
         for name, sizes in sorted(outcome["invisible"].items())
+        if name not in named
         for parameter, value in sizes.items()
     ]
     page.table(["effect", "parameter", "not visible"], rows)

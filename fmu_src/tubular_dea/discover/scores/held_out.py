@@ -30,7 +30,8 @@ DEAR = 0.5  # [log standard error] that a parameter may lose for a candidate tha
 
 # Set by judgement: else a ramp of 4 kV is held out, which costs nothing because it tells nothing.
 # Check: `pytest tests/test_rounds.py -k held`, `python -m blind.score --singles 2 --seed 1000`
-AS_GOOD = 0.05  # [1] of worth: of experiments that are as good, the one that confirms most candidates is held out
+AS_GOOD = 0.05  # [1] of worth: of experiments that are as good, the one that confirms most candidates is held out,
+AS_DEAR = 0.15  # [1] of worth: if it costs little more of the parameters' information than the best
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,12 @@ class _Information:
     def worth(self, chosen: list[int]) -> float:
         """The value of holding out the pieces `chosen`: candidates confirmed, less candidates and information lost."""
         lost = float(np.mean(np.maximum(self.shares[:, chosen].sum(axis=1) - HELD, 0))) / (1 - HELD)
+        return self.confirmed(chosen) - lost - self.dear(chosen)
+
+    def dear(self, chosen: list[int]) -> float:
+        """What the parameters lose by holding out the pieces `chosen`, in units of worth."""
         rest = [i for i in range(len(self.information)) if i not in chosen]
-        dear = float(np.mean(self._errors(rest) - self._errors(range(len(self.information))))) / DEAR
-        return self.confirmed(chosen) - lost - dear
+        return float(np.mean(self._errors(rest) - self._errors(range(len(self.information))))) / DEAR
 
     def _errors(self, pieces: list[int] | range) -> np.ndarray:
         """Logarithms of the parameters' standard errors from some pieces (with a prior of 1)."""
@@ -74,7 +78,9 @@ def with_held_out(study: Study, shown: Ids = ()) -> Study:
         if not rest:
             break
         worth = {i: information.worth([*chosen, i]) for i in rest}
-        good = [i for i in rest if worth[i] > max(worth.values()) - AS_GOOD]
+        best = max(rest, key=lambda i: (worth[i], -i))
+        dear = information.dear([*chosen, best]) + AS_DEAR
+        good = [i for i in rest if worth[i] > worth[best] - AS_GOOD and information.dear([*chosen, i]) <= dear]
         chosen.append(max(good, key=lambda i: (information.confirmed([*chosen, i]), -i)))
     if not chosen:
         return study

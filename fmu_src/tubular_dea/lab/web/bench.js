@@ -256,7 +256,9 @@ function wrongUnit(values, name, signal, lines) {
 const finite = (values) => values.filter(Number.isFinite);
 
 function isConstant(values) {
-  return span(values) <= 12 * noiseLevel(values) || span(values) === 0;
+  const noise = noiseLevel(values), mean = values.reduce((a, b) => a + b, 0) / values.length;
+  const deviation = Math.sqrt(values.reduce((a, b) => a + (b - mean) ** 2, 0) / values.length);
+  return span(values) === 0 || (span(values) <= 12 * noise && deviation <= 1.5 * noise);
 }
 
 /* The faults of an output, which `rests` where another one moves. */
