@@ -166,10 +166,10 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
     if _by_effect(found):
         return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
     if found.shifted:
-        own = next(o.channel for o in found.study.plant.outputs if o.name == found.shifted.output)
+        own = _own_channel(found, found.shifted.output)
         return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
     if found.missed and noise_alone(found.base.lack_of_fit):
-        own = next(o.channel for o in found.study.plant.outputs if o.name == found.missed.output)
+        own = _own_channel(found, found.missed.output)
         return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
     known = found.study.plant.own_channels
     moved = {n: known[n] for n in remarks.implausible(found, found.base.fitted) if n in known}
@@ -178,6 +178,11 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
         names = " and ".join(n for n, channel in moved.items() if channel == own)
         return own, f"the fit needs implausible values of {names}, which belong to it"
     return (found.isolated.channel, isolated_words(found.isolated)) if found.isolated else (None, "")
+
+
+def _own_channel(found: Discovery, output: str) -> str:
+    """The channel of an output."""
+    return next(o.channel for o in found.study.plant.outputs if o.name == output)
 
 
 def isolated_words(isolation: Isolation, channel: str = "this") -> str:
