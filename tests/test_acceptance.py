@@ -63,6 +63,9 @@ def test_verdict_where_another_output_shows_what_the_model_does_not_have() -> No
     clean, lag = option(), option("lag", excess=100.0)
     assert engine.decide(found(clean, clean), 1.0, {}) == "no_effect"
     assert engine.decide(found(clean, clean), 1.0, {}, missed=True) == "unexplained"
+    drifts = option(excess=1000.0)  # to a zero that drifts within files, not to one that predicts others wrongly
+    assert engine.decide(found(drifts, drifts), 1.1, {}, wanders=True) == "no_effect"
+    assert engine.decide(found(drifts, drifts), 1.45, {}, wanders=True) == "unexplained"
     assert engine.decide(found(BASE, lag), 1.0, {"lag": []}, missed=True) == "effect_found"
 
 

@@ -25,6 +25,7 @@ from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
+from tubular_dea.report.parts import parameter_row
 
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect")
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
@@ -85,8 +86,10 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
 ) -> None:
     monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
     errors = {"rmse": 15e-6, "held_out_rmse": 60e-6, "unit": "m"}
-    found = SimpleNamespace(study=None, named=SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97)))
+    named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97))
+    found = SimpleNamespace(study=None, named=named, verdict="no_effect")
     assert "; 0.97 of what the inputs' noise" in close_loop._moved_by_monitors(found, errors)
+    assert close_loop._moved_by_monitors(SimpleNamespace(study=None, named=named, verdict="unexplained"), errors) == ""
     assert close_loop._moved_by_monitors(found, errors | {"held_out_rmse": 16e-6}) == ""
 
 
@@ -177,7 +180,7 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
     close_loop._channels(page, found, told)
     assert told == "sensor"
     assert (
-        f"electrical. The channel is uncertain: the summary names the sensor channel, because {why}." in page.document()
+        f"electrical. The channel is uncertain: the one told is the sensor channel, because {why}." in page.document()
     )
     advice = outcome.advice(found)
     assert f"a second sensor, because {why}; the channel is uncertain, as the " in advice
@@ -193,6 +196,19 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
     close_loop._channels(page, found, outcome.channel(found))
     assert "uncertain" not in page.document() + outcome.advice(found)
     assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")
+
+
+@pytest.mark.parametrize(("far", "told"), [(["C_3"], "electrical"), (["C_2", "C_3"], "mechanical")])
+def test_one_implausible_parameter_tells_no_channel(monkeypatch: pytest.MonkeyPatch, far: list[str], told: str) -> None:
+    """C_3 hardly matters at moderate stretches, so that anything that is missing may move it."""
+    monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: far)
+    assert outcome.channel(isolated(False, shifted=False)) == told
+
+
+def test_a_parameter_that_is_not_determined_has_no_interval() -> None:
+    parameter = {"value": 3.26e-9, "ci95": [6e-22, 1.7e22], "unit": "Pa.s"}
+    assert "not determined" in parameter_row("eta_hoop", parameter, told=False)
+    assert "not determined" not in parameter_row("eta_hoop", parameter)
 
 
 def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -337,10 +353,10 @@ def test_a_small_remainder_is_told_with_its_size() -> None:
 
 def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
     quiet = made_up.option(z_slow=2.5)
-    assert what_is_left("no_effect", quiet, 1.2) == []
+    assert what_is_left("no_effect", quiet, 2.8) == []
     (said,) = what_is_left("no_effect", quiet, 175.0, 2.24)
     assert "not white" in said and "take them as about 2.2 times as wide." in said
-    (said,) = what_is_left("effect_found", quiet, 2.5)
+    (said,) = what_is_left("effect_found", quiet, 3.5)
     assert said.endswith("so intervals may not be exact.") and "1/f" not in said
     assert "looks like noise" not in " ".join(in_short.CONFIDENCE.values())
     assert left(quiet, quiet, "after", 5e-6, 175.0) == "it is no larger than the noise, but not white"

@@ -316,3 +316,17 @@ def test_a_simpler_law_is_settled_where_the_choice_is_not_all(left: float, param
     search = found(option(excess=LARGE), option("relaxation", excess=left, z_slow=9.0 * (left > 0)))
     behind = option("leak", excess=4000.0, parameters=parameters)
     assert selection._may_pass(search, before, behind, 50.0) == tried
+
+
+@pytest.mark.parametrize(("size", "rival", "chosen"), [(6.0, 1.0, "slew"), (4.0, 1.0, "lag"), (6.0, 2.0, "lag")])
+def test_an_effect_of_unusual_size_gives_way_to_an_equivalent_of_usual_size(
+    size: float, rival: float, chosen: str
+) -> None:
+    """A mass of sixty tubes is named only where no delay of a usual length explains as much."""
+    first, other = option("lag", excess=0.0, z_slow=0.0), option("slew", excess=10.0, z_slow=0.0)
+    first.fitted.values["lag"], other.fitted.values["slew"] = size, rival
+    search = found(BASE, first, rivals=[other], gains={"lag": 5000.0})
+    revision.with_usual_sizes(search)
+    assert search.chosen.ids == (chosen,)
+    assert [r.ids for r in search.rivals] == [("lag",) if chosen == "slew" else ("slew",)]
+    assert search.gains == {chosen: 5000.0 - (10.0 if chosen == "slew" else 0.0)}

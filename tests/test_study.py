@@ -12,7 +12,7 @@ from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.fitting.marginal import Marginal
 from tubular_dea.identify.fitting.response import ROUGH, TOLERANCE
 from tubular_dea.identify.records.data import read_folder
-from tubular_dea.identify.study.study import LONG, study
+from tubular_dea.identify.study.study import LONG, followed, study
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 
@@ -59,3 +59,11 @@ def test_the_beginning_of_a_long_record_has_been_through_its_range() -> None:
     assert begun[0].marginal.columns is None
     assert begun[0].record.size == begun[0].weight.size == begun[0].case.times.size == round(end * rate) + 1
     assert replace(whole, pieces=[short]).beginning.pieces == [short]
+
+
+def test_between_files_in_a_row_the_next_one_s_load_holds() -> None:
+    """Whoever ends a record under load releases the load then, not little by little until the next one begins."""
+    loaded = Protocol.of([0.0, 10.0], pressure=[1.2e4, 1.2e4], voltage=[0.0, 0.0])
+    rests = Protocol.of([40.0, 50.0], pressure=[0.0, 0.0], voltage=[0.0, 0.0])
+    both = followed(loaded, rests)
+    np.testing.assert_array_equal(both.at(np.array([5.0, 10.0 + 1e-6, 30.0, 45.0]))["pressure"], [1.2e4, 0.0, 0.0, 0.0])

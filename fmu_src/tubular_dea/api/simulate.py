@@ -238,7 +238,7 @@ def _unset(model: Model, values: Mapping[str, float]) -> list[str]:
     if not free:
         return []
     taken = ", ".join(f"{q.name} = {q.value:g} {q.unit}".removesuffix(" 1") for q in free)
-    usual = f"{2 * (free[0].value or 0.0):g}{free[0].unit}".removesuffix("1") if free[0].value else "0"
+    usual = f"{free[0].nominal:g}{free[0].unit}".removesuffix("1")
     chosen = f"--set {free[0].name}={usual}"
     return [f"{taken}: the plant leaves the start free, and the default was taken; choose, as by {chosen}"]
 

@@ -49,8 +49,7 @@ def _spikes(recordings: Recordings) -> Iterator[str]:
     An output that depends on rates has such samples where an input switches: the charging of a capacitance. What was
     commanded is as it stands in the file.
     """
-    certain = {name for name, level in recordings.noise.items() if level == 0}
-    left_out = certain | {o.name for o in recordings.plant.outputs if o.feels_rates}
+    left_out = recordings.commanded | {o.name for o in recordings.plant.outputs if o.feels_rates}
     for e in recordings.experiments:
         for name, values in ((n, v) for n, v in (*e.inputs.items(), *e.outputs.items()) if n not in left_out):
             there = np.flatnonzero(np.isfinite(values))

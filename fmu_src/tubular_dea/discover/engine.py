@@ -32,7 +32,7 @@ from .scores.parameters import base_parameters
 from .scores.power import Sizes, detection_limits, needed
 from .search import equivalence, second_output, selection
 from .search.law_uncertainty import still_there, with_law, with_rivals
-from .search.revision import Search
+from .search.revision import Search, with_usual_sizes
 from .search.rounds import take_round
 from .search.settle import iterated
 
@@ -149,6 +149,7 @@ def discover(
         known = found.rounds[0].listed if found.rounds else []
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
+    with_usual_sizes(found)
     repeated = repeats(work.pieces)
     equivalent, described = _judged(work, found, repeated)
     while not supported(work, found, described):
@@ -307,9 +308,11 @@ def decide(
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     if shifted:
         return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
-    noise = wanders or acceptance.noise_alone(state)
+    alone = acceptance.noise_alone(state)
+    noise = wanders or alone
     if not found.chosen.ids:
-        return "no_effect" if noise and held_ratio <= acceptance.PREDICTED and not missed else "unexplained"
+        most = acceptance.PREDICTED if alone else acceptance.ALMOST_RATIO
+        return "no_effect" if noise and held_ratio <= most and not missed else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
     if held_ratio > acceptance.PREDICTED and acceptance.earned(found.base, found.chosen):
@@ -431,7 +434,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
     wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training], work.monitor_noise)
-    wider = common_nuisances(work).widened(fitted, wider)
+    wider = common_nuisances(work, zeros=True).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
     wider = wider.with_covariance(wider.covariance * option.lack_of_fit.by_chance)

@@ -43,4 +43,5 @@ def law(at: SignalSite) -> Effect | None:
     def apply(model: Model) -> Model:
         return at.delayed(model, delay)
 
-    return at.effect(f"A pure delay acts on {at.words}", "Normey-Rico 2007", apply, delay, exact=True)
+    either = " (where negative, it acts before it is recorded)" if at.may_be_late else ""
+    return at.effect(f"A pure delay acts on {at.words}{either}", "Normey-Rico 2007", apply, delay, exact=True)

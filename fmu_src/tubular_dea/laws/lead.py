@@ -39,4 +39,5 @@ def law(at: SignalSite) -> Effect | None:
         model, signal, slow = at.followed(model, tau, "a moment ago")
         return at.put(model, signal + lead.symbol * (signal - slow) / tau.symbol)
 
-    return at.effect(f"The rate of {at.words} adds to it", "Stergiopulos 1999", apply, lead, tau)
+    why = ", as where its monitor lags" if isinstance(at.place, Path) else ""
+    return at.effect(f"The rate of {at.words} adds to it{why}", "Stergiopulos 1999", apply, lead, tau)

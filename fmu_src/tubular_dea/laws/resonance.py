@@ -49,4 +49,5 @@ def law(at: SignalSite) -> Effect:
         model, swing = at.swinging(model, signal, omega.symbol, damping.symbol)
         return at.put(model, signal + share.symbol * (swing - signal))
 
-    return at.effect(f"A resonance acts on {at.words}", "Doebelin 2004", apply, omega, damping, share)
+    summary = f"A lag of second order (a line, a filter, a resonance) acts on {at.words}"
+    return at.effect(summary, "Doebelin 2004", apply, omega, damping, share)

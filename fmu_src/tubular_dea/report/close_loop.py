@@ -16,7 +16,7 @@ from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
-from .effects import effects
+from .effects import determined, effects
 from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, stated
 from .latent_map import latent_map
 from .page import Page
@@ -74,6 +74,8 @@ def headline(found: Discovery) -> str:
     others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
     what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
+    if found.verdict == "no_effect" and found.wandering:
+        return "no effect is certain: a slowly drifting zero of the sensor explains what the model does not."
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
 
 
@@ -104,6 +106,8 @@ def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
     if largest < TOO_NOISY * noise:
         return ""
     ratio = found.named.lack_of_fit.ratio
+    if found.verdict == "unexplained" and ratio < 1:  # by its size alone it may be noise, and what tells is its course
+        return ""
     return f"; {ratio:.2f} of what the inputs' noise and steps between samples allow too, weighted sample by sample"
 
 
@@ -227,18 +231,18 @@ def _undone(found: Discovery, step: Round) -> str:
 
 
 def _channels(page: Page, found: Discovery, told: str | None) -> None:
-    """The fault isolation: the channel in which the residual arises; `told` is the one that the summary names."""
+    """The fault isolation: the channel in which the residual arises; `told` is the one that result.json names."""
     if not found.isolated:
         page.text("3. No channel is sought: the residual is no larger than the noise.")
         return
     how = (
-        "from where the residual is large, as no function of the recorded signals explains half of it"
+        "from where the residual is largest, as no function of the recorded signals explains half of what is not noise"
         if found.isolated.disturbance
         else "from a latent input of free form in each channel"
     )
-    later = f" An effect in the {told} channel explains more of it; so the summary names that one."
+    later = f" The effect that is named acts in the {told} channel and explains more, so that is the channel told."
     if why := contested(found):
-        later = f" The channel is uncertain: the summary names the {told} channel, because {why}."
+        later = f" The channel is uncertain: the one told is the {told} channel, because {why}."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
     differs = told not in (None, found.isolated.channel)
     page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")
@@ -282,11 +286,13 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("Parameters", level=3)
     published = found.study.plant.model.parameter_values()
     rows = []
-    for effect in outcome["effects"]:
-        rows += [[*parameter_row(f"{effect['id']}: {name}", p), ""] for name, p in effect["parameters"].items()]
+    for one in outcome["effects"]:
+        effect = found.study.catalogue[one["id"]]
+        for name, p in one["parameters"].items():
+            row = parameter_row(f"{effect.id}: {name}", p, told=determined(effect, name, p["ci95"]))
+            rows.append([*row, ""])
     for name, p in outcome["base_parameters"].items():
-        row = parameter_row(name, p, published[name])
-        rows.append([*row[:2], "not determined", *row[3:]] if name in outcome["undetermined"] else row)
+        rows.append(parameter_row(name, p, published[name], told=name not in outcome["undetermined"]))
     page.table(["parameter", "value", "95 % interval", "unit", "declared"], rows)
     page.text(
         "The intervals include the noise of the sensor and of the monitors"

@@ -90,15 +90,15 @@ def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
     known, unknown = [], []
     for words, value, interval, name in _sizes(effect, entry, model):
         meaning = f"{words[0].lower()}{words[1:]}"
-        if _determined(effect, name, entry["parameters"][name]["ci95"]):
+        if determined(effect, name, entry["parameters"][name]["ci95"]):
             known.append(f"{meaning} = {value} (95 % interval {interval})")
         else:
-            unknown.append(meaning)
+            unknown.append(meaning.split(":", maxsplit=1)[0])
     rest = [f"not determined by these recordings: {', '.join(unknown)}"] if unknown else []
     return "; ".join([", ".join(known)] * bool(known) + rest)
 
 
-def _determined(effect: Effect, name: str, ends: Sequence[float | None]) -> bool:
+def determined(effect: Effect, name: str, ends: Sequence[float | None]) -> bool:
     """Whether an interval tells a parameter: it neither includes the value without effect nor spans a large factor.
 
     A level may be at 0, and of an end that is open a remark tells what is known.
@@ -118,7 +118,8 @@ def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str
         scale, unit = usual_scale(p["value"], p["unit"], model)
         value, low, high = with_ends(p["value"] / scale, [None if e is None else e / scale for e in p["ci95"]])
         shown = f"{value} {unit}".removesuffix(" 1")
-        rows.append([meaning[name], shown, f"{low} to {high}", name])
+        told = determined(effect, name, p["ci95"])
+        rows.append([meaning[name], shown, f"{low} to {high}" if told else "not determined", name])
     return rows
 
 

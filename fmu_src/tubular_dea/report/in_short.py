@@ -40,7 +40,7 @@ LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
-WHITE = 2.0  # standard deviations of the whiteness of noise
+WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
@@ -93,8 +93,8 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     if wider == "1.0":
         return [f"{said} depend on those shortly before, so intervals may not be exact."]
     return [
-        f"{said} resemble those shortly before, as in slow (1/f) noise. The intervals of parameters may be too narrow: "
-        f"take them as about {wider} times as wide."
+        f"{said} resemble those shortly before, as in noise that is slower than was seen, or beside a law that is not "
+        f"quite the plant's. The intervals of parameters may be too narrow: take them as about {wider} times as wide."
     ]
 
 

@@ -58,11 +58,14 @@ def bars(values: Mapping[str, float], label: str, line: float | None = None) -> 
     return drawn.update_layout(height=120 + 24 * len(values))
 
 
-def parameter_row(name: str, p: Mapping[str, Any], *others: float) -> list[str]:
-    """Name, value, 95 % interval and unit of a parameter of result.json, then other values of it in that unit."""
+def parameter_row(name: str, p: Mapping[str, Any], *others: float, told: bool = True) -> list[str]:
+    """Name, value, 95 % interval and unit of a parameter of result.json, then other values of it in that unit.
+
+    Unless the records have `told` it, there is no interval: from it nobody could read more.
+    """
     scale, unit = readable(p["value"], p["unit"])
     value, low, high = with_ends(p["value"] / scale, [None if e is None else e / scale for e in p["ci95"]], least=4)
-    return [name, value, f"{low} to {high}", unit, *(f"{o / scale:.4g}" for o in others)]
+    return [name, value, f"{low} to {high}" if told else "not determined", unit, *(f"{o / scale:.4g}" for o in others)]
 
 
 def shown_unit(quantity: Quantity) -> tuple[float, str]:

@@ -110,7 +110,7 @@ def _beyond(found: Discovery) -> list[str]:
                 end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
                 said.append(
                     f"{name} would explain more, but its {parameter} would have to be beyond {end}, the end of its "
-                    "range. So something else acts there, or the usual size (nominal) declared in the plant is wrong."
+                    "range. So something else acts there, or its range in the plant is too narrow."
                 )
     return list(dict.fromkeys(said))
 
@@ -191,7 +191,10 @@ def _starts(found: Discovery) -> list[str]:
     said = []
     if after:
         pairs = ", ".join(f"{e.name} follows {e.follows}" for e in after)
-        said.append(f"As bench.toml says ([order]), {pairs}: each is computed from where the one before it ends.")
+        said.append(
+            f"As bench.toml says ([order]), {pairs}: each is computed from where the one before it ends; in between, "
+            "the plant is under the inputs with which the next one begins."
+        )
     if free:
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "

@@ -56,6 +56,16 @@ class BenchFile:
     columns: dict[str, Choice] = field(default_factory=dict)
     rate: float | None = None
 
+    @property
+    def commanded(self) -> set[str]:
+        """The inputs that were not measured: what stands in the files is exact."""
+        return without_noise(self.noise)
+
+
+def without_noise(noise: Mapping[str, float]) -> set[str]:
+    """The signals that are said to have no noise: they were commanded, and not measured."""
+    return {name for name, level in noise.items() if level == 0}
+
 
 TABLES = ("geometry", "noise", "columns", "sampling", "start", "order")
 

@@ -21,7 +21,7 @@ from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
 from . import checks
-from .bench_file import BenchFile, read_bench
+from .bench_file import BenchFile, read_bench, without_noise
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .lost import is_mark, lost_samples
 from .spikes import spikes
@@ -101,6 +101,11 @@ class Recordings:
     still: tuple[str, ...] = ()
 
     @property
+    def commanded(self) -> set[str]:
+        """The signals that were not measured: what stands in the files is exact."""
+        return without_noise(self.noise)
+
+    @property
     def starts(self) -> dict[str, str]:
         """How each experiment starts, by name: one that follows another as that does, unless bench.toml says it."""
         return {e.name: self.begun_by(e).start for e in self.experiments}
@@ -130,7 +135,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     experiments, left_out, still = [], [], {}
     for path in files:
         try:
-            read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, _commanded(said))
+            read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, said.commanded)
             experiments.append(_placed(read_one, said, plant))
         except NoTableError:
             if path.suffix.lower() not in NOTES:
@@ -154,7 +159,7 @@ def of_tables(
         raise DataError("recordings: expected at least one table but was given none")
     said = said or BenchFile()
     chosen = said.columns | choices(columns, plant)
-    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, _commanded(said)) for t in tables}
+    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, said.commanded) for t in tables}
     experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
     return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
 
@@ -178,11 +183,6 @@ def _ordered(experiments: Sequence[Experiment]) -> list[Experiment]:
             )
         follows[name] = first
     return [replace(e, follows=follows.get(e.name, "")) for e in experiments]
-
-
-def _commanded(said: BenchFile) -> list[str]:
-    """The signals without noise: they were not measured."""
-    return [name for name, level in said.noise.items() if level == 0]
 
 
 def _files(folder: Path, plant: Plant) -> list[Path]:

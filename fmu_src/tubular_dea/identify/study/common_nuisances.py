@@ -55,12 +55,15 @@ class CommonNuisances:
         return counted.with_covariance(counted.covariance + together - inverse(best.jacobian.T @ best.jacobian))
 
 
-def common_nuisances(study: Study, followed: bool = False) -> CommonNuisances:
+def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) -> CommonNuisances:
     """What the training pieces have in common, as it was estimated last.
 
     `followed`: switching instants take all that they can, as when they are estimated before an effect is sought.
+    `zeros`: monitors have a zero in common too, of the usual size, which an offset of the signal would be.
     """
-    names = [n for n in dict.fromkeys(n for p in study.training for n in p.nuisances.names) if _common(study, n)]
+    monitors = {s.name for s in study.plant.inputs} if zeros else set()
+    names = [n for n in dict.fromkeys(n for p in study.training for n in p.nuisances.names)]
+    names = [n for n in names if n in monitors or _common(study, n)]
     same = {n for n in names if n.startswith(RISE_OF)}
     free, parts = [], []
     for piece in study.training:
@@ -74,7 +77,8 @@ def common_nuisances(study: Study, followed: bool = False) -> CommonNuisances:
         free.append(own)
         with_none = np.pad(white, ((0, 0), (0, 1)))  # the last column is that of what a record does not have
         parts.append(own.apply(with_none[:, mine] * here))
-    prior = np.linalg.cholesky(inverse(np.eye(len(names)) + alike(np.array([n not in same for n in names], bool))))
+    late = np.array([n.startswith(LATE_OF) for n in names], dtype=bool)
+    prior = np.linalg.cholesky(inverse(np.eye(len(names)) + alike(late)))
     rows = tuple(p.record.size for p in study.training)
     return CommonNuisances(tuple(p.marginal for p in study.training), tuple(free), rows, np.concatenate(parts) @ prior)
 

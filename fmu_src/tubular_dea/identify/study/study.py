@@ -330,14 +330,17 @@ def _later(protocol: Protocol, by: float) -> Protocol:
 
 
 def followed(first: Protocol, then: Protocol) -> Protocol:
-    """One protocol after another; in between, inputs change linearly from the last value to the next."""
+    """One protocol after another; what the next one begins with holds from the end of the last one on.
+
+    Nothing tells when it was set; whoever ends a record releases the load then.
+    """
     if first.time[-1] >= then.time[0]:
         raise UserError(
             f"order: an experiment ends {first.time[-1] - then.time[0]:.3g} s after the next one begins; "
             "expected start times one after the other"
         )
-    inputs = {name: np.concatenate([first.inputs[name], values]) for name, values in then.inputs.items()}
-    return Protocol(np.concatenate([first.time, then.time]), inputs)
+    inputs = {name: np.concatenate([first.inputs[name], values[:1], values]) for name, values in then.inputs.items()}
+    return Protocol(np.concatenate([first.time, first.time[-1:], then.time]), inputs)
 
 
 def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, Noise]:

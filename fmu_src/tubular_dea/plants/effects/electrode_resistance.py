@@ -30,7 +30,7 @@ PARAMETERS = (
     Quantity(
         "tau_e_stretch",
         "1",
-        "1: the lag is that of the present capacitance, 0: it is constant",
+        "How the lag grows with stretch: 1 as the capacitance, 0 not at all",
         1.0,
         "Graf 2012",
         -0.1,
