@@ -47,12 +47,17 @@ class CommonNuisances:
         return np.hstack([self.apply(jacobian), np.concatenate([below, np.eye(count)])])
 
     def widened(self, best: Fit, counted: Fit) -> Fit:
-        """The fit with a covariance and standard errors that include what is common, and what was `counted` before."""
+        """The fit with a covariance and standard errors that include what is common, and what was `counted` before.
+
+        The parameters stay as they are; how far they would move beside what is common counts as uncertainty too.
+        """
         if not self.columns.shape[1]:
             return counted
         k, beside = len(best.names), self.beside(best.jacobian)
-        together = inverse(beside.T @ beside)[:k, :k]
-        return counted.with_covariance(counted.covariance + together - inverse(best.jacobian.T @ best.jacobian))
+        together = inverse(beside.T @ beside)[:k]
+        moved = together @ (beside.T @ self.apply(best.residual[:, None])[:, 0])
+        wider = together[:, :k] - inverse(best.jacobian.T @ best.jacobian) + np.outer(moved, moved)
+        return counted.with_covariance(counted.covariance + wider)
 
 
 def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) -> CommonNuisances:
@@ -61,7 +66,8 @@ def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) 
     `followed`: switching instants take all that they can, as when they are estimated before an effect is sought.
     `zeros`: monitors have a zero in common too, of the usual size, which an offset of the signal would be.
     """
-    monitors = {s.name for s in study.plant.inputs} if zeros else set()
+    signals = (*study.plant.inputs, *study.plant.outputs)
+    monitors = {s.name for s in signals} if zeros else set()
     names = [n for n in dict.fromkeys(n for p in study.training for n in p.nuisances.names)]
     names = [n for n in names if n in monitors or _common(study, n)]
     same = {n for n in names if n.startswith(RISE_OF)}
