@@ -21,6 +21,7 @@ from tubular_dea.discover.scores.channels import Isolation
 from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.model.units import in_words, three, with_ends
+from tubular_dea.plants.effects import with_effects
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 from tubular_dea.report import assist, close_loop, effects, in_short
@@ -203,6 +204,16 @@ def test_one_implausible_parameter_tells_no_channel(monkeypatch: pytest.MonkeyPa
     """C_3 hardly matters at moderate stretches, so that anything that is missing may move it."""
     monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: far)
     assert outcome.channel(isolated(False, shifted=False)) == told
+
+
+@pytest.mark.parametrize(("delay", "said"), [(-6e-3, 1), (6e-3, 0)])
+def test_an_input_that_acts_before_it_is_recorded_is_said_to_do_so_in_no_fmu(delay: float, said: int) -> None:
+    compiled = SimpleNamespace(model=lambda ids: with_effects(PLANT.model, ids))
+    fitted = SimpleNamespace(values={"pressure_delay": delay})
+    named = SimpleNamespace(ids=["pressure_delay"], fitted=fitted)
+    told = remarks._early(SimpleNamespace(named=named, study=SimpleNamespace(compiled=compiled)))
+    assert len(told) == said
+    assert all("acts 6 ms before it is recorded" in t and "An FMU cannot look ahead" in t for t in told)
 
 
 def test_a_parameter_that_is_not_determined_has_no_interval() -> None:
