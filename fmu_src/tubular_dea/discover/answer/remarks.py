@@ -103,11 +103,11 @@ def _ended(found: Discovery) -> list[str]:
 def _early(found: Discovery) -> list[str]:
     """Inputs that act before they are recorded: in an FMU, which is given what drives it, they do not."""
     values = found.named.fitted.values
-    delays = [d for d in found.study.compiled.model(found.named.ids).delays if values.get(d.by, 0.0) < 0]
+    early = [d for d in found.study.compiled.model(found.named.ids).delays if values.get(d.by, 0.0) < 0]
     return [
-        f"The {d.of} acts {in_words(-values[d.by], 's')} before it is recorded ({d.by} is negative). An FMU cannot look "
-        f"ahead, so there it acts when it is given: give it the true {d.of}, or the recorded one earlier by as much."
-        for d in delays
+        f"The {d.of} acts {in_words(-values[d.by], 's')} before it is recorded ({d.by} is negative). An FMU cannot "
+        f"look ahead, so there it acts when it is given: give it the {d.of} earlier by as much."
+        for d in early
     ]
 
 

@@ -64,12 +64,12 @@ def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) 
     """What the training pieces have in common, as it was estimated last.
 
     `followed`: switching instants take all that they can, as when they are estimated before an effect is sought.
-    `zeros`: monitors have a zero in common too, of the usual size, which an offset of the signal would be.
+    `zeros`: every signal has a zero in common too, of the usual size, which an offset of it would be.
     """
-    signals = (*study.plant.inputs, *study.plant.outputs)
-    monitors = {s.name for s in signals} if zeros else set()
-    names = [n for n in dict.fromkeys(n for p in study.training for n in p.nuisances.names)]
-    names = [n for n in names if n in monitors or _common(study, n)]
+    plant = study.plant
+    measured = {*(s.name for s in plant.inputs), *(o.name for o in plant.outputs)} if zeros else set()
+    all_names = dict.fromkeys(n for p in study.training for n in p.nuisances.names)
+    names = [n for n in all_names if n in measured or _common(study, n)]
     same = {n for n in names if n.startswith(RISE_OF)}
     free, parts = [], []
     for piece in study.training:
