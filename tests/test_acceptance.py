@@ -226,6 +226,25 @@ def test_an_interval_is_open_where_a_search_ended_at_a_bound(
     assert parameters.at_bounds(strength, fitted) == {}
 
 
+@pytest.mark.parametrize(
+    ("gain", "before", "after", "vague"),
+    [(60.0, 11.0, 11.0, ["lag"]), (300.0, 11.0, 11.0, []), (60.0, 30.0, 11.0, []), (60.0, 4.0, 4.0, [])],
+)
+def test_a_weak_effect_that_leaves_a_residual_as_little_white_as_before_is_vague(
+    monkeypatch: pytest.MonkeyPatch, gain: float, before: float, after: float, vague: list[str]
+) -> None:
+    """A pulsation of a pump, 29 Pa beside 60 Pa of noise, made one of six effects explain a little, by chance."""
+    white = {(): before, ("lag",): after}
+    monkeypatch.setattr(engine.residuals, "tests", lambda study, ids, fitted: {"whiteness": white[ids]})
+    monkeypatch.setattr(engine, "_no_more_than_a_zero", lambda work, found, described, name: False)
+    lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    chosen = option("lag", excess=0.0, z_slow=0.0)
+    chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
+    study = SimpleNamespace(catalogue={"lag": lag})
+    search = found(BASE, chosen, gains={"lag": gain}, rounds=[SimpleNamespace(threshold=35.0)])
+    assert [*engine._vague(study, search, chosen)] == vague
+
+
 def test_an_effect_that_gains_little_is_vague() -> None:
     lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
     chosen = option("lag", excess=50.0)
@@ -264,6 +283,11 @@ def test_a_further_effect_must_be_more_than_another_form_of_the_first() -> None:
     assert refused(1999.0, option("lag", "creep", excess=2001.0, z_slow=5.1)) != ""
     nearly = option("lag", excess=1500.0)  # gained 38 500, and is nearly all there is: 3 % are asked for
     assert "another form of lag could" in refused(1154.0, first=nearly)
+    vast, mended = option(excess=1e8), option("lag", "creep", excess=4000.0, z_slow=0.0)  # 0.4 % of it are 400 000
+    assert "another form" in acceptance.no_further_effect(
+        vast, option("lag", excess=40_000.0), 31_900.0, "creep", mended
+    )
+    assert acceptance.no_further_effect(vast, option("lag", excess=40_000.0), 32_100.0, "creep", mended) == ""
     assert refused(1156.0, first=nearly) == ""
     nearly = option("lag", excess=1000.0)  # 1170 are asked for, but if four fifths are removed
     assert "another form of lag could" in refused(799.0, first=nearly)

@@ -297,12 +297,33 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
         one = made_up.option(*equivalent)
         study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
         return close_loop.headline(
-            SimpleNamespace(verdict="ambiguous", chosen=one, base=one, study=study, equivalent=equivalent)
+            SimpleNamespace(
+                verdict="ambiguous", chosen=one, base=one, study=study, equivalent=equivalent, wandering=None
+            ),
+            {"noise": {"sensors": {}}},
         )
 
     two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
     assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
     assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
+
+
+@pytest.mark.parametrize(
+    ("waves", "wandering", "said"),
+    [
+        ([], None, "nothing is missing"),
+        ([{"hz": 1.495}], None, "at 1.495 Hz"),
+        ([], ("a", 1e-6), "slowly drifting zero"),
+    ],
+)
+def test_nothing_is_missing_only_where_nothing_else_is_told(waves: list, wandering: object, said: str) -> None:
+    study, one = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT), made_up.option(excess=0.0)
+    found = SimpleNamespace(
+        verdict="no_effect", chosen=one, base=one, study=study, equivalent={}, wandering=wandering, search=None
+    )
+    found.search = SimpleNamespace(withdrawn={})
+    told = close_loop.headline(found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}})
+    assert said in told and ("nothing is missing" in told) == (not waves and wandering is None)
 
 
 def test_samples_are_counted_once_whatever_is_read_in_them() -> None:

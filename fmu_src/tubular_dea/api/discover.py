@@ -70,7 +70,7 @@ class DiscoveryResult:
         """The verdict in a sentence."""
         from ..report.close_loop import headline
 
-        return headline(self.discovery)
+        return headline(self.discovery, self.content)
 
     @property
     def effects(self) -> tuple[FoundEffect, ...]:

@@ -343,7 +343,22 @@ def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
             why[name] = "a zero no larger than that signal usually has explains as much"
         elif found.gains.get(name, np.inf) < acceptance.EARNS * slow:
             why[name] = "beside the others it gains no more than chance can"
+        elif _little_beside_no_noise(work, found, described, name):
+            why[name] = "it gains little, and what is left is as far from white noise as without it"
     return why
+
+
+def _little_beside_no_noise(work: Study, found: Search, described: Option, name: str) -> bool:
+    """Whether an effect gains little, and what the choice leaves is no white noise, no more than what the base leaves.
+
+    Then something else is missing (a pulsation that nobody recorded): beside it more is explained by chance than beside
+    noise.
+    """
+    if not found.rounds or found.gains.get(name, np.inf) >= acceptance.STRONG * found.rounds[0].threshold:
+        return False
+    before = residuals.tests(found.base_study, (), found.base.fitted)["whiteness"]
+    after = residuals.tests(work, described.ids, described.fitted)["whiteness"]
+    return after > max(acceptance.NOT_WHITE, acceptance.AS_LITTLE_WHITE * before)
 
 
 def _no_more_than_a_zero(work: Study, found: Search, described: Option, name: str) -> bool:

@@ -33,7 +33,8 @@ def law(at: SignalSite) -> Effect | None:
     """The signal to a power, relative to its nominal value."""
     if at.is_load or at.is_constant:
         return None
-    low, high = (0.5, 2.0) if isinstance(at.place, Path) else (0.1, 5.0)  # a monitor is made to be straight
+    straight = isinstance(at.place, Path) and not at.is_input  # a sensor is made so, a fan or a valve is not
+    low, high = (0.4, 2.5) if straight else (0.1, 5.0)
     exponent = at.knob("exponent", "1", f"Exponent of {at.words}", 0.8, low, high, off=1.0, strengths=(-0.5, 1.0))
 
     def apply(model: Model) -> Model:

@@ -17,7 +17,7 @@ from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import some
 from .effects import determined, effects
-from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, stated
+from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -39,7 +39,7 @@ SHOWN = 8  # scores of a round that are drawn
 
 def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     """The page for a discovery and its result.json."""
-    page = Page("Close-loop report", f"{found.recordings.source}: {headline(found)}")
+    page = Page("Close-loop report", f"{found.recordings.source}: {headline(found, outcome)}")
     in_short(page, found, outcome)
     effects(page, found, outcome)
     page.heading("Statistical details")
@@ -65,8 +65,8 @@ def _averaged(samples: int) -> str:
     return f"; averages over {each} samples" if each > 1 else ""
 
 
-def headline(found: Discovery) -> str:
-    """The verdict in a sentence."""
+def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
+    """The verdict of a discovery and its result.json in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
     names = " and ".join(named(found, i) for i in found.chosen.ids)
     alike = {name: " or ".join(group) for name, group in found.equivalent.items() if group}
@@ -76,6 +76,10 @@ def headline(found: Discovery) -> str:
     what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
     if found.verdict == "no_effect" and found.wandering:
         return "no effect is certain: a slowly drifting zero of the sensor explains what the model does not."
+    waves = oscillating(outcome)
+    if found.verdict == "no_effect" and waves:
+        lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
+        return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
 
 

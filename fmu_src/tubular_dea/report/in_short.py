@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ..discover.answer.outcome import beyond_noise
@@ -159,9 +160,16 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
                 "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
             )
             said.append(f"It may equally be {others}, which {'explains' if one else 'explain'} the recordings {well}.")
-    waves = [wave for sensor in outcome["noise"]["sensors"].values() for wave in sensor["oscillations"]]
-    said += [f"An oscillation of {wave['hz']:.4g} Hz that no recorded input drives; see below." for wave in waves]
+    said += [
+        f"An oscillation of {wave['hz']:.4g} Hz that no recorded input drives; see below."
+        for wave in oscillating(outcome)
+    ]
     return said
+
+
+def oscillating(outcome: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The oscillations of the readings that no recorded input drives."""
+    return [wave for sensor in outcome["noise"]["sensors"].values() for wave in sensor["oscillations"]]
 
 
 def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
