@@ -13,6 +13,7 @@ from tubular_dea.identify.fitting.marginal import Marginal
 from tubular_dea.identify.fitting.response import ROUGH, TOLERANCE
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study.study import LONG, followed, study
+from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 
@@ -66,4 +67,7 @@ def test_between_files_in_a_row_the_next_one_s_load_holds() -> None:
     loaded = Protocol.of([0.0, 10.0], pressure=[1.2e4, 1.2e4], voltage=[0.0, 0.0])
     rests = Protocol.of([40.0, 50.0], pressure=[0.0, 0.0], voltage=[0.0, 0.0])
     both = followed(loaded, rests)
-    np.testing.assert_array_equal(both.at(np.array([5.0, 10.0 + 1e-6, 30.0, 45.0]))["pressure"], [1.2e4, 0.0, 0.0, 0.0])
+    assert np.allclose(both.at(np.array([5.0, 10.0, 11.0, 12.0, 30.0, 45.0]))["pressure"], [1.2e4, 1.2e4, 3e3, 0, 0, 0])
+    assert Kernel(PLANT.model).simulate(both, np.array([50.0])).steps < 20_000  # released at once, it rings: 186 000
+    short = followed(loaded, Protocol(rests.time - 29.9, rests.inputs))
+    assert np.allclose(short.at(np.array([10.05, 10.1]))["pressure"], 0.0)

@@ -37,6 +37,11 @@ HELD_SHARE = 4  # [1] experiments of which one takes no part in any fit
 # Check: `pytest tests/test_atlas.py::test_what_is_left_is_orthogonal_to_own_parameters`
 PRIOR = 2.0  # [1] width of the weak prior, in the solver's numbers
 
+# Set by measurement: a load that is released at once makes an undamped tube ring, for millions of steps.
+# Check: `pytest tests/test_study.py -k between_files`
+RELEASED = 2.0  # [s] after the end of a record until its last inputs are those with which the next one begins, at most
+RELEASES = 16  # [1] straight lines of which that is made
+
 # Set by judgement: a tenth of the time on ten minutes of heart beats. Check: `pytest tests/test_study.py -k beginning`
 LONG = 3000  # [breakpoints] of a record whose beginning is fitted first
 RANGE = 0.98  # [1] quantile of a signal that is an end of its range
@@ -330,7 +335,7 @@ def _later(protocol: Protocol, by: float) -> Protocol:
 
 
 def followed(first: Protocol, then: Protocol) -> Protocol:
-    """One protocol after another; what the next one begins with holds from the end of the last one on.
+    """One protocol after another; soon after the end of the last one all is as the next one begins.
 
     Nothing tells when it was set; whoever ends a record releases the load then.
     """
@@ -339,8 +344,14 @@ def followed(first: Protocol, then: Protocol) -> Protocol:
             f"order: an experiment ends {first.time[-1] - then.time[0]:.3g} s after the next one begins; "
             "expected start times one after the other"
         )
-    inputs = {name: np.concatenate([first.inputs[name], values[:1], values]) for name, values in then.inputs.items()}
-    return Protocol(np.concatenate([first.time, first.time[-1:], then.time]), inputs)
+    end, part = first.time[-1], np.linspace(0, 1, RELEASES + 1)[1:]
+    left = (1 - part) ** 2  # the end is gentle, as where a vessel empties
+    inputs = {
+        name: np.concatenate([first.inputs[name], values[0] + left * (first.inputs[name][-1] - values[0]), values])
+        for name, values in then.inputs.items()
+    }
+    released = end + part * min(RELEASED, 0.5 * (then.time[0] - end))
+    return Protocol(np.concatenate([first.time, released, then.time]), inputs)
 
 
 def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, Noise]:
