@@ -12,6 +12,7 @@ from scenarios import MMHG, POINTS
 from tubular_dea.emit import c
 from tubular_dea.emit.variables import guid, variables
 from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.model.build import Build
 from tubular_dea.model.dea import printed_sine, tubular_dea
 from tubular_dea.model.declare import DeclarationError, Definition, Model, Quantity
 from tubular_dea.protocol import Protocol
@@ -185,3 +186,17 @@ def test_kernel_refuses_what_it_cannot_mean(kernel: Kernel) -> None:
         kernel.simulate(hold, np.array([0.0, 2.0]))
     with pytest.raises(KeyError, match="did you mean radius"):
         kernel.simulate(hold, np.array([0.0]))["radus"]
+
+
+def test_a_difference_that_cancels_where_all_is_usual_is_as_large_as_with_half_of_one_value() -> None:
+    """A judge's filling = (p_set - p) / tau was taken to be 1 Pa/s, and a hysteresis was named in place of a dead band."""
+    m = Build("Chamber", "A chamber that fills")
+    p_set = m.input("p_set", "Pa", nominal=1e5)
+    tau = m.parameter("tau", "s", 0.1, minimum=1e-3)
+    p = m.state("p", "Pa", nominal=1e5)
+    over = m.define("over", "Pa", p_set - p)
+    filling = m.define("filling", "Pa/s", over / tau)
+    m.derivative(p, filling)
+    m.output("chamber", "Pa", p)
+    model = m.model()
+    assert (model.quantity("over").nominal, model.quantity("filling").nominal) == pytest.approx((5e4, 5e5))

@@ -30,10 +30,18 @@ def evaluator(expression: sympy.Expr) -> tuple[list[sympy.Symbol], Callable[...,
 
 
 def usual_size(expression: sympy.Expr, given: Mapping[sympy.Symbol, sympy.Expr | float]) -> float:
-    """|expression| where the symbols have their usual values (or are what they stand for); 1 where that is no size."""
+    """|expression| where the symbols have their usual values (or are what they stand for); 1 where that is no size.
+
+    A difference whose terms cancel there, such as (p_set - p) / tau, is as large as with half of one of its values.
+    """
     symbols, value = evaluator(expression)
-    size = abs(value(*(_value(s, given) for s in symbols)))
-    return size if 0 < size < math.inf else 1.0
+
+    def size(values: Mapping[sympy.Symbol, sympy.Expr | float]) -> float:
+        found = abs(value(*(_value(s, values) for s in symbols)))
+        return found if found < math.inf else 0.0
+
+    numbers = {s: v for s, v in given.items() if not isinstance(v, sympy.Expr)}
+    return size(given) or max((size({**given, s: 0.5 * v}) for s, v in numbers.items()), default=0.0) or 1.0
 
 
 def _value(symbol: sympy.Symbol, given: Mapping[sympy.Symbol, sympy.Expr | float]) -> float:
