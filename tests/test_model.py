@@ -189,7 +189,7 @@ def test_kernel_refuses_what_it_cannot_mean(kernel: Kernel) -> None:
 
 
 def test_a_difference_that_cancels_where_all_is_usual_is_as_large_as_with_half_of_one_value() -> None:
-    """A judge's filling = (p_set - p) / tau was taken to be 1 Pa/s, and a hysteresis was named in place of a dead band."""
+    """A judge's filling = (p_set - p) / tau was of 1 Pa/s: a hysteresis was named in place of a dead band."""
     m = Build("Chamber", "A chamber that fills")
     p_set = m.input("p_set", "Pa", nominal=1e5)
     tau = m.parameter("tau", "s", 0.1, minimum=1e-3)
