@@ -183,6 +183,13 @@ def _restricted(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]
     return 0.5 * (freedom * np.log(variance) + terms), variance
 
 
+def unlikely(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour], variance: float) -> float:
+    """Minus the restricted log likelihood (but for constants) of noise of a colour and a variance."""
+    least, best = _restricted(quiet, colour_at)
+    count = freedom(quiet)
+    return least + 0.5 * count * (float(np.log(variance / best)) + best / variance - 1)
+
+
 def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, freedom: int) -> float:
     """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
     if not at[0]:

@@ -18,9 +18,9 @@ import numpy as np
 from ..threads import one_blas_thread
 from . import hum as hums
 from .colour import Colour
-from .colour_estimate import coloured, freedom
+from .colour_estimate import coloured, freedom, unlikely
 from .monitors import resolution
-from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches
+from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches, whole_rests
 from .sampling import usual_step
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -28,8 +28,7 @@ from .sampling import usual_step
 MOST_LINES = 12  # [1] lines that are looked for
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
-MEMORIES = 8.0  # [time constants] that stretches before the first event last at least to tell that noise has none
-LESS_SLOW = 3.0  # [standard errors] by which what is slow has to be less there
+ANOTHER = 50.0  # [squared standard deviations] by which what is before the first events tells of another noise
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -207,13 +206,16 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
 def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise:
     """Noise as it is before anything happens, where enough stretches show there that it has less of a memory: the rest
     is what the plant does."""
-    still = [s.without([*found.hum, *found.lines]) for s in still]
-    plain = found.correlation > 0 and found.slower[0] == 0.0
-    if not plain or _longest(still) < MEMORIES * found.tau or freedom(still) < ENOUGH_FREEDOM:
+    if found.correlation <= 0 or freedom(still) < SOME_FREEDOM:
         return found
-    told = replace(_told(records, still, True, True, found.faster), hum=found.hum, lines=found.lines)
-    chance = LESS_SLOW * float(np.hypot(found.uncertainty, told.uncertainty))
-    return told if told.quiet and found.slow**2 > (1 + chance) * told.slow**2 else found
+    lines = [*found.hum, *found.lines]
+    told = _told(records, [s.without(lines) for s in still], True, True, found.faster)
+    if told.rms < usual_resolution(records):  # coarse steps hide noise where nothing moves
+        return found
+    told = replace(told, hum=found.hum, lines=found.lines)
+    rests = [s.without(lines) for s in whole_rests(records)]
+    worse = 2 * (unlikely(rests, found.colour, found.rms**2) - unlikely(rests, told.colour, told.rms**2))
+    return told if told.quiet and told.slow < found.slow and worse > ANOTHER else found
 
 
 def _before_events(records: Records) -> list[Stretches]:

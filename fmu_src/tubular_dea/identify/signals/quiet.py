@@ -125,6 +125,19 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     return made
 
 
+def whole_rests(records: Records) -> list[Stretches]:
+    """All that comes before the first event of each record, but for a straight line: a plant at rest does not creep."""
+    found = []
+    for number, (time, values, events) in enumerate(records):
+        first = next((e for e in events if time[0] < e < time[-1]), time[0])
+        rest = values[: int(np.searchsorted(time, first))]
+        if rest.size >= LEAST_STRETCH and steady(time[: rest.size]).all():
+            line = _orthonormal(np.polynomial.legendre.legvander(np.linspace(-1, 1, rest.size), 1))
+            where = np.array([number]), np.array([0])
+            found.append(Stretches(round(usual_step(time), SAME_STEP), rest[:, None] - rest.mean(), line, *where))
+    return found
+
+
 def _sizes(step: float) -> list[int]:
     """Lengths of stretches in samples, the longest first."""
     longest = max(LONGEST_STRETCH / step, 2 * LEAST_STRETCH)
