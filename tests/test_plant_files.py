@@ -367,5 +367,8 @@ def test_a_plant_that_runs_away_is_said_without_a_warning() -> None:
         pull = 0.1 * np.sin((1 + i) * time)
         read = 0.01 * np.sin(time) + 1e-4 * random.standard_normal(time.size)
         tables[f"file {i}"] = {"time [s]": time, "pull [m/s]": pull, "place [m]": read}
+    recordings = td.read_recordings(tables, plant=plant)
+    (said,) = recordings.findings()
+    assert said.endswith("At its declared values Levitated runs away under these inputs")
     with pytest.raises(UserError, match="runs away by itself"):
-        td.discover(td.read_recordings(tables, plant=plant))
+        td.discover(recordings)

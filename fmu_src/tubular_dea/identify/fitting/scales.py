@@ -19,6 +19,7 @@ from ...protocol import Protocol
 from ..records.data import Experiment, Recordings
 from ..records.start import RESTED
 from .compiled import Compiled
+from .response import RUN_AWAY
 
 # Set by judgement: enough to tell factors. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
 DRIVEN_SAMPLES = 600  # [samples] of an experiment that drive the plant
@@ -105,6 +106,9 @@ def findings(recordings: Recordings) -> list[str]:
         scale = wrong.factor if wrong and wrong.signal == output.name else 1.0
         rest = zero if scale > 0 else 0.0  # a laser that counts the other way does so from where the plant rests
         seen = [(y + rest) / scale - rest for *_, y in records]
+        far = max(float(np.abs(a).max(initial=0.0)) for a in answers)
+        if far > RUN_AWAY:
+            return far
         left = sum(float(np.sum((y - a) ** 2)) for y, a in zip(seen, answers, strict=True))
         size = sum(float(np.sum(y**2)) for y in seen)
         return float(np.sqrt(left / size)) if size > 0 else float("inf")
@@ -116,6 +120,8 @@ def findings(recordings: Recordings) -> list[str]:
     base = missed(None)
     if not base > MISSED:
         return []
+    if RUN_AWAY < base < np.inf:
+        return [_runs_away(plant)]
     tried = sorted(((missed(w), w) for w in mislabellings(plant, [output.name])), key=lambda pair: pair[0])
     most = min(LEFT * base, MOST_LEFT, FACTOR_ALIKE * tried[0][0])
     likely = [w for share, w in tried if share < most]
@@ -126,6 +132,18 @@ def findings(recordings: Recordings) -> list[str]:
         f"is {what}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
         f"(rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with --columns)"
     ]
+
+
+def _runs_away(plant: Plant) -> str:
+    """What to look at where a plant runs away at its declared values."""
+    model = plant.model
+    negative = [(n, v) for n, v in model.parameter_values().items() if v < 0]
+    below = [f"{n} = {v:g} {model.quantity(n).unit}".removesuffix(" 1") for n, v in negative]
+    first = f" ({', '.join(below)})" if below else ""
+    return (
+        f"has a parameter the wrong sign{first}, or the wrong size? At its declared values {plant.name} runs away "
+        "under these inputs"
+    )
 
 
 def _percent(share: float) -> str:
