@@ -187,7 +187,7 @@ def test_files_that_follow_one_another_say_so(tmp_path: Path, capsys: pytest.Cap
     assert pieces["b"].before is not None and not pieces["b"].loose and pieces["b"].case.own == {}
     found = SimpleNamespace(study=SimpleNamespace(pieces=pieces.values()), recordings=loaded_run)
     (said,) = remarks._starts(found)
-    assert "b follows a" in said and "begin" not in said
+    assert "b follows a" in said and "under load" not in said
     assert main(["identify", str(tmp_path), "--dry-run"]) == 0
     (row,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("b "))
     assert " after a " in row
