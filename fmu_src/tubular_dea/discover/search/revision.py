@@ -27,7 +27,7 @@ FAR_EXCHANGED = 6  # [1] the same where models are far from the plant
 
 # Set by measurement: a mass of 0.29 kg (0.035 is usual) stood for an average over 16 ms in the laser beside its lag.
 # Check: `pytest tests/test_revision.py -k usual`
-MOST_USUAL = 5.0  # [1] times its usual size, and that of an equivalent, from which on that is chosen
+TOO_UNUSUAL = 5.0  # [1] times its usual size (and an equivalent's) from which on that equivalent is chosen
 
 
 @dataclass
@@ -182,7 +182,7 @@ def with_usual_sizes(found: Search) -> None:
         if pair is None or (clean(found.chosen.lack_of_fit) and not clean(rival.lack_of_fit)):
             continue
         name, other = (found.study.catalogue[i] for i in pair)
-        if unusual(name, found.chosen.fitted) > MOST_USUAL * max(1.0, unusual(other, rival.fitted)):
+        if unusual(name, found.chosen.fitted) > TOO_UNUSUAL * max(1.0, unusual(other, rival.fitted)):
             gained = found.gains.pop(pair[0]) + found.chosen.misfit - rival.misfit
             found.gains[pair[1]] = gained
             rest = [found.chosen, *(r for r in found.rivals if r is not rival)]
