@@ -20,7 +20,19 @@ from . import hum as hums
 from .colour import Colour
 from .colour_estimate import coloured, freedom, unlikely
 from .monitors import resolution
-from .quiet import BARELY_CALM, CALMEST, NOT_CALM, Clock, Records, Stretches, calm, louder, stretches, whole_rests
+from .quiet import (
+    BARELY_CALM,
+    CALMEST,
+    NOT_CALM,
+    Clock,
+    Records,
+    Stretches,
+    calm,
+    first_event,
+    louder,
+    stretches,
+    whole_rests,
+)
 from .sampling import usual_step
 
 # Set by judgement. Check: `pytest tests/test_noise.py`,
@@ -220,7 +232,7 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
 
 def _before_events(records: Records) -> list[Stretches]:
     """The calm stretches before anything happens in their records."""
-    first = [next((e for e in events if time[0] < e < time[-1]), time[0]) for time, _, events in records]
+    first = [first_event(time, events) for time, _, events in records]
     kept = []
     for one in calm(stretches(records), usual_resolution(records)):
         ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]

@@ -129,13 +129,17 @@ def whole_rests(records: Records) -> list[Stretches]:
     """All that comes before the first event of each record, but for a straight line: a plant at rest does not creep."""
     found = []
     for number, (time, values, events) in enumerate(records):
-        first = next((e for e in events if time[0] < e < time[-1]), time[0])
-        rest = values[: int(np.searchsorted(time, first))]
+        rest = values[: int(np.searchsorted(time, first_event(time, events)))]
         if rest.size >= LEAST_STRETCH and steady(time[: rest.size]).all():
             line = _orthonormal(np.polynomial.legendre.legvander(np.linspace(-1, 1, rest.size), 1))
             where = np.array([number]), np.array([0])
             found.append(Stretches(round(usual_step(time), SAME_STEP), rest[:, None] - rest.mean(), line, *where))
     return found
+
+
+def first_event(time: np.ndarray, events: np.ndarray) -> float:
+    """When something first happens in a record [s]; its begin where nothing does."""
+    return float(next((e for e in events if time[0] < e < time[-1]), time[0]))
 
 
 def _sizes(step: float) -> list[int]:
