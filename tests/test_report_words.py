@@ -454,3 +454,15 @@ def test_a_tube_that_shrinks_says_so() -> None:
     shrunk = outputs | {"radial_displacement": np.array([0.0, -1.2e-3])}
     (said,) = simulate.SimulationResult._fold(shrunk)
     assert said.startswith("smallest displacement -1.200 mm (inward), largest displacement 0.000 mm")
+
+
+def test_where_nothing_explains_the_records_what_was_not_fitted_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mass declared a thousand times too large is no effect, and no fit may change it."""
+    for is_far, verdict in ((True, "unexplained"), (False, "unexplained"), (True, "effect_found")):
+        monkeypatch.setattr(remarks, "far", lambda option, is_far=is_far: is_far)
+        recordings = SimpleNamespace(geometry={"h_o": 0.002})
+        found = SimpleNamespace(verdict=verdict, named=None, study=SimpleNamespace(plant=PLANT), recordings=recordings)
+        said = remarks._as_declared(found)
+        assert bool(said) == (is_far and verdict == "unexplained")
+        if said:
+            assert "and not fitted: l_o = 24.5 mm, r_o = 15 mm, h_o = 2 mm" in said[0] and "C_1" not in said[0]

@@ -15,7 +15,7 @@ from ...model.declare import Quantity
 from ...model.effect import Effect
 from ...model.units import factor, in_words
 from ..engine import Discovery
-from ..options.acceptance import PREDICTED, clean, noise_alone, size_interval
+from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
 from ..scores.parameters import at_bounds
 from .oscillations import Oscillation
 
@@ -37,6 +37,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_early(found),
         *_beyond(found),
         *_implausible(found),
+        *_as_declared(found),
         *swinging,
     ]
     said += [
@@ -159,6 +160,16 @@ def _implausible(found: Discovery) -> list[str]:
         why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
         said.append(f"{name} was fitted to {_told(value, q)} (declared: {_told(usual, q)}): {why}.")
     return said
+
+
+def _as_declared(found: Discovery) -> list[str]:
+    """Parameters that no fit may change, where nothing explains records that are far from the model."""
+    if found.verdict != "unexplained" or not far(found.named):
+        return []
+    fixed = [p.quantity for p in found.study.plant.model.parameters if not p.tunable and not p.start]
+    known = found.study.plant.model.parameter_values() | found.recordings.geometry
+    values = [f"{q.name} = {_told(known[q.name], q)}" for q in fixed if known[q.name]]
+    return [f"Taken as declared, and not fitted: {', '.join(values)}. One of them may be wrong."] if values else []
 
 
 def thin(found: Discovery) -> str:

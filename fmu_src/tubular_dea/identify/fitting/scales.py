@@ -41,18 +41,23 @@ FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one expla
 # Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
 # [1] by SI unit, how many times too large a number is that was mislabelled so
 FACTORS: Mapping[str, Mapping[float, str]] = {
-    "m": {2.0: "a diameter for a radius", 10.0: "mm labelled cm", 25.4: "mm labelled inch", 1e3: "um labelled mm"},
+    "m": {
+        2.0: "a diameter for a radius",
+        10.0: "mm labelled cm",
+        25.4: "mm labelled inch",
+        1e3: "um labelled mm or mm labelled m",
+    },
     "Pa": {
         10.0: "mbar labelled kPa",
-        100.0: "Pa labelled mbar or hPa",
+        100.0: "Pa labelled mbar or Pa labelled hPa",
         1e3: "Pa labelled kPa",
         7.50062: "mmHg labelled kPa",
         6.89476: "kPa labelled psi",
         68.9476: "mbar labelled psi",
         133.322: "Pa labelled mmHg",
     },
-    "V": {1e3: "V labelled kV", 2.0: "twice the voltage (both electrodes driven, or peak to peak)"},
-    "A": {1e3: "uA labelled mA", 1e6: "uA labelled A"},
+    "V": {1e3: "V labelled kV or mV labelled V", 2.0: "twice the voltage (both electrodes driven, or peak to peak)"},
+    "A": {1e3: "uA labelled mA or mA labelled A", 1e6: "uA labelled A"},
     "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
 }
 OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
@@ -77,9 +82,15 @@ def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling
     for name in [*(s.name for s in plant.inputs), *outputs]:
         for factor, words in FACTORS.get(plant.quantity(name).unit, OTHERWISE).items():
             yield Mislabelling(name, factor, words)
-            a, _, b = words.partition(" labelled ")
-            yield Mislabelling(name, 1 / factor, INVERSE.get(words, f"{b} labelled {a}" if b else words))
+            swapped = " or ".join(_swapped(w) for w in words.split(" or "))
+            yield Mislabelling(name, 1 / factor, INVERSE.get(words, swapped))
         yield Mislabelling(name, -1.0, "counted the other way")
+
+
+def _swapped(words: str) -> str:
+    """`cm labelled mm` of `mm labelled cm`."""
+    unit, labelled, label = words.partition(" labelled ")
+    return label + labelled + unit
 
 
 def findings(recordings: Recordings) -> list[str]:

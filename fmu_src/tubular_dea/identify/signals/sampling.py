@@ -57,7 +57,7 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
         )
     even, equal = _even(there), np.flatnonzero(np.diff(there) == 0)
     if even is not None:
-        remarks.append(f"times of a coarse clock, replaced by even ones: {1 / (even[1] - even[0]):.6g} Hz")
+        remarks.append(f"rounded times, replaced by even ones: {1 / (even[1] - even[0]):.6g} Hz")
         there = even
     elif equal.size and there[-1] > there[0]:
         lines = [f"{table.row} {n}" for n in table.lines[kept[equal + 1]]]

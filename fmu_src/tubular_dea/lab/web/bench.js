@@ -147,7 +147,7 @@ function sampling(table, time, values) {
   }
   const even = evenTimes(there), equal = indicesOf(Array.from(there), (t, i) => i > 0 && t === there[i - 1]);
   if (even) {
-    remarks.push(`times of a coarse clock, replaced by even ones: ${g(1 / (even[1] - even[0]))} Hz`);
+    remarks.push(`rounded times, replaced by even ones: ${g(1 / (even[1] - even[0]))} Hz`);
     there = even;
   } else if (equal.length && there[there.length - 1] > there[0]) {
     remarks.push(`repeated times, spread evenly up to the next: ${some(equal.map((i) => `line ${table.lines[kept[i]]}`), 5)}`);
