@@ -318,15 +318,19 @@ def test_a_simpler_law_is_settled_where_the_choice_is_not_all(left: float, param
     assert selection._may_pass(search, before, behind, 50.0) == tried
 
 
-@pytest.mark.parametrize(("size", "rival", "chosen"), [(6.0, 1.0, "slew"), (4.0, 1.0, "lag"), (6.0, 2.0, "lag")])
+@pytest.mark.parametrize(
+    ("size", "rival", "behind", "chosen"),
+    [(6.0, 1.0, 10.0, "slew"), (4.0, 1.0, 10.0, "lag"), (6.0, 2.0, 10.0, "lag"), (6.0, 1.0, 200.0, "lag")],
+)
 def test_an_effect_of_unusual_size_gives_way_to_an_equivalent_of_usual_size(
-    size: float, rival: float, chosen: str
+    size: float, rival: float, behind: float, chosen: str
 ) -> None:
-    """A mass of sixty tubes is named only where no delay of a usual length explains as much."""
-    first, other = option("lag", excess=0.0, z_slow=0.0), option("slew", excess=10.0, z_slow=0.0)
+    """A mass of sixty tubes is named only where no delay of a usual length explains as much; a wall that loses heat by
+    radiation had a dependence of unusual size, and a store that overflows explained 1.5 % less."""
+    first, other = option("lag", excess=0.0, z_slow=0.0), option("slew", excess=behind, z_slow=0.0)
     first.fitted.values["lag"], other.fitted.values["slew"] = size, rival
-    search = found(BASE, first, rivals=[other], gains={"lag": 5000.0})
+    search = found(BASE, first, rivals=[other], gains={"lag": 13000.0})
     revision.with_usual_sizes(search)
     assert search.chosen.ids == (chosen,)
     assert [r.ids for r in search.rivals] == [("lag",) if chosen == "slew" else ("slew",)]
-    assert search.gains == {chosen: 5000.0 - (10.0 if chosen == "slew" else 0.0)}
+    assert search.gains == {chosen: 13000.0 - (10.0 if chosen == "slew" else 0.0)}

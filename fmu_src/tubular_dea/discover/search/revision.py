@@ -176,9 +176,10 @@ def with_usual_sizes(found: Search) -> None:
     """Choose an equivalent of usual size in place of an effect that is far larger than such effects are.
 
     A mass of sixty tubes, where a delay of one sample explains as much, would be the last that anybody looks for.
+    What explains less by a share of the gain, as another form of the same effect may, does not explain as much.
     """
     for rival in found.rivals:
-        pair = stands_in(rival, found.chosen, found.gains)
+        pair = stands_in(rival, found.chosen, found.gains, form=0.0)
         if pair is None or (clean(found.chosen.lack_of_fit) and not clean(rival.lack_of_fit)):
             continue
         name, other = (found.study.catalogue[i] for i in pair)
