@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter, cheby1, firwin, lfilter
@@ -56,6 +58,18 @@ def test_every_switching_is_found_within_its_bounds(rate: float, rise: float) ->
     expected = max(1 - 0.8 * rise * rate, 0.05) / np.sqrt(12) / rate  # a longer rise shows where it is
     assert error.std() < 1.1 * expected
     assert abs(error.mean()) < 3 * expected / np.sqrt(error.size)
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize(("wandering", "edges"), [(0.0, 2), (5e3, 0)])
+def test_a_continuous_input_that_only_steps_has_edges(noise: float, wandering: float, edges: int) -> None:
+    """Straight lines across its steps are half a sample early, which looks like a delay: a carriage pushed by steps of
+    its drive had one. What also moves between its steps is what its samples say."""
+    experiment, _ = switched(250.0, 1e-9, noise=noise, beats=1, height=500.0)
+    moving = experiment.inputs["voltage"] + wandering * np.sin(3.0 * experiment.time)
+    driven = drive(replace(experiment, inputs={"voltage": moving}), [Input("voltage", least=1.0)])
+    assert len(driven.edges) == edges
+    assert np.all(np.diff(driven.corners["voltage"]) > 0)
 
 
 def test_a_sample_on_a_level_is_not_taken_for_one_on_the_way() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -27,6 +28,9 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PROGRAMS = ("python", "python3", ".venv/bin/python", ".venv/bin/pip", "pip", "pytest", "tubular-dea", "cd")
 PLANTS = ("carriage.py", "cell.py", "tube_in_liquid.py")  # the examples of plants, in their order in the README
+
+# What the README says of the answer in a folder: the effects, and what they cannot be told from.
+ANSWERS = {"named": [("dry_friction(v)", ["hysteresis(v)"])]}
 
 # Commands whose results other tests look at, too: the first of them carries it out (`carried_out` in conftest.py).
 SHARED = (
@@ -135,6 +139,9 @@ def test_block(number: int, folder: Path, carried_out: Callable[..., Path]) -> N
             assert ran(*rest, cwd=folder)
         if "--out" in rest:
             out = folder / rest[rest.index("--out") + 1]
+            if out.name in ANSWERS:
+                found = json.loads((out / "result.json").read_text(encoding="utf-8"))
+                assert [(e["id"], e["equivalent"]) for e in found["effects"]] == ANSWERS[out.name]
             assert out.is_file() or any(out.iterdir()), f"{' '.join(words)}: nothing in {out.name}"
 
 

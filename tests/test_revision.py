@@ -291,15 +291,28 @@ def test_one_effect_takes_the_place_of_two_if_it_explains_as_much_with_instants_
     assert (search.study == "its own") is (taken == ("offset",))
 
 
-@pytest.mark.parametrize(("excess", "better"), [(0.0, True), (LARGE - 1.0, False)])
+@pytest.mark.parametrize(
+    ("excess", "left", "better"),
+    [(0.0, 0.0, True), (LARGE - 1.0, 0.0, False), (0.95 * LARGE, 0.0, False), (0.95 * LARGE, 900.0, True)],
+)
 def test_a_base_that_explains_as_much_where_the_choice_ended_takes_its_place(
-    monkeypatch: pytest.MonkeyPatch, excess: float, better: bool
+    monkeypatch: pytest.MonkeyPatch, excess: float, left: float, better: bool
 ) -> None:
-    """What leads a fit out of a local minimum is no effect; a base that is hardly better there is none."""
+    """What leads a fit out of a local minimum is no effect; a base that is hardly better there is none, and where the
+    effect leaves noise alone it has to be much better."""
     again = option(excess=excess)
     monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: again)
-    deeper = selection.base_from_choice(found(option(excess=LARGE), option("lag", excess=0.0)))
+    chosen = option("lag", excess=left, z_slow=9.0 * (left > 0))
+    deeper = selection.base_from_choice(found(option(excess=LARGE), chosen))
     assert deeper is (again.fitted if better else None)
+
+
+def test_no_rival_is_settled_that_what_was_fitted_leaves_far_behind() -> None:
+    """A start that was taken at the base spoiled a held-out experiment of all; three hopeless rivals took a minute."""
+    before = option("line", excess=1000.0, held_out=6e5)
+    search = found(option(excess=LARGE, held_out=6e5), option("line", excess=900.0))
+    hopeless, near = (option("stop", excess=e * LARGE, held_out=5e4) for e in (0.9, 0.1))
+    assert [selection._may_pass(search, before, r, 598100.0) for r in (hopeless, near)] == [False, True]
 
 
 def test_no_base_is_sought_where_nothing_was_chosen() -> None:

@@ -258,7 +258,8 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     tell("the same from starts at equilibrium")
     work, fitted = _base_settled(other, base.recalibrate(other, 1, seed, found.base.fitted.values), seed)
     numeric, alone = numerics.numeric_gain(work, fitted.values), option(work, (), fitted)
-    first = take_round(work, alone, alone, numeric, seed, tell)
+    known = found.rounds[0].options if found.chosen.ids else ()
+    first = take_round(work, alone, alone, numeric, seed, tell, known)
     free = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
     by_chance = free + NORMAL_95 * float(np.sqrt(2 * free))
     reached = min((o.squares for o in first.options), default=np.inf) - found.chosen.squares

@@ -27,7 +27,7 @@ SLOW = 0.1  # Hz below which the time between samples says more than the rate
 DAY = 86400.0
 DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
 EXPLAINED = (
-    "edges: how often held inputs switch; rise: how long that takes; start: rested, in equilibrium, after the file\n"
+    "edges: how often inputs switch; rise: how long that takes; start: rested, in equilibrium, after the file\n"
     "that it follows, unknown or estimated (by the fits); the columns after it: the first reading of each signal"
 )
 

@@ -124,10 +124,10 @@ def _between_samples(study: Study, piece: Piece, name: str) -> np.ndarray:
     """How far an input may be from its line between two samples (N,), at and beside every sample.
 
     A sixth of the fourth differences: half of a step that fell between two samples, and nothing of a curve that many
-    samples show. Switchings of held inputs are known better.
+    samples show. Switchings are known better.
     """
     signal = next(s for s in study.plant.inputs if s.name == name)
-    if signal.held or signal.band_limited:
+    if signal.held or signal.band_limited or any(e.input == name for e in piece.driven.edges):
         return np.zeros(piece.record.size)
     found = []
     for reading in piece.case.readings:

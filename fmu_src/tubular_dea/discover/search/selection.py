@@ -25,6 +25,9 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 # Set by judgement. Check: `pytest tests/test_unusual_recordings.py::test_a_tube_far_from_table_3_gets_the_best_base`,
 # `python -m blind.score --singles 2 --seed 1000`
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
+# Set by measurement: a leaking line that looks like one of second order is found from either of two bases, 2 % apart.
+# Check: `python -m blind.score --foreign 1 --seed 2100001 --no-identify`
+MUCH_DEEPER = 0.2  # [1] the same where that effect leaves noise alone
 SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 
 # Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, and
@@ -167,7 +170,8 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
 
 def _may_pass(found: Search, before: Option, rival: Option, gained: float) -> bool:
     """Whether a rival was behind the choice `before` its numbers of the records' own were taken anew by so little that
-    its own may bring it before it: by what the choice `gained` so, or by a share of what that explains.
+    its own may bring it before it: by what the choice `gained` so, or by a share of what that explains; in what was
+    fitted, too: a start that was taken at another model may spoil a held-out experiment.
 
     Where the choice leaves noise, numbers of the records' own may keep a rival from explaining as much; else they make
     up for what further effects explain. A law that bends more fits better with numbers that belong to neither: a
@@ -177,7 +181,8 @@ def _may_pass(found: Search, before: Option, rival: Option, gained: float) -> bo
     if not clean(found.chosen.lack_of_fit) and len(rival.fitted.names) < len(before.fitted.names):
         share = max(share, BEHIND)
     reach = max(gained, share * (found.base.misfit - before.misfit))
-    return reach >= AGREE and rival.misfit - before.misfit < reach
+    fitted = max(before.cost - found.chosen.cost, ABSORBED * (found.base.cost - before.cost))
+    return reach >= AGREE and rival.misfit - before.misfit < reach and rival.cost - before.cost < fitted
 
 
 def _promised_more(found: Search, without: Option, rival: Option) -> bool:
@@ -205,8 +210,13 @@ def _better_base(study: Study, found: Search, options: Sequence[Option]) -> Fit 
         fitted = fit_effects(study, (), dict(options[0].fitted.values))
     except FitError:
         return None
-    least = max(AGREE, DEEPER * (found.base.fitted.cost - options[0].fitted.cost))
+    least = _deeper_by(options[0], found.base.fitted.cost - options[0].fitted.cost)
     return fitted if fitted.cost < found.base.fitted.cost - least else None
+
+
+def _deeper_by(best: Option, gained: float) -> float:
+    """By how much another base has to be better before the search begins anew from it; `best` has gained so much."""
+    return max(AGREE, (MUCH_DEEPER if clean(best.lack_of_fit) else DEEPER) * gained)
 
 
 def base_from_choice(found: Search) -> Fit | None:
@@ -217,8 +227,8 @@ def base_from_choice(found: Search) -> Fit | None:
     if not found.chosen.ids:
         return None
     again = fitted_option(found.study, (), found.chosen.fitted.values, ())
-    least = max(AGREE, DEEPER * (found.base.misfit - found.chosen.misfit))
-    return again.fitted if again is not None and again.misfit < found.base.misfit - least else None
+    least = _deeper_by(found.chosen, found.base.cost - found.chosen.cost)
+    return again.fitted if again is not None and again.cost < found.base.cost - least else None
 
 
 def _undenied(found: Search, stages: Sequence[Search]) -> Search:

@@ -69,6 +69,11 @@ SLOPES = 50  # [samples] over which a held signal that moves runs straight, for 
 ON_SAMPLES = 1.0  # [samples] after the last of the old level at which such an input switches
 
 
+# Set by measurement: noise is told to some 5 %; a monitor that moves between its steps is off its levels by more.
+# Check: `pytest tests/test_edges.py -k only_steps`
+LEVEL_ALONE = 1.2  # [1] times the noise by which a continuous input that only steps is off its levels (rms), at most
+
+
 @dataclass(frozen=True)
 class Drive:
     """The `protocol` of one experiment, and the noise that was removed: `noise` (standard deviation, SI) by input.
@@ -179,7 +184,7 @@ def drive(
         name, values = signal.name, experiment.inputs[signal.name]
         if signal.band_limited:
             drawn[name] = _band_limited(experiment, signal, levels[name])
-        elif not signal.held:
+        elif signal.linear and not _only_steps(experiment, name, levels[name]):
             lines = _mains([experiment], name) if mains is None else mains[name]
             if remembers and float(np.abs(values).max()) > signal.least:  # else nothing but noise is in it
                 check_sampling(experiment, name, levels[name], name in (noise or {}))
@@ -199,7 +204,7 @@ def drive(
     return Drive(
         protocol,
         {n: d.noise for n, d in drawn.items()},
-        {s.name: drawn[s.name].corners for s in inputs if not s.held},
+        {s.name: np.unique(drawn[s.name].corners) for s in inputs if not s.held},
         tuple(edges),
         {n: d.error for n, d in drawn.items()},
         numbered,
@@ -224,7 +229,7 @@ def drives(
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
     levels = _levels(experiments, inputs, noise, remembers)
-    rises = {s.name: _rise(experiments, s.name, [n[s.name] for n in levels]) for s in inputs if s.held}
+    rises = {s.name: _rise(experiments, s.name, [n[s.name] for n in levels]) for s in inputs if not s.band_limited}
     mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
     return [
         drive(e, inputs, n, e.trigger, rises, mains=mains, remembers=remembers)
@@ -442,6 +447,18 @@ def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> 
             np.arange(end - begin), corners, smoothed(time[part], values[part], corners)
         )
     return left
+
+
+def _only_steps(experiment: Experiment, name: str, noise: float) -> bool:
+    """Whether a continuous input only steps in this record, from one level to the next: then a line from the last
+    sample before a step to the first behind it would be half a sample early."""
+    time, values = experiment.time, experiment.inputs[name]
+    found = transitions(time, values, noise)
+    if not len(found) or np.any(found.on_the_way > 0):
+        return False
+    levels = np.split(values, found.after)
+    off = np.concatenate([level - level.mean() for level in levels])
+    return _written(values, found) or bool(np.std(off) <= LEVEL_ALONE * noise)
 
 
 def _written(values: np.ndarray, found: Transitions) -> bool:
