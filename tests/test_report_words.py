@@ -271,16 +271,20 @@ def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(mon
 
 
 def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() -> None:
-    def said(rmse: float, allowed: float, verdict: str = "no_effect") -> list[str]:
+    """Or of edges between samples, where what the monitors add is too little to be the reason."""
+
+    def said(rmse: float, allowed: float, verdict: str = "no_effect", added: float = 10e-6) -> list[str]:
         study = SimpleNamespace(plant=PLANT)
         named = SimpleNamespace(lack_of_fit=made_up.option(z_slow=0.0).lack_of_fit)
-        sensors = {PLANT.outputs[0].name: {"rms": 12e-6, "allowed": allowed}}
+        sensors = {PLANT.outputs[0].name: {"rms": 12e-6, "allowed": allowed, "from_monitors": added}}
         monitors = {"pressure": {"rms": 125.0}, "voltage": {"rms": 0.0}}
         outcome = {"noise": {"sensors": sensors, "monitors": monitors}, "error": {"after": {"rmse": rmse}}}
         return in_short._driven(SimpleNamespace(verdict=verdict, study=study, named=named), outcome)
 
     (sentence,) = said(15.8e-6, 20e-6)
     assert "the noise of pressure drives" in sentence
+    (sentence,) = said(15.8e-6, 20e-6, added=3e-6)
+    assert "near edges of the inputs" in sentence
     assert said(12.1e-6, 20e-6) == said(15.8e-6, 12e-6) == said(15.8e-6, 20e-6, "unexplained") == []
 
 

@@ -40,6 +40,7 @@ LOUDER = (
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
+MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
@@ -107,6 +108,11 @@ def _driven(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     noisy = [name for name, monitor in outcome["noise"]["monitors"].items() if monitor["rms"] > 0]
     if not noisy or error is None or min(error, noise["allowed"]) < MORE * noise["rms"]:
         return []
+    if noise["from_monitors"] ** 2 < MOST_OF * (error**2 - noise["rms"] ** 2):
+        return [
+            "The error is larger than the sensor's noise because of samples near edges of the inputs: what an input did "
+            "between two samples is not known there, so these count less."
+        ]
     return [
         f"The error is larger than the sensor's noise because the noise of {' and '.join(noisy)} drives the model too, "
         "and is counted as noise here."
@@ -232,7 +238,10 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     if best is None or not rivals:
         return []
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
-    said = f"The nearest other explanation, {other}, leaves a residual on fitted recordings of {ratio:.2f} times {LEFT}"
+    said = (
+        f"The nearest explanation that can be told from {'these' if equal else 'it'}, {other}, leaves a residual on "
+        f"fitted recordings of {ratio:.2f} times {LEFT}"
+    )
     if ratio <= best["ratio"]:
         return [f"{said}, this one {best['ratio']:.2f} times. But that one predicts the held-out experiments worse."]
     return [f"{said}; this one leaves {best['ratio']:.2f} times."]
