@@ -19,11 +19,13 @@ from tubular_dea.discover.scores.bank import Candidate, scores
 from tubular_dea.discover.scores.bootstrap import null_scores
 from tubular_dea.discover.search import equivalence
 from tubular_dea.identify.fitting import misfit
+from tubular_dea.identify.fitting.fit import Fit
 from tubular_dea.identify.fitting.intervals import interval
 from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.signals import noise_bound
 from tubular_dea.identify.signals.colour import Colour
 from tubular_dea.identify.signals.noise import Noise
+from tubular_dea.plants.tube import PLANT
 
 
 @pytest.mark.parametrize(
@@ -87,6 +89,23 @@ def test_verdict_where_little_is_left_but_of_little() -> None:
     chosen = option("lag", excess=1800.0, held_out=4000.0)  # 1.086 times the noise
     for excess, verdict in ((36_500.0, "effect_found"), (35_500.0, "partly_explained")):  # 95.1 and 94.9 % explained
         assert engine.decide(found(option(excess=excess, held_out=12_000.0), chosen), 1.0, {"lag": []}) == verdict
+
+
+@pytest.mark.parametrize(("base", "chosen", "strained"), [(1.0, 40.0, ("C_3",)), (40.0, 40.0, ()), (40.0, 1.0, ())])
+def test_parameters_that_only_an_effect_makes_implausible_speak_against_it(
+    base: float, chosen: float, strained: tuple[str, ...]
+) -> None:
+    """A kinked wall looked like a stop beside a C_3 of 40 times its value; a first guess is far off in both."""
+    one = SimpleNamespace(study=SimpleNamespace(plant=PLANT), base=_fitted(base))
+    assert engine._strained(one, _fitted(chosen)) == strained
+
+
+def _fitted(times: float) -> SimpleNamespace:
+    """An option with C_3 at so many times its declared value, known to 2 %."""
+    free, value = Free("C_3", 2.86e3), times * PLANT.model.parameter_values()["C_3"]
+    scaled, none = np.array([free.to_scaled(value)]), np.zeros((1, 1))
+    one = Fit({"C_3": value}, scaled, 1.0, none[0], none, none + 4e-4, [free], {"C_3": 0.02 * value}, True)
+    return SimpleNamespace(fitted=one)
 
 
 def test_verdict_where_effects_cannot_be_told_apart() -> None:

@@ -17,6 +17,7 @@ from tubular_dea.discover.alternatives.zeros import Shift
 from tubular_dea.discover.answer import outcome, remarks
 from tubular_dea.discover.options import residuals
 from tubular_dea.discover.options.options import Option
+from tubular_dea.discover.scores import parameters
 from tubular_dea.discover.scores.channels import Isolation
 from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.signals.noise import Noise
@@ -104,7 +105,7 @@ def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
 
 def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
     def said(verdict: str, wandering: tuple[str, float] | None) -> str:
-        return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering))
+        return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering, strained=()))
 
     assert said("no_effect", None) == in_short.CONFIDENCE["no_effect"]
     assert "zero drifts slowly" in said("no_effect", ("ramp", 5e-6))
@@ -192,7 +193,7 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
 
 
 def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: [])
+    monkeypatch.setattr(outcome, "implausible", lambda plant, names, fitted: [])
     found, page = isolated(True, shifted=False), Page("a", "b")
     close_loop._channels(page, found, outcome.channel(found))
     assert "uncertain" not in page.document() + outcome.advice(found)
@@ -202,7 +203,7 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(("far", "told"), [(["C_3"], "electrical"), (["C_2", "C_3"], "mechanical")])
 def test_one_implausible_parameter_tells_no_channel(monkeypatch: pytest.MonkeyPatch, far: list[str], told: str) -> None:
     """C_3 hardly matters at moderate stretches, so that anything that is missing may move it."""
-    monkeypatch.setattr(outcome.remarks, "implausible", lambda found, fitted: far)
+    monkeypatch.setattr(outcome, "implausible", lambda plant, names, fitted: far)
     assert outcome.channel(isolated(False, shifted=False)) == told
 
 
@@ -258,13 +259,11 @@ def test_files_of_one_specimen_belong_together_where_what_was_found_outlasts_the
 def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
     """A branch that is declared as the other one is not implausible; one that is like neither is."""
     known = PLANT.model.parameter_values()
-    study = SimpleNamespace(plant=PLANT)
-    base = SimpleNamespace(fitted=SimpleNamespace(names=("k_2", "C_1")))
-    monkeypatch.setattr(remarks, "interval", lambda fitted, n: (0.98 * fitted.values[n], 1.02 * fitted.values[n]))
+    monkeypatch.setattr(parameters, "interval", lambda fitted, n: (0.98 * fitted.values[n], 1.02 * fitted.values[n]))
 
     def far(k_2: float) -> list[str]:
         fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]}, undetermined=tuple)
-        return remarks.implausible(SimpleNamespace(base=base, study=study), fitted)
+        return parameters.implausible(PLANT, ("k_2", "C_1"), fitted)
 
     assert far(known["k_1"]) == []
     assert far(10 * known["k_1"]) == ["k_2"]
@@ -297,12 +296,18 @@ def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.Mon
 
 
 def test_the_verdict_says_for_which_effect_another_stands() -> None:
-    def said(equivalent: dict[str, list[str]]) -> str:
+    def said(equivalent: dict[str, list[str]], *strained: str) -> str:
         one = made_up.option(*equivalent)
         study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
         return close_loop.headline(
             SimpleNamespace(
-                verdict="ambiguous", chosen=one, base=one, study=study, equivalent=equivalent, wandering=None
+                verdict="partly_explained" if strained else "ambiguous",
+                chosen=one,
+                base=one,
+                study=study,
+                equivalent=equivalent,
+                wandering=None,
+                strained=strained,
             ),
             {"noise": {"sensors": {}}},
         )
@@ -310,6 +315,8 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
     two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
     assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
     assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
+    strained = said({"rigid_stop": []}, "C_2", "C_3")
+    assert "or something that is in no catalogue: C_2 and C_3 would be implausible" in strained
 
 
 @pytest.mark.parametrize(
@@ -323,7 +330,14 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
 def test_nothing_is_missing_only_where_nothing_else_is_told(waves: list, wandering: object, said: str) -> None:
     study, one = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT), made_up.option(excess=0.0)
     found = SimpleNamespace(
-        verdict="no_effect", chosen=one, base=one, study=study, equivalent={}, wandering=wandering, search=None
+        verdict="no_effect",
+        chosen=one,
+        base=one,
+        study=study,
+        equivalent={},
+        wandering=wandering,
+        search=None,
+        strained=(),
     )
     found.search = SimpleNamespace(withdrawn={})
     told = close_loop.headline(found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}})
@@ -369,6 +383,7 @@ def test_what_may_be_noise_is_not_certain(quiet: bool, excess: float, certain: b
     """Where no part is quiet, twice the noise that could be told may be noise; many times is not."""
     study = SimpleNamespace(plant=PLANT, noise={PLANT.outputs[0].name: Noise(9e-6, 0.0, quiet=quiet)})
     found = SimpleNamespace(verdict="unexplained", study=study, named=made_up.option(excess=excess), wandering=None)
+    found.strained = ()
     assert ("certain" in in_short._confidence(found)) == certain
 
 

@@ -28,7 +28,7 @@ from .options.options import Option, fitted_option, option
 from .scores import channels
 from .scores.channels import Isolation
 from .scores.held_out import with_held_out
-from .scores.parameters import base_parameters
+from .scores.parameters import base_parameters, implausible
 from .scores.power import Sizes, detection_limits, needed
 from .search import equivalence, second_output, selection
 from .search.law_uncertainty import still_there, with_law, with_rivals
@@ -62,6 +62,8 @@ class Discovery:
     """The result of a discovery and how it was found: the source of result.json and the report.
 
     `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
+    `strained` are parameters of the plant that are implausible with the chosen effects, and were not without them,
+    where that is all that speaks against these.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 
@@ -83,6 +85,7 @@ class Discovery:
     missed: second_output.Missed | None = None
     limits: dict[str, Sizes] = field(default_factory=dict)
     held_at_first: tuple[str, ...] = ()
+    strained: tuple[str, ...] = ()
 
     @property
     def base(self) -> Option:
@@ -125,18 +128,7 @@ def discover(
         raise ArgumentError("hold_out", ": all experiments are held out; name fewer, so that some are left to fit")
     read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
     _check_enough(recordings, read, "samples")
-    tell("monitors and noise")
-    work = study(recordings, held_out, PRIOR)
-    if held_out is None:
-        work = with_held_out(work)
-    _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
-    tell("recalibrate the base model")
-    prepared = work
-    work, fitted = _recalibrated(work, seed, held_out is None)
-    if held_out is None and _seen_elsewhere(work, fitted):
-        tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
-        pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
-        work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
+    prepared, work, fitted = _begun(recordings, seed, held_out, tell)
     numeric, found = _found(prepared, work, fitted, recordings, seed, tell)
     other = _held_out_anew(prepared, found) if held_out is None else None
     if other is not None:
@@ -161,6 +153,9 @@ def discover(
     shifted = zeros.impossible(work, found.chosen)
     missed = second_output.missed(work, found.chosen)
     verdict = decide(found, held, equivalent, wandering is not None, shifted is not None, missed is not None)
+    strained = _strained(found, described) if verdict in ("effect_found", "ambiguous") else ()
+    if strained:
+        verdict = "partly_explained"
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -184,7 +179,27 @@ def discover(
         missed,
         _limits(found),
         () if other is None else tuple(p.name for p in prepared.held_out),
+        strained,
     )
+
+
+def _begun(
+    recordings: Recordings, seed: int, held_out: Sequence[str] | None, tell: Progress
+) -> tuple[Study, Study, Fit]:
+    """The study as it is prepared, and as its base was recalibrated, with that."""
+    tell("monitors and noise")
+    work = study(recordings, held_out, PRIOR)
+    if held_out is None:
+        work = with_held_out(work)
+    _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")
+    tell("recalibrate the base model")
+    prepared = work
+    work, fitted = _recalibrated(work, seed, held_out is None)
+    if held_out is None and _seen_elsewhere(work, fitted):
+        tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
+        pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
+        work, fitted = _recalibrated(replace(work, pieces=pieces), seed, False)
+    return prepared, work, fitted
 
 
 def _limits(found: Search) -> dict[str, Sizes]:
@@ -319,6 +334,16 @@ def decide(
     if held_ratio > acceptance.PREDICTED and acceptance.earned(found.base, found.chosen):
         return "partly_explained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
+
+
+def _strained(found: Search, described: Option) -> tuple[str, ...]:
+    """The parameters of the plant that are implausible with the effects of the choice, and were not without them.
+
+    Then the effects stand for something else, or for a part of it, and these parameters make up for the rest.
+    """
+    plant, base = found.study.plant, found.base.fitted
+    before = implausible(plant, base.names, base)
+    return tuple(n for n in implausible(plant, base.names, described.fitted) if n not in before)
 
 
 def supported(work: Study, found: Search, described: Option) -> bool:

@@ -28,6 +28,10 @@ CONFIDENCE = {
     "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
     "the fits.",
 }
+STRAINED = (
+    "The named effects explain the recordings to within their noise, but only with parameters of the plant that are "
+    "far from the declared ones, which without the effects they were not. So something else may be there."
+)
 DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
@@ -76,6 +80,8 @@ def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
     if found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR:
         return LOUDER
+    if found.strained:
+        return STRAINED
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
 
 

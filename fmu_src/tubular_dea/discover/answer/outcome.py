@@ -23,7 +23,7 @@ from ..options.acceptance import noise_alone, size_interval
 from ..options.options import Option
 from ..options.residuals import LackOfFit
 from ..scores.channels import Isolation
-from ..scores.parameters import switched_on
+from ..scores.parameters import implausible, switched_on
 from ..search import equivalence, second_output
 from . import remarks
 from .oscillations import Oscillation, oscillations
@@ -113,7 +113,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
 
 def remainder(found: Discovery) -> dict[str, Any] | None:
     """The significant residual where not everything is explained: its size, share and channel."""
-    if found.verdict not in ("partly_explained", "unexplained"):
+    if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return None
     state = found.named.lack_of_fit
     if found.shifted and noise_alone(state):
@@ -176,7 +176,7 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
         own = _own_channel(found, found.missed.output)
         return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
     known = found.study.plant.own_channels
-    moved = [n for n in remarks.implausible(found, found.base.fitted) if n in known]
+    moved = [n for n in implausible(found.study.plant, found.base.fitted.names, found.base.fitted) if n in known]
     for own in dict.fromkeys(known[n] for n in moved):
         names = [n for n in moved if known[n] == own]
         if len(names) >= TELL_CHANNEL:  # far from where they belong, they have taken up what their own part lacks

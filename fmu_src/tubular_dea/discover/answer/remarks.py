@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...identify.fitting.fit import Fit
-from ...identify.fitting.intervals import interval
 from ...identify.records.start import UNKNOWN
 from ...identify.study.nuisances import zero_spread
 from ...identify.study.spreads import most_spread
@@ -16,11 +14,10 @@ from ...model.effect import Effect
 from ...model.units import factor, in_words
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
-from ..scores.parameters import at_bounds
+from ..scores.parameters import at_bounds, implausible
 from .oscillations import Oscillation
 
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
-IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
@@ -51,22 +48,6 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     ]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
-
-
-def implausible(found: Discovery, fitted: Fit) -> list[str]:
-    """The plant's own parameters that are implausible all over their intervals, by name.
-
-    One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
-    """
-    declared = found.study.plant.model.parameter_values()
-    judged = [n for n in found.base.fitted.names if n not in fitted.undetermined() and declared[n] != 0]
-    places = {n: [n, *(e.pairs[n] for e in found.study.plant.exchanges if n in e.pairs)] for n in judged}
-
-    def far(name: str, place: str) -> bool:
-        low, high = sorted(end / declared[place] for end in interval(fitted, name))
-        return low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE
-
-    return [n for n in judged if all(far(n, place) for place in places[n])]
 
 
 def _one_point(found: Discovery) -> list[str]:
@@ -153,7 +134,7 @@ def _swinging(found: Discovery, wave: Oscillation) -> str:
 
 def _implausible(found: Discovery) -> list[str]:
     said = []
-    for name in implausible(found, found.named.fitted):
+    for name in implausible(found.study.plant, found.base.fitted.names, found.named.fitted):
         value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
         q = found.study.plant.quantity(name)
         lacks = "unless that was a first guess, it compensates for something that the model lacks"

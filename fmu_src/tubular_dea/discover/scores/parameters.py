@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from ...identify.fitting.fit import Fit
+from ...identify.fitting.intervals import interval
 from ...identify.fitting.problem import Free
 from ...model.declare import Quantity
 from ...model.effect import Effect
@@ -14,6 +17,9 @@ from ...plants.plant import Plant
 # tube behind a slewing amplifier with its first branch in the place of the solid's viscosity, and a third was named.
 # Check: `pytest tests/test_known_benchmarks.py tests/test_settle.py`
 LOST_FIT = 1.5  # [1] of the solver's numbers (a factor of 4.5) from the declared value: a fit may be lost
+
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
 
 
 def base_parameters(plant: Plant) -> list[Free]:
@@ -35,6 +41,22 @@ def lost(plant: Plant, fitted: Fit) -> bool:
     declared = declared_values(plant, fitted)
     there = [(f, s) for f, s in zip(fitted.free, fitted.scaled, strict=True) if f.name in declared]
     return any(abs(scaled - free.to_scaled(declared[free.name])) > LOST_FIT for free, scaled in there)
+
+
+def implausible(plant: Plant, names: Collection[str], fitted: Fit) -> list[str]:
+    """The plant's own parameters among `names` that are implausible all over their intervals.
+
+    One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
+    """
+    declared = plant.model.parameter_values()
+    judged = [n for n in names if n not in fitted.undetermined() and declared[n] != 0]
+    places = {n: [n, *(e.pairs[n] for e in plant.exchanges if n in e.pairs)] for n in judged}
+
+    def far(name: str, place: str) -> bool:
+        low, high = sorted(end / declared[place] for end in interval(fitted, name))
+        return low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE
+
+    return [n for n in judged if all(far(n, place) for place in places[n])]
 
 
 def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
