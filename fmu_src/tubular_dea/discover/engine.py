@@ -19,6 +19,7 @@ from ..identify.study.procedure import ordered_fit
 from ..identify.study.study import PRIOR, Piece, Study, study
 from ..identify.threads import one_blas_thread, side_by_side
 from .alternatives import input_noise, numerics, wander, zeros
+from .alternatives.backwards import Backwards, backwards
 from .alternatives.operating_point import repeats
 from .alternatives.settled_start import started_at_equilibrium
 from .experiments import next_experiment
@@ -63,7 +64,7 @@ class Discovery:
 
     `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
     `strained` are parameters of the plant that are implausible with the chosen effects, and were not without them,
-    where that is all that speaks against these.
+    where that is all that speaks against these. `turned` are outputs that seem to be counted the other way.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 
@@ -86,6 +87,7 @@ class Discovery:
     limits: dict[str, Sizes] = field(default_factory=dict)
     held_at_first: tuple[str, ...] = ()
     strained: tuple[str, ...] = ()
+    turned: Backwards | None = None
 
     @property
     def base(self) -> Option:
@@ -129,6 +131,9 @@ def discover(
     read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
     _check_enough(recordings, read, "samples")
     prepared, work, fitted = _begun(recordings, seed, held_out, tell)
+    turned = backwards(prepared, work, fitted, lambda other: _recalibrated(other, seed, False)[1])
+    if turned is not None:
+        tell(f"is {' and '.join(turned.outputs)} counted the other way? Change the sign in the files, if so")
     numeric, found = _found(prepared, work, fitted, recordings, seed, tell)
     other = _held_out_anew(prepared, found) if held_out is None else None
     if other is not None:
@@ -156,6 +161,8 @@ def discover(
     strained = _strained(found, described) if verdict in ("effect_found", "ambiguous") else ()
     if strained:
         verdict = "partly_explained"
+    if turned is not None:  # whatever explains an output of the wrong sign is not there
+        verdict, strained = "unexplained", ()
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -180,6 +187,7 @@ def discover(
         _limits(found),
         () if other is None else tuple(p.name for p in prepared.held_out),
         strained,
+        turned,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import implausible_zero, still, thin, unexplained_output
+from ..discover.answer.remarks import counted_backwards, implausible_zero, still, thin, unexplained_output
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.search.law_uncertainty import LAW
@@ -104,7 +104,8 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
         said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
     few = [f"these recordings prove little: {little}"] if little else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
-    return [*said, *better_as_declared(found, errors), *implausible_zero(found), *unexplained_output(found), *few]
+    beside = [*counted_backwards(found), *implausible_zero(found), *unexplained_output(found)]
+    return [*said, *better_as_declared(found, errors), *beside, *few]
 
 
 def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:

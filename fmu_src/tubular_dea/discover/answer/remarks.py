@@ -27,6 +27,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     """Sentences, the most important first; `waves` are oscillations that no recorded input drives."""
     swinging = [_swinging(found, w) for w in waves]
     said = [
+        *counted_backwards(found),
         *implausible_zero(found),
         *unexplained_output(found),
         *_one_point(found),
@@ -48,6 +49,20 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     ]
     little = thin(found)
     return [*said, f"The result is based on little data: {little}."] if little else said
+
+
+def counted_backwards(found: Discovery) -> list[str]:
+    """Outputs whose sign seems to be wrong."""
+    if found.turned is None:
+        return []
+    headings = {o.name: o.headings[0] for o in found.study.plant.outputs}
+    said = " and ".join(headings[name] for name in found.turned.outputs)
+    one = len(found.turned.outputs) == 1
+    return [
+        f"{said} seem{'s' * one} to be counted the other way: with {'its' if one else 'their'} sign changed, the "
+        f"refitted {found.study.plant.name} misses {found.turned.left:.0%} of what it misses now. If so, change that "
+        "in the files (or the sign of an input that drives it)."
+    ]
 
 
 def _one_point(found: Discovery) -> list[str]:
