@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import tubular_dea
 from laboratory import drawn, numbers
 from tubular_dea.cli import main
 from tubular_dea.discover.answer import remarks
@@ -18,7 +19,11 @@ from tubular_dea.identify.fitting import scales
 from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
 from tubular_dea.identify.records.start import RESTED, UNKNOWN, detected
 from tubular_dea.identify.study.study import study
+from tubular_dea.kernel import Kernel
+from tubular_dea.plants import Build, Input, Output, Plant
+from tubular_dea.plants import Path as Place
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
 
 EXAMPLE = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"
 OUTPUT = PLANT.outputs[0].name
@@ -392,6 +397,7 @@ def test_mixed_rates_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("radius", 2.0, "radius 2 times too large (a diameter for a radius)"),
         ("radius", 0.1, "radius 10 times too small (cm labelled mm)"),
         ("displacement", -1.0, "of the wrong sign (counted the other way)"),
+        ("time", 1e-3, "time 1000 times too small (s labelled ms)"),
         ("", 1.0, ""),
     ],
 )
@@ -402,9 +408,32 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
         inputs = {n: v * factor if n == signal else v for n, v in e.inputs.items()}
         outputs = {n: (v + 0.015) * (factor if signal == "radius" else 1) - 0.015 for n, v in e.outputs.items()}
         outputs = {n: -v if signal == "displacement" else v for n, v in outputs.items()}
-        experiments.append(dataclasses.replace(e, inputs=inputs, outputs=outputs))
+        time = e.time * (factor if signal == "time" else 1)
+        experiments.append(dataclasses.replace(e, time=time, inputs=inputs, outputs=outputs))
     said = scales.findings(dataclasses.replace(recordings, experiments=experiments))
     assert words in said[0] if words else not said, said
+
+
+def test_degrees_that_are_labelled_rad_and_seconds_that_are_labelled_ms_are_said_of_any_plant() -> None:
+    m = Build("Knee", "A shank", "J dw/dt = u - c w - G a")
+    u = m.input("torque", "N.m", nominal=5.0)
+    angle, w = m.state("theta", "rad", nominal=0.6), m.state("omega", "rad/s", nominal=3.0)
+    inertia = m.parameter("J", "kg.m2", 0.35)
+    m.derivative(angle, w)
+    m.derivative(w, (u - m.parameter("c", "N.m.s/rad", 2.0) * w - m.parameter("G", "N.m/rad", 9.8) * angle) / inertia)
+    m.output("angle", "rad", angle)
+    plant = Plant(m.model(), [Input("torque", held=True)], [Output("angle")], [Place("angle")])
+    time = np.arange(0, 8, 0.01)
+    torque = np.where((time >= 1) & (time < 5), 4.0, 0.0)
+    seen = Kernel(plant.model).simulate(Protocol(time, {"torque": torque}), time)["angle"]
+    for clock, factor, words in ((1e-3, 1.0, "s labelled ms"), (1.0, 57.2958, "degrees labelled rad")):
+        table = {
+            "time [s]": clock * time,
+            "torque [N.m]": torque,
+            "angle [rad]": factor * seen + 1e-4 * np.cos(9 * time),
+        }
+        (said,) = tubular_dea.read_recordings({n: table for n in "abc"}, plant=plant).findings()[:1]
+        assert words in said
 
 
 def test_without_out_there_is_only_a_dry_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

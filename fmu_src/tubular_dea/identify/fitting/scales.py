@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernel import KernelError
+from ...model.units import three
 from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.data import Experiment, Recordings
@@ -35,7 +36,7 @@ SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: th
 MISSED = 0.15  # [1] of a record (rms) that the declared plant misses before anything is said
 LEFT = 1 / 3  # [1] share of that which another factor may leave
 TOLD_SHARE = 10.0  # [1] of a record: a larger share that is missed is told as "all" of it
-MOST_LEFT = 0.2  # [1] of the record that it may leave: a plant whose model lacks much is no wrong unit
+MOST_LEFT = 0.3  # [1] of the record that it may leave: a plant whose model lacks much is no wrong unit
 FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one explains the record as well
 
 # Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
@@ -58,8 +59,12 @@ FACTORS: Mapping[str, Mapping[float, str]] = {
     },
     "V": {1e3: "V labelled kV or mV labelled V", 2.0: "twice the voltage (both electrodes driven, or peak to peak)"},
     "A": {1e3: "uA labelled mA or mA labelled A", 1e6: "uA labelled A"},
+    "rad": {57.2958: "degrees labelled rad"},
+    "rad/s": {9.5493: "rpm labelled rad/s", 57.2958: "degrees per second labelled rad/s", 6.28319: "rad/s labelled Hz"},
     "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
 }
+TIME = "time"
+TIMES = {60.0: "s labelled min", 1e3: "ms labelled s"}  # [1] the same for the times of all records
 OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
 INVERSE = {  # the same, so many times too small
     "a diameter for a radius": "a radius for a diameter",
@@ -79,12 +84,14 @@ class Mislabelling:
 
 def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
-    for name in [*(s.name for s in plant.inputs), *outputs]:
-        for factor, words in FACTORS.get(plant.quantity(name).unit, OTHERWISE).items():
+    for name in [*(s.name for s in plant.inputs), *outputs, TIME]:
+        known = TIMES if name == TIME else FACTORS.get(plant.quantity(name).unit, OTHERWISE)
+        for factor, words in known.items():
             yield Mislabelling(name, factor, words)
             swapped = " or ".join(_swapped(w) for w in words.split(" or "))
             yield Mislabelling(name, 1 / factor, INVERSE.get(words, swapped))
-        yield Mislabelling(name, -1.0, "counted the other way")
+        if name != TIME:
+            yield Mislabelling(name, -1.0, "counted the other way")
 
 
 def _swapped(words: str) -> str:
@@ -103,15 +110,13 @@ def findings(recordings: Recordings) -> list[str]:
     records = [_record(e, output.name) for e in experiments]
     zero = _zero(plant, experiments[0], parameters)
 
+    def answer(driven: Protocol, times: np.ndarray) -> np.ndarray:
+        return kernel.simulate(driven, times, parameters, ROUGHLY, max_steps=SCALE_STEPS).values[output.name]
+
     def missed(wrong: Mislabelling | None) -> float:
         """The relative error (rms) of the records under this mistake; infinite where the plant cannot be solved."""
         try:
-            answers = [
-                kernel.simulate(_rescaled(driven, wrong), times, parameters, ROUGHLY, max_steps=SCALE_STEPS).values[
-                    output.name
-                ]
-                for driven, times, _ in records
-            ]
+            answers = [answer(_rescaled(driven, wrong), times / _clock(wrong)) for driven, times, _ in records]
         except KernelError:
             return float("inf")
         scale = wrong.factor if wrong and wrong.signal == output.name else 1.0
@@ -164,7 +169,7 @@ def _percent(share: float) -> str:
 def _times(factor: float) -> str:
     if factor < 0:
         return "of the wrong sign"
-    return f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
+    return f"{three(factor)} times too large" if factor > 1 else f"{three(1 / factor)} times too small"
 
 
 def _informative(experiments: Sequence[Experiment]) -> list[int]:
@@ -185,9 +190,16 @@ def _record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, 
 
 
 def _rescaled(protocol: Protocol, wrong: Mislabelling | None) -> Protocol:
+    """The protocol with what was recorded wrongly put right."""
+    protocol = Protocol(protocol.time / _clock(wrong), protocol.inputs)
     if wrong is None or wrong.signal not in protocol.inputs:
         return protocol
     return Protocol(protocol.time, protocol.inputs | {wrong.signal: protocol.inputs[wrong.signal] / wrong.factor})
+
+
+def _clock(wrong: Mislabelling | None) -> float:
+    """How many times too large the times are."""
+    return wrong.factor if wrong is not None and wrong.signal == TIME else 1.0
 
 
 def _zero(plant: Plant, experiment: Experiment, known: Mapping[str, float]) -> float:
