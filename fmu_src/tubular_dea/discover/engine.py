@@ -257,9 +257,10 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
     found = selection.forward_selection(work, fitted, numeric, seed, tell)
     deeper = selection.base_from_choice(found)
     if deeper is not None:
-        tell("the base is better where the choice ended")
-        work, fitted = _base_settled(found.study, deeper, seed)
-        found = selection.forward_selection(work, fitted, numeric, seed, tell)
+        tell("the base where the choice ended")
+        other, deeper = _base_settled(found.study, deeper, seed)  # the choice's own numbers may have made it better
+        if selection.deeper_than_base(found, deeper):
+            found = selection.forward_selection(other, deeper, numeric, seed, tell)
     for _ in range(MOST_QUIETER):
         limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)
         if acceptance.far(found.chosen) or not quieter(found.study, limited):

@@ -227,8 +227,12 @@ def base_from_choice(found: Search) -> Fit | None:
     if not found.chosen.ids:
         return None
     again = fitted_option(found.study, (), found.chosen.fitted.values, ())
-    least = _deeper_by(found.chosen, found.base.cost - found.chosen.cost)
-    return again.fitted if again is not None and again.cost < found.base.cost - least else None
+    return again.fitted if again is not None and deeper_than_base(found, again.fitted) else None
+
+
+def deeper_than_base(found: Search, fitted: Fit) -> bool:
+    """Whether a fit of the base is so much better than that of a search that this begins anew from it."""
+    return fitted.cost < found.base.cost - _deeper_by(found.chosen, found.base.cost - found.chosen.cost)
 
 
 def _undenied(found: Search, stages: Sequence[Search]) -> Search:
