@@ -44,17 +44,13 @@ def backwards(prepared: Study, work: Study, fitted: Fit, refit: Callable[[Study]
 
 
 def _missed(study: Study, fitted: Fit) -> float:
-    """The largest share that a fit of the base misses of what an output moves by in the training records (rms)."""
-    answers = study.asked((), [p.case for p in study.training]).possible(study.shared(fitted.values))
-    off: dict[str, float] = {}
-    moved: dict[str, float] = {}
-    for answer, piece in zip(answers, study.training, strict=True):
+    """The share that a fit of the base misses of what its training records move by (rms), with numbers of their own."""
+    moved = 0.0
+    for piece in study.training:
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
-            record, name = piece.record[rows], reading.output
-            missed = np.inf if answer is None else float(np.sum((answer[rows] - record) ** 2))
-            off[name] = off.get(name, 0.0) + missed
-            moved[name] = moved.get(name, 0.0) + float(np.sum((record - record.mean()) ** 2))
-    return max((float(np.sqrt(off[n] / moved[n])) for n in off if moved[n] > 0), default=0.0)
+            record = piece.record[rows] - piece.record[rows].mean()
+            moved += float(np.sum((record * piece.weight[rows] / study.noise[reading.output].slow) ** 2))
+    return float(np.sqrt(fitted.cost / moved)) if moved > 0 else 0.0
 
 
 def _cost(prepared: Study, outputs: Collection[str], refit: Callable[[Study], Fit]) -> float:
