@@ -64,6 +64,20 @@ def test_a_running_scheduler_is_used(client: distributed.Client, tmp_path: Path)
     assert Store.read(tmp_path / "out").column("radius")[1] > Store.read(tmp_path / "out").column("radius")[0]
 
 
+def test_no_scheduler_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An address that Dask refuses at once. A folder of a sweep that was interrupted stays as it was."""
+    plan, out = tmp_path / "plan.toml", tmp_path / "out"
+    plan.write_text('study = "rest"\noutputs = ["radius"]\n[vary]\nvoltage = ["0 kV", "5 kV"]\n', encoding="utf-8")
+    words = ["sweep", str(plan), "--out", str(out), "--no-report"]
+    assert main([*words, "--scheduler", "nowhere://127.0.0.1:1"]) == 2
+    assert "the scheduler nowhere://127.0.0.1:1 cannot be reached" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(words) == 0
+    before = {path: path.stat().st_mtime_ns for path in (out, *out.rglob("*"))}
+    assert main([*words, "--scheduler", "nowhere://127.0.0.1:1"]) == 2
+    assert {path: path.stat().st_mtime_ns for path in (out, *out.rglob("*"))} == before
+
+
 def test_no_scheduler_there() -> None:
     with pytest.raises(BackendError, match="cannot be reached"), backend(None, None, "tcp://127.0.0.1:1", timeout=1.0):
         pass
