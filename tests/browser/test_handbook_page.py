@@ -24,6 +24,8 @@ def handbook(browser: Page, tmp_path_factory: pytest.TempPathFactory) -> Page:
     browser.driver.get(path.as_uri())
     yield browser
     browser.size(1280)
+    browser.requests()  # of this page, which are none of the next one's
+    browser.close()
 
 
 def test_no_equation_of_the_models_is_cut_off(handbook: Page) -> None:

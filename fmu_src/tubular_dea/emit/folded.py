@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-ROOM = 48.0  # letters in a line: a column of the handbook at 1200 px
+WIDEST = 55.0  # letters of an equation that is left as it is: a column of the handbook at 1200 px
+ROOM = 48.0  # letters in a line: less, for what tables and brackets inside each other add
 LEAST = 26.0  # letters: what would be given less room is not folded, but what is around it
 INDENT = 2.0  # letters by which all lines but the first are indented, as the page's style has it
 SCRIPT = 0.7  # size of an index or an exponent
@@ -20,7 +21,7 @@ BRACKETS = "()[]{|"
 
 def fold(equation: Any) -> None:
     """Fold an equation, a row of three, in place where it is too wide: what it is equal to goes below, in lines."""
-    if _width(equation) <= ROOM:
+    if _width(equation) <= WIDEST:
         return
     left, sign, right = list(equation.childNodes)
     _fold(right, ROOM - INDENT - _width(sign))
@@ -75,6 +76,7 @@ def _in_lines(node: Any, lines: Sequence[Sequence[Any]]) -> None:
     """Put the parts of an element into the lines of a table."""
     table = _made(node, "mtable", [_made(node, "mtr", [_made(node, "mtd", line)]) for line in lines])
     table.setAttribute("class", "lines")
+    table.setAttribute("displaystyle", "true")  # a table sets its fractions small by itself
     node.appendChild(table)
 
 
