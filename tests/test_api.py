@@ -209,11 +209,14 @@ MISTAKES = [
     (lambda: td.tube(r_o=-1.0), "expected 0.0001 to 10 m but was given -1 m"),
     (lambda: td.load("nothing.json"), "there is no file nothing.json"),
     (lambda: td.load_plant("tupe"), "plant tupe: expected FILE.py"),
-    (lambda: td.simulate(pressure="95 mmHg"), "voltage is missing: expected a file of inputs"),
+    (
+        lambda: td.simulate(pressure="95 mmHg", stop=10),
+        'voltage is missing: expected a file of inputs, or each of pressure, voltage, as in voltage="step 0 5 kV at 2"',
+    ),
     (lambda: td.simulate(presure="95 mmHg", voltage=0), "input presure: TubularDEA has no such input; did you mean"),
     (
         lambda: td.simulate(inputs="no.csv", voltage=0),
-        "voltage: it and inputs over a time of their own exclude each other",
+        "voltage and inputs exclude each other: these inputs have times of their own; give one of the two",
     ),
     (lambda: td.simulate(pressure=1, voltage=0, interval=0), "interval: expected more than 0"),
     (lambda: td.simulate(pressure=1, voltage=0, tolerance=0), "tolerance: expected 1e-12 to 1e-2"),

@@ -299,14 +299,19 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
         (["--set", "heart.C=1e-9", "--set", "heart.C=1e-8"], "--set heart.C is given twice; give it once"),
         (["--ecg", "nothing.hea"], "nothing: cannot be read as a WFDB record: there is no file nothing.hea"),
         (["--step", "0"], "step: expected a positive number"),
-        (["--ecg", "nothing.csv"], "nothing.csv: expected the columns"),
-        (["--r-times", "nothing.txt"], "nothing.txt: expected one R time"),
+        (["--ecg", "nothing.csv"], "assist: nothing.csv: cannot be read: No such file or directory"),
+        (["--r-times", "nothing.txt"], "assist: nothing.txt: cannot be read: No such file or directory"),
+        (["--patient", "nothing.toml"], "assist: nothing.toml: cannot be read: No such file or directory"),
+        (["--ecg", "a.hea", "--r-times", "b.txt"], "--ecg and --r-times exclude each other: "),
         (["--r-times", "{folder}/fast.txt"], "fast.txt: 600 beats found in 72.0 s; expected 15 to 250 a minute"),
         (["--r-times", "{folder}/back.txt"], "back.txt, line 4: expected ascending times but 1.2 s follows 2 s; sort"),
         (["--r-times", "{folder}/words.txt"], "words.txt, line 2: expected a number but found 'abc'"),
         (["--ecg", "{folder}/empty.csv"], "empty.csv: expected the columns 'time [s]' and 'ecg [mV]' and at least two"),
         (["--ecg", "{folder}/back.csv"], "back.csv, line 4: expected ascending times but 0.1 s follows 0.2 s; sort"),
         (["--ecg", "{folder}/back.csv", "--lead", "II"], "back.csv, line 1: expected the columns 'time [s]' and 'II"),
+        (["--compare", "voltag=5kV"], "--compare voltag=5kV: expected scheduler, tube, heart, a dot"),
+        (["--compare", "voltag=5kV"], "; did you mean voltage?"),
+        (["--compare", "hart.C=1"], "; did you mean heart.C?"),
         (["--compare", "voltage"], "--compare voltage: expected NAME=VALUE, as in voltage=5kV, but found 'voltage'"),
         (["--patient", "stiff", "--scheme", "jacobi"], "the jacobi scheme diverges"),
     ],
@@ -346,6 +351,9 @@ def test_patient_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     base.write_text('based_on = "fialing"\n')
     assert main(["assist", "--patient", str(base), "--out", str(tmp_path / "none")]) == 2
     assert "based_on: there is no patient 'fialing'; did you mean failing" in capsys.readouterr().err
+    base.write_text('based_on = "failing"\nRR = "2 mmHg.s/mL"\n')  # refused by its name: its unit is not known
+    assert main(["assist", "--patient", str(base), "--out", str(tmp_path / "none")]) == 2
+    assert "patient 'based.toml': there is no parameter 'RR'; did you mean R?" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
     del values["R"]
     file.write_text("\n".join(f"{n} = {v}" for n, v in values.items()))

@@ -9,6 +9,8 @@ import pytest
 
 from tubular_dea.cli import COMMANDS, main
 
+TANKS = str(Path(__file__).parents[1] / "cosim_examples" / "plants" / "cascaded_tanks.py")
+
 
 def run(*arguments: str) -> int:
     return main(list(arguments))
@@ -77,12 +79,31 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         ([], "--pressure is missing: expected a file of inputs, or each of pressure, voltage"),
-        (["--pressure", "95 mmHg"], "--voltage is missing"),
+        (
+            ["--pressure", "95 mmHg"],
+            "--voltage is missing: expected a file of inputs, or each of pressure, voltage, as in",
+        ),
+        (["--pressure", "95 mmHg"], 'as in --voltage "step 0 5 kV at 1"'),
+        (
+            ["--plant", TANKS],
+            'simulate: pump is missing: expected a file of inputs, or each of pump, as in --input "pump=',
+        ),
+        (["--plant", TANKS], 'as in --input "pump=step 0 5 V at 1"'),
+        (["--pressure", "95 mmHgg"], "pressure: cannot read the unit 'mmHgg'"),  # before what was not given at all
+        (["--pressure", "95 mmHg", "--stop", "soon"], "--stop: expected a number with a unit like 's'"),
+        (["--pressure", "95 mmHg", "--interval", "soon"], "--interval: expected a number with a unit like 's'"),
+        (["--pressure", "95 mmHg", "--tolerance", "1"], "--tolerance: expected 1e-12 to 1e-2 but was given 1"),
+        (["--set", "C_9=1"], "no parameter 'C_9'; did you mean"),
         (["--pressure", "1", "--voltage", "0", "--input", "voltage=5kV"], "voltage=5kV and --voltage give the same"),
         (["--pressure", "1", "--input", "voltage=0", "voltage=1"], "voltage=1 and another --input voltage=... give"),
         (["--pressure", "95 barn", "--voltage", "0"], "cannot read the unit 'barn'"),
         (["--inputs", "no.csv"], "no.csv: cannot be read"),
-        (["--inputs", "no.csv", "--voltage", "0"], "exclude each other"),
+        (
+            ["--inputs", "no.csv", "--voltage", "0"],
+            "--inputs and --voltage exclude each other: the file has all inputs",
+        ),
+        (["--inputs", "no.csv", "--input", "voltage=0"], "--inputs and --input exclude each other: the file has all"),
+        (["--inputs", "no.csv", "--stop", "3"], "--inputs and --stop exclude each other: the file has all inputs, and"),
         (["--pressure", "1", "--voltage", "0", "--stop", "-1"], "expected a positive number of seconds"),
         (["--pressure", "1", "--voltage", "0", "--stop", "soon"], "--stop: expected a number with a unit like 's'"),
         (["--pressure", "1", "--voltage", "0", "--interval", "5kV"], "--interval: expected a unit like 's'"),
@@ -100,7 +121,7 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
         ),
         (
             ["--pressure", "0", "--voltage", "step 0 5 kV at 2 until 1", "--stop", "3"],
-            "expected times from 0 s on that rise",
+            "expected times that rise but was given 2 and 1 s",
         ),
         (
             ["--pressure", "0", "--voltage", "wiggle 0 5 kV"],
@@ -133,7 +154,15 @@ def test_the_bare_command_shows_its_help(capsys: pytest.CaptureFixture[str]) -> 
 
 MISTAKES = [
     (["simulte"], "tubular-dea: argument COMMAND: invalid choice: 'simulte'"),
-    (["simulate", "--tolerance", "so"], "tubular-dea simulate: argument --tolerance: invalid float value: 'so'"),
+    (
+        ["simulate", "--tolerance", "so"],
+        "tubular-dea simulate: argument --tolerance: expected a number but was given 'so'",
+    ),
+    (["assist", "--beats", "2.5"], "tubular-dea assist: argument --beats: expected a whole number but was given '2.5'"),
+    (
+        ["identify", "x", "--seed", "one"],
+        "tubular-dea identify: argument --seed: expected a whole number but was given",
+    ),
     (["build", "--platforms", "amiga"], "tubular-dea build: argument --platforms: invalid choice: 'amiga'"),
     (["sweep", "a.toml", "--out", "b", "--workers", "1", "--scheduler", "c"], "tubular-dea sweep: argument --sch"),
     *(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import tempfile
 from pathlib import Path
 
@@ -14,13 +15,15 @@ from scipy.linalg import expm
 import controller as benchmark
 import step_margin
 import test_assist
+import tubular_dea as td
 from hosts.compile import compile_host, run_host
 from tubular_dea.cli import main
 from tubular_dea.control.design import gains, open_loop
 from tubular_dea.control.peers import PI, Constant
 from tubular_dea.control.rig import Bench, Record, TubeController, experiment, fmu, rest_voltage
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
-from tubular_dea.cosim.master import Options, simulate
+from tubular_dea.cosim.hold import FIELD, RADIUS, how_held
+from tubular_dea.cosim.master import Options, Run, simulate
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.reduced import holdable, reduced
@@ -247,13 +250,24 @@ def test_the_controlled_loop_in_other_tools(tool: str, monkeypatch: pytest.Monke
 
 def test_assist_with_the_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["assist", "--beats", "8", "--controller", "18mm", "--out", str(tmp_path / "held")]) == 0
-    assert "Assisted: all 5 beats" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "Assisted: all 5 beats" in printed
     table = np.genfromtxt(tmp_path / "held" / "with_assist.csv", delimiter=",", names=True, deletechars="")
     on = table["scheduler.on_[1]"] > 0.5
     late = on & np.roll(on, 150) & np.roll(on, -2)  # from 150 ms of a pulse on
     free = table["controller.limited_[1]"][late] == 0
     error = np.abs(table["tube.radius_[m]"][late] - 18e-3)
     assert free.sum() > 300 and np.median(error[free]) < 50e-6
+    told = json.loads((tmp_path / "held" / "summary.json").read_text())["held"]
+    grid = np.arange(0, table["time_[s]"][-1], 1e-3)  # steps of the run are shorter where a pulse begins
+    at = {name: np.interp(grid, table["time_[s]"], table[name]) for name in table.dtype.names}
+    on = at["scheduler.on_[1]"] > 0.5
+    inward = 18e-3 - at["tube.radius_[m]"][on & np.roll(on, 74)]  # it rises in 73 ms
+    assert told["largest"] == pytest.approx(-inward.max(), rel=0.05) and told["largest"] < -0.2e-3
+    assert told["rms"] == pytest.approx(np.sqrt(np.mean(inward**2)), rel=0.05)
+    assert told["below"] == pytest.approx(np.mean(at["controller.limited_[1]"][on] > 0.5), abs=0.01)
+    said = "The field limit of 78.4 V/um held the tube below it in 30 % of the pulses' time."
+    assert said in printed and said.replace("'", "&#x27;") in (tmp_path / "held" / "report.html").read_text()
     for radius, text in (
         ("26mm", "26 mm is outside the reachable set"),
         ("40mm", "expected 15.1 to 27.5 mm"),
@@ -262,6 +276,34 @@ def test_assist_with_the_controller(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert main(["assist", "--controller", radius, "--out", str(tmp_path / "none")]) == 2
         assert text in capsys.readouterr().err
         assert not (tmp_path / "none").exists()
+
+
+def test_a_radius_that_is_held_is_told_so(tmp_path: Path) -> None:
+    """The same radius below a field limit that is never met."""
+    result = td.assist(beats=6, controller="18 mm", settings={"scheduler.field_limit": "100 V/um"})
+    assert result.held.below == result.held.above == 0
+    assert abs(result.held.largest) < 60e-6 and result.held.rms < 50e-6
+    assert result.lines()[1] == result.held.text and result.held.text.endswith(" No limit kept the tube from it.")
+    assert result.assisted["controller.limited"].max() == 0
+    assert td.assist(beats=6).held is None
+
+
+def test_how_a_radius_was_held_is_over_the_time_after_the_rise() -> None:
+    """Two pulses of 0.3 s: 0.1 mm below by the field, then 0.2 mm above without voltage; rises of 50 + 50 ms."""
+    time = np.arange(0, 1.0, 0.01)
+    on = (time % 0.5 > 0.095) & (time % 0.5 < 0.395)
+    first, late = on & (time < 0.5), on & (time > 0.5)
+    radius = np.where(first, 17.9e-3, np.where(late, 18.2e-3, 15.5e-3))
+    radius[[10, 60]] = 15.5e-3  # the rows in which the pulses begin: 2.5 mm away
+    values = {"scheduler.on": on * 1.0, "tube.radius": radius, "controller.limited": first * 1.0 + late * 2.0}
+    run = Run(time, values, {}, *(np.zeros(0),) * 3, 0, "")
+    settings = {RADIUS: 18e-3, FIELD: 78e6, "controller.reference_rate": 0.05, "controller.tracking_gain": 60.0}
+    held = how_held(run, settings)
+    assert held.rise == pytest.approx(0.1) and held.largest == pytest.approx(0.2e-3)
+    assert held.rms == pytest.approx(1e-3 * np.sqrt((0.1**2 + 0.2**2) / 2))
+    assert held.below == pytest.approx(0.5) and held.above == pytest.approx(29 / 60)  # not in the row at 15.5 mm
+    assert "0.2 mm (above), 0.16 mm rms" in held.text and "with no voltage left to take away" in held.text
+    assert how_held(run, settings | {"controller.reference_rate": 1e-3}) is None, "no pulse lasts as long as its rise"
 
 
 @pytest.mark.parametrize(

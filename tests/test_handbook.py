@@ -12,10 +12,15 @@ import tubular_dea
 from tubular_dea.cli import main
 from tubular_dea.commands import COMMANDS
 from tubular_dea.docstrings import paragraph, rendered, signature, summary
+from tubular_dea.emit import tables
+from tubular_dea.emit.folded import ROOM
 from tubular_dea.laws import laws
 from tubular_dea.model.dea import tubular_dea as tube
+from tubular_dea.model.declare import Model
 from tubular_dea.plants import aorta
+from tubular_dea.plants import tube as tube_plant
 from tubular_dea.plants.effects import catalogue
+from tubular_dea.plants.plant import Plant
 
 TANKS = Path(__file__).parents[1] / "cosim_examples" / "plants" / "cascaded_tanks.py"
 
@@ -67,6 +72,31 @@ def test_equations_parameters_and_options_are_there(page: html.HtmlElement) -> N
     late = entries(page, "What TubularDEA may lack")["pressure_delay"].text_content()
     assert "delayed_pressure=pressure(-pressure_delay+time)" in late.replace(" ", "")
     assert "--optimise" in entries(page, "Commands")["assist"].text_content()
+
+
+def test_wide_equations_are_folded_into_lines(page: html.HtmlElement) -> None:
+    rows = [row for row in entries(page, "Models")["TubularDEA"].iter("tr") if list(row.iter("math"))]
+    equations = {row[0].text_content(): row for row in rows}
+    assert list(equations["tube_volume"].iter("mtable")) and not list(equations["lambda_1"].iter("mtable"))
+    for name in ("tube_volume", "current"):
+        lines = [cell for cell in equations[name].iter("mtd") if not list(cell.iter("mtable"))]
+        assert len(lines) >= 3
+        assert max(len(line.text_content()) for line in lines) < ROOM
+
+
+def test_folding_changes_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same names, numbers and signs in the same order, in every model and effect."""
+    changed = [after for plant in (tube_plant.PLANT, aorta.PLANT) for after in effects_of(plant)]
+    folded = [html.fromstring(tables.body(model)) for model in changed]
+    assert sum(bool(list(page.iter("mtable"))) for page in folded) > 20
+    monkeypatch.setattr(tables, "fold", lambda equation: None)
+    for page, model in zip(folded, changed, strict=True):
+        flat = html.fromstring(tables.body(model))
+        assert [m.text_content() for m in page.iter("math")] == [m.text_content() for m in flat.iter("math")]
+
+
+def effects_of(plant: Plant) -> list[Model]:
+    return [effect(plant.model) for effect in plant.catalogue.values()]
 
 
 def test_off_values_and_usual_sizes(page: html.HtmlElement) -> None:

@@ -62,6 +62,27 @@ def test_bad_specifications_name_the_input(text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("step 0 1 Pa at -3", "expected times from 0 s on but was given -3 s"),  # and not the end, which was not given
+        ("ramp 0 1 Pa from -1 to 2", "expected times from 0 s on but was given -1 s"),
+        ("step 0 1 Pa at 2 until 1", "expected times that rise but was given 2 and 1 s"),
+        ("step 0 1 Pa at 9", "9 s is not before the end of the run (4 s); choose it earlier, or a later end"),
+    ],
+)
+def test_times_are_told_as_they_were_given(text: str, said: str) -> None:
+    with pytest.raises(ProtocolError) as refusal:
+        from_specifications({"pressure": text}, UNITS, 4.0)
+    assert str(refusal.value) == f"pressure: {said}"
+
+
+def test_an_example_is_in_the_inputs_own_unit() -> None:
+    for unit, example in {"m3/s": '"1 m3/s"', "1": '"1"', "V": '"5 kV"', "Pa": '"95 mmHg"'}.items():
+        with pytest.raises(ProtocolError, match=f"cannot read 'x'; expected {example}, "):
+            from_specifications({"drive": "x"}, {"drive": unit}, 4.0)
+
+
+@pytest.mark.parametrize(
     ("lines", "message"),
     [
         (["time [s],pressure [Pa]", "0,1", "1,1"], "line 1: expected a column 'voltage"),

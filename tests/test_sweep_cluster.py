@@ -15,7 +15,7 @@ from tubular_dea.sweep.backends import BackendError, Cluster, Threads, backend
 from tubular_dea.sweep.run import carry_out
 from tubular_dea.sweep.store import Store
 
-distributed = pytest.importorskip("distributed")
+dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
 
 PLAN = steps(points=2048, outputs=["final lambda_2", "max electric_field", "time of snap", "mean radius"])
 
@@ -62,6 +62,20 @@ def test_a_running_scheduler_is_used(client: distributed.Client, tmp_path: Path)
     address = client.scheduler.address
     assert main(["sweep", str(plan), "--out", str(tmp_path / "out"), "--scheduler", address, "--no-report"]) == 0
     assert Store.read(tmp_path / "out").column("radius")[1] > Store.read(tmp_path / "out").column("radius")[0]
+
+
+def test_no_scheduler_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An address that Dask refuses at once. A folder of a sweep that was interrupted stays as it was."""
+    plan, out = tmp_path / "plan.toml", tmp_path / "out"
+    plan.write_text('study = "rest"\noutputs = ["radius"]\n[vary]\nvoltage = ["0 kV", "5 kV"]\n', encoding="utf-8")
+    words, scheduler = ["sweep", str(plan), "--out", str(out), "--no-report"], dask.config.get("scheduler", None)
+    assert main([*words, "--scheduler", "nowhere://127.0.0.1:1"]) == 2
+    assert "the scheduler nowhere://127.0.0.1:1 cannot be reached" in capsys.readouterr().err
+    assert not out.exists() and dask.config.get("scheduler", None) == scheduler
+    assert main(words) == 0
+    before = {path: path.stat().st_mtime_ns for path in (out, *out.rglob("*"))}
+    assert main([*words, "--scheduler", "nowhere://127.0.0.1:1"]) == 2
+    assert {path: path.stat().st_mtime_ns for path in (out, *out.rglob("*"))} == before
 
 
 def test_no_scheduler_there() -> None:

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from coupled import needs, slaves
 from shared_data import shared
+from tubular_dea.api.heart import patient_of
 from tubular_dea.export.package import native_fmu
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.compose import CouplingError, compose
@@ -330,6 +331,8 @@ def test_patients_must_be_whole_and_known() -> None:
         checked_patient({n: v for n, v in whole.items() if n != "C"}, "mine")
     with pytest.raises(PatientError, match="no parameter 'Cc'"):
         checked_patient({**whole, "Cc": 1.0}, "mine")
+    with pytest.raises(PatientError, match="no parameter 'RR'; did you mean R"):  # whatever its unit
+        patient_of({**whole, "RR": "2 mmHg.s/mL"})
     with pytest.raises(PatientError, match="heart_rate: expected 0.3 to 5.0 Hz but was given 75"):
         checked_patient({**whole, "heart_rate": 75.0}, "mine")
 

@@ -24,11 +24,29 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d")  # -5kV is a value, too
+        self.register("type", int, whole_number)  # int and float themselves would say "invalid int value"
+        self.register("type", float, number)
 
     def error(self, message: str) -> NoReturn:
         """One line to stderr, and exit with 2."""
         print(f"{self.prog}: {printable(message)}; see {self.prog} --help", file=sys.stderr)
         sys.exit(2)
+
+
+def whole_number(text: str) -> int:
+    """What every option of `type=int` reads."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a whole number but was given {text!r}") from None
+
+
+def number(text: str) -> float:
+    """What every option of `type=float` reads."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number but was given {text!r}") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

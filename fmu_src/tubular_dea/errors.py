@@ -19,3 +19,15 @@ class ArgumentError(UserError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.argument}{self.text}"
+
+
+class MissingError(ArgumentError):
+    """An argument that is needed and was not given; `example` is a value that would do."""
+
+    def __init__(self, argument: str, text: str, example: str) -> None:
+        super().__init__(argument, text)
+        self.args = (argument, text, example)
+        self.example = example
+
+    def __str__(self) -> str:
+        return f'{super().__str__()}, as in {self.argument}="{self.example}"'

@@ -209,7 +209,7 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
         course = words[:1] in (["step"], ["ramp"]) or re.match(rf"\s*{NUMBER}", text)
         if course and isinstance(problem, UnitError | ProtocolError):
             raise ProtocolError(f"{name}: {problem}") from None
-        example = {"V": "5 kV"}.get(unit, "95 mmHg")
+        example = {"V": "5 kV", "Pa": "95 mmHg"}.get(unit, f"1 {unit}".removesuffix(" 1"))
         raise ProtocolError(
             f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
             f'until 3" or "ramp 0 {example} from 0 to 1", the times in s or another unit; a file holds all inputs '
@@ -250,8 +250,10 @@ def _check_times(begin: float, end: float, stop: float) -> None:
         raise ProtocolError(
             f"{late:g} s is not before the end of the run ({stop:g} s); choose it earlier, or a later end"
         )
-    if not 0 <= begin < end:
-        raise ProtocolError(f"expected times from 0 s on that rise but was given {begin:g} and {end:g} s")
+    if begin < 0:  # the end may be that of the run, which was not given here
+        raise ProtocolError(f"expected times from 0 s on but was given {begin:g} s")
+    if begin >= end:
+        raise ProtocolError(f"expected times that rise but was given {begin:g} and {end:g} s")
 
 
 def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:

@@ -210,6 +210,31 @@ def test_long_names_numbers_and_lines_look_as_they_are(page: Page) -> None:
     assert told == ["-32.03177", 0, "C_<wbr>2"]
 
 
+@pytest.mark.parametrize("width", [1200, 400])
+def test_labels_break_between_words_only(page: Page, width: int) -> None:
+    """No two letters of a word of a label are in different lines."""
+    page.size(width)
+    page.show("heart")
+    labels, broken = page.run("""
+        for (const d of document.querySelectorAll("#view-heart .side details")) d.open = true;
+        const top = (node, i) => {
+          const range = document.createRange();
+          range.setStart(node, i);
+          range.setEnd(node, i + 1);
+          return range.getBoundingClientRect().top;
+        };
+        const labels = [...document.querySelectorAll("#view-heart .field label")];
+        const letters = (node) => [...node.data ?? ""].map((letter, i) => [letter, top(node, i)]);
+        const broken = (label) => [...label.childNodes].flatMap(letters).some(([letter, y], k, all) => {
+          const [before, above] = k ? all[k - 1] : [" ", y];
+          return letter !== " " && before !== " " && Math.abs(y - above) > 5;
+        });
+        return [labels.length, labels.filter(broken).map((label) => label.textContent)];
+    """)
+    page.size(1280)
+    assert labels > 30 and broken == []
+
+
 def test_by_hand_the_record_follows_the_sliders_and_can_be_taken_back(page: Page) -> None:
     page.run("""
         for (const name of ["pressure", "voltage"]) lab.change("tube", (s) => { s.tube.inputs[name].kind = "hand"; });

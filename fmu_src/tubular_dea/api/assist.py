@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..cosim.beats import FIGURES
 from ..cosim.course import Course, follow
 from ..cosim.heart_assist import models
-from ..cosim.hold import RADIUS, held_radius
+from ..cosim.hold import RADIUS, Held, held_radius, how_held
 from ..cosim.master import Run
 from ..files import write_atomically
 from . import tables
@@ -52,6 +52,11 @@ class AssistResult:
         """Both runs by name."""
         return {WITHOUT: self.without, WITH: self.assisted}
 
+    @property
+    def held(self) -> Held | None:
+        """How well a controller held its radius during the pulses; None without one, and where none got there."""
+        return how_held(self.assisted, self.loop.settings) if self.loop.controlled else None
+
     def change(self, figure: str) -> float | None:
         """Relative change of a figure's mean, such as ``"stroke_work"``; None where it is not meaningful."""
         return self.course.change(figure)
@@ -61,7 +66,11 @@ class AssistResult:
         rows = self.course.rows()
         width = max(len(row[0]) for row in rows)
         judged = f"over {self.course.judged_words}"
-        said = [self.verdict, f"{judged:{width}}  {'without':>8}  {'with, mean ± sd':>16}  {'worst':>8}  change"]
+        said = [
+            self.verdict,
+            *self._hold(),
+            f"{judged:{width}}  {'without':>8}  {'with, mean ± sd':>16}  {'worst':>8}  change",
+        ]
         for label, without, with_, worst, change in rows:
             said.append(f"{label:{width}}  {without:>8}  {with_:>16}  {worst:>8}  {change}".rstrip())
         return [*said, *(f"{what:{width}}  {number:>8}" for what, number in self.course.counts())]
@@ -83,7 +92,7 @@ class AssistResult:
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain values, as summary.json has it."""
         told = {"patient": self.loop.patient_name, "settings": dict(self.loop.settings)}
-        return self.course.summary() | told
+        return self.course.summary() | told | ({"held": asdict(self.held)} if self.held else {})
 
     def plot(self, figure: Figure | None = None) -> Figure:
         """Pressure-volume loops without and with assist; drawn into `figure` if it is given."""
@@ -117,16 +126,24 @@ class AssistResult:
 
         out = Path(out)
         paths = [run.write(out / f"{name.replace(' ', '_')}.csv") for name, run in self.runs.items()]
-        paths += drawn.write(out, self.runs, self.course, [self._note()], self.limits(), self.loop.rhythm.shown())
+        paths += drawn.write(
+            out, self.runs, self.course, [self._note(), *self._hold()], self.limits(), self.loop.rhythm.shown()
+        )
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
         paths.append(write_atomically(out / "summary.json", text.encode()))
         return paths if self.loop.controlled else [*paths, self._page(out)]
+
+    def _hold(self) -> list[str]:
+        """How well the radius was held, where one was to be."""
+        if not self.loop.controlled:
+            return []
+        return [self.held.text if self.held else "No pulse was long enough for the tube to get to the radius to hold."]
 
     def _note(self) -> str:
         settings, stepping = self.loop.settings, self.loop.stepping
         pulses = f"of {settings['scheduler.voltage_on'] / 1e3:g} kV"
         if RADIUS in settings:
-            pulses = f"at a held radius of {1e3 * settings[RADIUS]:g} mm"
+            pulses = f"to hold a radius of {1e3 * settings[RADIUS]:g} mm"
         return (
             f"Patient {self.loop.patient_name}, tube {self.loop.parts['tube'].title}, pulses {pulses}; "
             f"{stepping.scheme} coupling, communication step {stepping.step:g} s."

@@ -126,7 +126,8 @@ def compare(
         patient, voltage, beats, tube, settings, Rhythm.of(ecg, lead, r_times), Stepping(scheme, step, variable)
     )
     chosen = {
-        name: {**loop.settings, **settings_of(loop.parts, _spelled(case), "cases")} for name, case in cases.items()
+        name: {**loop.settings, **settings_of(loop.parts, _spelled(case), "cases", [VOLTAGE])}
+        for name, case in cases.items()
     }
     return ComparisonResult(loop, *run_cases(loop, chosen, progress), chosen)
 

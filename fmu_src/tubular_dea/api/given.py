@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -96,17 +97,19 @@ def parameters_of(model: Model, given: Mapping[str, Amount] | None, argument: st
 
 
 def settings_of(
-    parts: Mapping[str, Model], given: Mapping[str, Amount] | None, argument: str = "settings"
+    parts: Mapping[str, Model], given: Mapping[str, Amount] | None, argument: str = "settings", also: Sequence[str] = ()
 ) -> dict[str, float]:
-    """The same of a system, by "part.name"."""
+    """The same of a system, by "part.name"; `also` are other names there are, which the caller has taken out."""
     values = {}
     for full, value in _items(given):
         part, _, name = full.partition(".")
         if part not in parts:
+            known = [*also, *(f"{p}.{q.quantity.name}" for p, model in parts.items() for q in model.parameters)]
+            close = difflib.get_close_matches(full, known, n=1)
             raise ArgumentError(
                 argument,
                 f" {full}={value}: expected {', '.join(parts)}, a dot, a parameter and a value, as in "
-                "heart.C=1.2mL/mmHg",
+                f"heart.C=1.2mL/mmHg{f'; did you mean {close[0]}?' if close else ''}",
             )
         values[full] = _value(argument, full, _declared(argument, parts[part], name, full, value), value)
     return values

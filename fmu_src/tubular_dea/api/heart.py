@@ -19,7 +19,7 @@ from ..files import write_atomically
 from ..model.dea import tubular_dea
 from ..model.declare import Model
 from ..model.patient_files import as_toml, read_patient
-from ..model.windkessel import PARAMETERS, checked_patient
+from ..model.windkessel import PARAMETERS, check_known, checked_patient
 from ..plants.saved import as_json
 from .given import Amount, AnyModel, amount, settings_of, tube_of
 
@@ -162,6 +162,7 @@ def patient_of(patient: AnyPatient) -> dict[str, float]:
     """A patient's values (SI) by name, from a TOML file, or given one by one."""
     if not isinstance(patient, Mapping):
         return read_patient(str(patient))
+    check_known(patient, "patient")
     units = {p.quantity.name: p.quantity.unit for p in PARAMETERS}
-    values = {name: amount(v, units.get(name, "1"), f"patient {name}") for name, v in patient.items()}
+    values = {name: amount(v, units[name], f"patient {name}") for name, v in patient.items()}
     return checked_patient(values, "patient")

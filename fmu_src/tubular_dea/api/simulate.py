@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import tabular
-from ..errors import ArgumentError
+from ..errors import ArgumentError, MissingError
 from ..files import write_atomically
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
-from ..model.declare import Model, nearest
-from ..model.units import factor
+from ..model.declare import Model, Quantity, nearest
+from ..model.units import factor, three
 from ..plants.load import shipped_of
 from ..plants.plant import Plant
 from ..protocol import INTERVAL, STOP, Protocol, from_specifications, read_csv
@@ -182,15 +182,16 @@ def simulate(
     chosen = model_of(model, plant)
     named = {**inputs, **signals} if isinstance(inputs, Mapping) else signals
     timed = None if isinstance(inputs, Mapping) else inputs
+    # What was given is judged before what was not: who mistyped a value should not be told of the next one first.
+    values, spacing = parameters_of(chosen, parameters), amount(interval, "s", "interval")
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     protocol = _protocol(chosen, timed, named, stop)
     remarks: tuple[str, ...] = ()
     if isinstance(timed, str | Path):
         owner = plant if plant is not None else model if isinstance(model, Plant) else shipped_of(chosen.name)
         remarks = tuple(_odd(Path(timed), protocol, plant_of(owner))) if owner is not None else ()
-    values = parameters_of(chosen, parameters)
-    sampled = _times(protocol, amount(interval, "s", "interval")) if times is None else np.asarray(times, dtype=float)
-    if not 1e-12 <= tolerance <= 1e-2:
-        raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
+    sampled = _times(protocol, spacing) if times is None else np.asarray(times, dtype=float)
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
@@ -210,14 +211,25 @@ def _protocol(
     if timed is not None:
         if named or stop is not None:
             other = next(iter(named), "stop")
-            raise ArgumentError(other, ": it and inputs over a time of their own exclude each other; give one of them")
+            raise ArgumentError(
+                other, " and inputs exclude each other: these inputs have times of their own; give one of the two"
+            )
         return timed if isinstance(timed, Protocol) else read_csv(Path(timed), units)
-    missing = [name for name in units if name not in named]
-    if missing:
-        raise ArgumentError(missing[0], f" is missing: expected a file of inputs, or each of {', '.join(units)}")
     end = STOP if stop is None else amount(stop, "s", "stop")
     texts = {n: v if isinstance(v, str) else f"{amount(v, units[n], n):.17g}" for n, v in named.items()}
-    return from_specifications(texts, units, end)
+    protocol = from_specifications(texts, units, end)
+    missing = [q for q in model.inputs if q.name not in named]
+    if missing:
+        text = f" is missing: expected a file of inputs, or each of {', '.join(units)}"
+        raise MissingError(missing[0].name, text, _step_of(missing[0], end))
+    return protocol
+
+
+def _step_of(q: Quantity, stop: float) -> str:
+    """A step of an input to its usual size, within a run until `stop` [s], as somebody would write it."""
+    unit = q.display_unit or q.unit
+    height = f"{three(q.nominal / factor(unit, q.unit))} {unit}".removesuffix(" 1")
+    return f"step 0 {height} at {three(stop / 5)}"
 
 
 def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:

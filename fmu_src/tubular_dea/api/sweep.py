@@ -170,6 +170,6 @@ def sweep(
         out = tempfile.mkdtemp(prefix="tubular-dea-sweep-")
         weakref.finalize(made, shutil.rmtree, out, ignore_errors=True)  # the plan goes with the result
     folder = path_of(out, "out")
-    Store.open(folder, made)  # refuses a folder of another plan before a cluster is started
+    Store.checked(folder, made)  # refuses one of another plan before a cluster is started, which may fail: no writing
     with backend(workers, local_cluster, scheduler) as computing:
         return SweepResult(made, carry_out(made, folder, computing, progress))

@@ -35,6 +35,7 @@ NEEDS = {**dict.fromkeys(OPTIMISED, "optimise"), "lead": "ecg"}  # options, each
 STEADY = "the best pulse is sought in a steady beat"
 PULSES = "a controller chooses the voltage of its pulses itself"
 EXCLUDED = (  # options that contradict each other, and why
+    ("ecg", "r_times", "each of them says when the heart beats"),
     ("optimise", "ecg", STEADY),
     ("optimise", "r_times", STEADY),
     ("optimise", "compare", "one seeks the best pulse, the other runs given ones"),

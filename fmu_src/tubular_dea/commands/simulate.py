@@ -14,7 +14,7 @@ from pathlib import Path
 import tubular_dea as td
 
 from ..emit.tables import shown
-from ..errors import UserError
+from ..errors import MissingError, UserError
 from ..model.dea import tubular_dea
 from ..protocol import INTERVAL, STOP
 from .settings import add_plant, settings
@@ -24,6 +24,8 @@ EXAMPLE = """example:
   tubular-dea simulate --inputs bench.csv --set C_1=340kPa --out run
   tubular-dea simulate --model closed/model.json --pressure "95 mmHg" --voltage "step 0 5 kV at 1" --out found
   tubular-dea simulate --plant cosim_examples/plants/mock_loop.py --input "flow=step 0 90 mL/s at 1" --out loop"""
+
+OPTIONS = ("pressure", "voltage")  # inputs that have an option of their own
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,14 +60,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate and write response.csv and response.png."""
-    given = {name: getattr(options, name) for name in ("pressure", "voltage") if getattr(options, name) is not None}
+    _check_together(options)
+    try:
+        response = _response(options, _given(options))
+    except MissingError as problem:
+        name, own = problem.argument, problem.argument in OPTIONS
+        example = f'--{name} "{problem.example}"' if own else f'--input "{name}={problem.example}"'
+        raise UserError(f"{'--' if own else ''}{name}{problem.text}, as in {example}") from None
+    for remark in response.remarks:  # only a warning: a small signal may be intended
+        print(f"warning: {remark}", file=sys.stderr)
+    print(f"wrote {' and '.join(map(str, response.report(options.out)))}")
+    for line in response.lines():
+        print(line)
+
+
+def _check_together(options: argparse.Namespace) -> None:
+    """`UserError` for a file of inputs beside what it holds itself."""
+    for name in (*OPTIONS, "input", "stop"):
+        if options.inputs is not None and getattr(options, name) not in (None, []):
+            raise UserError(
+                f"--inputs and --{name} exclude each other: the file has all inputs, and the times; give one of the two"
+            )
+
+
+def _given(options: argparse.Namespace) -> dict[str, str]:
+    """The specifications by input; `UserError` for an input that is given twice."""
+    given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     for text in options.input:
         name, _, specification = (part.strip() for part in text.partition("="))
         if name in given:
             also = f"--{name}" if getattr(options, name, None) is not None else f"another --input {name}=..."
             raise UserError(f"--input {text} and {also} give the same input; give it once")
         given[name] = specification
-    response = td.simulate(
+    return given
+
+
+def _response(options: argparse.Namespace, given: dict[str, str]) -> td.SimulationResult:
+    return td.simulate(
         options.model or td.load_plant(options.plant),
         options.inputs or given,
         stop=options.stop,
@@ -73,10 +104,4 @@ def run(options: argparse.Namespace) -> None:
         parameters=settings(options.set, "parameters"),
         tolerance=options.tolerance,
         plant=options.plant,
-        **(given if options.inputs else {}),
     )
-    for remark in response.remarks:  # only a warning: a small signal may be intended
-        print(f"warning: {remark}", file=sys.stderr)
-    print(f"wrote {' and '.join(map(str, response.report(options.out)))}")
-    for line in response.lines():
-        print(line)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
-from ..files import read_whole
+from ..files import FileError, read_whole
 from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
 from ..tabular import TableError, rows
@@ -98,8 +98,8 @@ def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     wanted = f"the columns 'time [s]' and '{lead or 'ecg'} [mV]'"
     try:
         table = rows(path)
-    except TableError as problem:
-        raise HeartbeatError(f"{path}: expected {wanted}: {problem}") from None
+    except TableError as problem:  # names the file itself
+        raise HeartbeatError(str(problem)) from None
     if len(table) < 3:
         below = max(0, len(table) - 1)
         raise HeartbeatError(f"{path}: expected {wanted} and at least two rows of numbers below but found {below}")
@@ -135,7 +135,9 @@ def read_r_times(path: Path) -> np.ndarray:
     """R times [s], one a line (what follows a comma is not read); `HeartbeatError` where they do not ascend."""
     try:
         lines = read_whole(path).decode("utf-8").splitlines()
-    except (OSError, ValueError) as problem:
+    except FileError as problem:  # says all there is to say, and names the file
+        raise HeartbeatError(str(problem)) from None
+    except ValueError as problem:
         raise HeartbeatError(f"{path}: expected one R time [s] a line: {problem}") from None
     there = [i for i, line in enumerate(lines, 1) if line.strip()]
     times = _ascending(path, there, [_number(path, i, lines[i - 1].split(",")[0].strip()) for i in there])

@@ -13,6 +13,7 @@ from .. import __version__
 from ..docstrings import rendered
 from ..model import units
 from ..model.declare import TIME, Definition, Delay, Model, Parameter, Quantity, State
+from .folded import fold
 from .variables import Variable, variables
 
 SCROLLS = """
@@ -30,7 +31,10 @@ h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; border-bottom: 2px solid #
 table { border-collapse: collapse; width: 100%; } td, th { text-align: left; padding: .25rem .7rem .25rem 0;
 border-bottom: 1px solid #dde3e8; vertical-align: top; } td.n { white-space: nowrap; } code { font-size: .95em; }
 pre { background: #f3f5f7; padding: 1rem; overflow-x: auto; font-size: 13px; line-height: 1.25; }
-math { font-size: 1.05em; } .eq { width: 0; min-width: min(100%, 36rem); max-width: 36rem; }
+math { font-size: 1.05em; font-family: "STIX Two Math", "Cambria Math", "Latin Modern Math", "Noto Sans Math",
+"DejaVu Math TeX Gyre", math; } /* "math" alone may be a font in which no root grows with what is under it */
+.lines > mtr > mtd { text-align: left; padding: .1em 0; } .lines > mtr + mtr > mtd { padding-left: 1em; }
+.eq { width: 0; min-width: min(100%, 36rem); max-width: 36rem; }
 .note { color: #5b6b7a; font-size: .9em; } .src { color: #6b7a88; }
 @media (max-width: 40rem) { td.n { white-space: normal; overflow-wrap: anywhere; min-width: 5rem; } }
 """
@@ -218,5 +222,7 @@ class _MathML(MathMLPresentationPrinter):
 
 
 def _math(left: sympy.Symbol, right: sympy.Expr) -> str:
-    text = _MathML({"mul_symbol": "dot"}).doprint(sympy.Eq(left, right, evaluate=False))
+    equation = _MathML({"mul_symbol": "dot"})._print(sympy.Eq(left, right, evaluate=False))
+    fold(equation)
+    text = equation.toxml().encode("ascii", "xmlcharrefreplace").decode()
     return f'<math displaystyle="true">{text}</math>'

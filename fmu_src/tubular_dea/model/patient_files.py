@@ -11,7 +11,7 @@ from ..files import read_whole
 from .declare import nearest
 from .patients import PATIENTS
 from .units import UnitError, quantity
-from .windkessel import PARAMETERS, checked_patient, patient
+from .windkessel import PARAMETERS, check_known, checked_patient, patient
 
 BASE = "based_on"
 
@@ -28,7 +28,7 @@ def read_patient(text: str) -> dict[str, float]:
         return patient(text)  # tells which patients there are
     try:
         given = tomllib.loads(read_whole(path).decode())
-    except (OSError, ValueError, RecursionError) as problem:
+    except (ValueError, RecursionError) as problem:
         raise UserError(f"{path}: cannot be read as a patient set: {problem}") from None
     base = given.pop(BASE, None)
     if base is not None and (not isinstance(base, str) or base not in PATIENTS):
@@ -36,6 +36,7 @@ def read_patient(text: str) -> dict[str, float]:
     tables = [name for name, value in given.items() if isinstance(value, dict)]
     if tables:
         raise UserError(f"{path}: [{tables[0]}]: expected no tables; write the keys at the top of the file")
+    check_known(given, path.name)  # before the values: of a parameter that is not known there is no unit to expect
     values = {name: _value(path, name, value) for name, value in given.items()}
     return checked_patient({**(patient(base) if base else {}), **values}, path.name)
 
@@ -47,10 +48,10 @@ def as_toml(values: Mapping[str, float]) -> str:
 
 
 def _value(path: Path, name: str, value: object) -> float:
-    declared = {p.quantity.name: p.quantity for p in PARAMETERS}
+    units = {p.quantity.name: p.quantity.unit for p in PARAMETERS}
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise UserError(f'{path}: {name}: expected a number, or text like "1.2 mL/mmHg", and nothing else')
     try:
-        return quantity(str(value), declared[name].unit if name in declared else "1")
+        return quantity(str(value), units[name])
     except UnitError as problem:
         raise UserError(f"{path}: {name}: {problem}") from None

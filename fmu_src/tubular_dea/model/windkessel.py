@@ -46,7 +46,7 @@ Usage::
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import sympy
 from sympy import tanh
@@ -241,12 +241,18 @@ def patient(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
     return checked_patient({**PATIENTS[name], **(changes or {})}, name)
 
 
+def check_known(given: Iterable[str], name: str) -> None:
+    """`PatientError` for the first name given to the patient `name` that is none of its parameters."""
+    known = [p.quantity.name for p in PARAMETERS]
+    for parameter in given:
+        if parameter not in known:
+            raise PatientError(f"patient {name!r}: there is no parameter {parameter!r}{nearest(parameter, known)}")
+
+
 def checked_patient(values: Mapping[str, float], name: str) -> dict[str, float]:
     """`values` if they are a whole patient set: every name known, none missing, each within its bounds."""
+    check_known(values, name)
     declared = {p.quantity.name: p.quantity for p in PARAMETERS}
-    for given in values:
-        if given not in declared:
-            raise PatientError(f"patient {name!r}: there is no parameter {given!r}{nearest(given, declared)}")
     missing = [n for n in PATIENTS["healthy"] if n not in values]
     if missing:
         q = declared[missing[0]]

@@ -112,7 +112,8 @@ def backend(
     distributed = load("distributed", "a cluster", "sweep")
     if scheduler is not None:
         try:
-            client = distributed.Client(scheduler, timeout=timeout)
+            # As the default, one that fails at its address would leave Dask set to a cluster that is not there.
+            client = distributed.Client(scheduler, timeout=timeout, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as problem:
             raise BackendError(
                 f"the scheduler {scheduler} cannot be reached: {problem}; give its address, or none"

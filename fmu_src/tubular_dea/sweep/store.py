@@ -56,6 +56,15 @@ class Store:
     @staticmethod
     def open(folder: Path, plan: Plan) -> Store:
         """The store of `plan` in `folder`, begun or continued; `StoreError` where the folder is not this plan's."""
+        store = Store.checked(folder, plan)
+        path = folder / "manifest.json"
+        if not path.exists():
+            write_atomically(path, (json.dumps(asdict(store.manifest), indent=1) + "\n").encode())
+        return store
+
+    @staticmethod
+    def checked(folder: Path, plan: Plan) -> Store:
+        """As `open`, but nothing is written: the folder may be not there yet."""
         arrow()
         mine = Manifest(
             FORMAT, plan.name, plan.fingerprint, plan.design.rows, part_size(plan.design.rows), plan.columns
@@ -67,7 +76,6 @@ class Store:
             raise StoreError(f"{folder}: it is not empty and holds no sweep; give another folder, or empty it")
         else:
             check_room(plan, folder)
-            write_atomically(path, (json.dumps(asdict(mine), indent=1) + "\n").encode())
         return Store(folder, mine)
 
     @staticmethod

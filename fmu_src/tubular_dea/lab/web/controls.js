@@ -52,7 +52,7 @@ function field(q, { label, get, set, reset = null, range = null, hint = "", rema
   for (const kind of ["change", "blur"]) number.addEventListener(kind, leave);
   slider?.addEventListener("input", () => take(span.value(Number(slider.value) / 1000)));
   const back = reset && make("button.reset", { type: "button", "aria-label": `Reset ${text}`, title: "Reset", onclick: () => take(reset()) }, "↺");
-  const element = make("div.field", {}, make("label", { for: id, title: hint || q.description || "" }, ...breakable(text)), number, unit, back ?? make("span"), slider, problem);
+  const element = make("div.field", {}, make("label", { for: id, title: hint || q.description || "" }, ...breakable(text)), make("span.entry", {}, number, unit, back), slider, problem);
   element.refresh = show_;
   queueMicrotask(show_);
   return element;
