@@ -262,7 +262,7 @@ def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(mon
     monkeypatch.setattr(parameters, "interval", lambda fitted, n: (0.98 * fitted.values[n], 1.02 * fitted.values[n]))
 
     def far(k_2: float) -> list[str]:
-        fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]}, undetermined=tuple)
+        fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]})
         return parameters.implausible(PLANT, ("k_2", "C_1"), fitted)
 
     assert far(known["k_1"]) == []

@@ -49,7 +49,7 @@ def implausible(plant: Plant, names: Collection[str], fitted: Fit) -> list[str]:
     One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
     """
     declared = plant.model.parameter_values()
-    judged = [n for n in names if n not in fitted.undetermined() and declared[n] != 0]
+    judged = [n for n in names if declared[n] != 0]
     places = {n: [n, *(e.pairs[n] for e in plant.exchanges if n in e.pairs)] for n in judged}
 
     def far(name: str, place: str) -> bool:

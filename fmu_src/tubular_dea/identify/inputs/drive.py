@@ -229,12 +229,19 @@ def drives(
     Its amplifier rises alike in all of them, and its monitors' noise has one colour.
     """
     levels = _levels(experiments, inputs, noise, remembers)
-    rises = {s.name: _rise(experiments, s.name, [n[s.name] for n in levels]) for s in inputs if not s.band_limited}
+    rises = {s.name: _risen(experiments, s, [n[s.name] for n in levels]) for s in inputs if not s.band_limited}
     mains = {s.name: _mains(experiments, s.name) for s in inputs if s.linear}
     return [
         drive(e, inputs, n, e.trigger, rises, mains=mains, remembers=remembers)
         for e, n in zip(experiments, levels, strict=True)
     ]
+
+
+def _risen(experiments: Sequence[Experiment], signal: Input, noise: Sequence[float]) -> Rise | None:
+    """How an input rises, as those records tell that have edges of it: of one that is not held, those that only step."""
+    each = zip(experiments, noise, strict=True)
+    own = [(e, n) for e, n in each if signal.held or _only_steps(e, signal.name, n)]
+    return _rise([e for e, _ in own], signal.name, [n for _, n in own])
 
 
 def _rise(experiments: Sequence[Experiment], name: str, noise: Sequence[float]) -> Rise | None:
