@@ -238,7 +238,7 @@ def drives(
 
 
 def _risen(experiments: Sequence[Experiment], signal: Input, noise: Sequence[float]) -> Rise | None:
-    """How an input rises, as those records tell that have edges of it: of one that is not held, those that only step."""
+    """How an input rises, as those records tell that have edges of it: if it is not held, those that only step."""
     each = zip(experiments, noise, strict=True)
     own = [(e, n) for e, n in each if signal.held or _only_steps(e, signal.name, n)]
     return _rise([e for e, _ in own], signal.name, [n for _, n in own])
