@@ -193,7 +193,7 @@ def _moves(found: Discovery, name: str) -> bool:
 
 def _partly(found: Discovery) -> list[str]:
     """What is left where it is more than noise is in no interval."""
-    if found.verdict not in ("partly_explained", "unexplained"):
+    if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return []
     return [
         "The intervals of parameters hold if nothing else is missing. Something is: the parameters may compensate "
