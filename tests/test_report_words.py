@@ -13,6 +13,7 @@ import made_up
 from tubular_dea import add_effects
 from tubular_dea.api import identify, simulate
 from tubular_dea.cosim import course
+from tubular_dea.discover.alternatives.backwards import Backwards
 from tubular_dea.discover.alternatives.zeros import Shift
 from tubular_dea.discover.answer import outcome, remarks
 from tubular_dea.discover.options import residuals
@@ -68,7 +69,7 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
     monkeypatch.setattr(close_loop, "still", lambda found: "load barely moves in any experiment")
     held = [SimpleNamespace(name="ramp, second half")]
-    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None, missed=None)
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None, missed=None, turned=None)
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6, "unit": "m"}
     told = {"published": errors, "recalibrated": errors, "after": errors}
     first, second, third = close_loop.error_lines(found, told)
@@ -81,6 +82,9 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
         declared
         == "The model as declared, without any refit, predicts the held-out experiments with an error of 15.2 um."
     )
+    found.turned = Backwards(("measured_displacement",), 0.06)
+    _, sign, *_ = close_loop.error_lines(found, told)
+    assert sign.startswith("radius seems to be counted the other way: with its sign changed") and "misses 6%" in sign
 
 
 def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allow(
