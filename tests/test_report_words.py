@@ -197,7 +197,7 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
 
 
 def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outcome, "implausible", lambda plant, names, fitted: [])
+    monkeypatch.setattr(outcome, "implausible", lambda plant, fitted: [])
     found, page = isolated(True, shifted=False), Page("a", "b")
     close_loop._channels(page, found, outcome.channel(found))
     assert "uncertain" not in page.document() + outcome.advice(found)
@@ -207,7 +207,7 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(("far", "told"), [(["C_3"], "electrical"), (["C_2", "C_3"], "mechanical")])
 def test_one_implausible_parameter_tells_no_channel(monkeypatch: pytest.MonkeyPatch, far: list[str], told: str) -> None:
     """C_3 hardly matters at moderate stretches, so that anything that is missing may move it."""
-    monkeypatch.setattr(outcome, "implausible", lambda plant, names, fitted: far)
+    monkeypatch.setattr(outcome, "implausible", lambda plant, fitted: far)
     assert outcome.channel(isolated(False, shifted=False)) == told
 
 
@@ -266,8 +266,8 @@ def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(mon
     monkeypatch.setattr(parameters, "interval", lambda fitted, n: (0.98 * fitted.values[n], 1.02 * fitted.values[n]))
 
     def far(k_2: float) -> list[str]:
-        fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]})
-        return parameters.implausible(PLANT, ("k_2", "C_1"), fitted)
+        fitted = SimpleNamespace(values={"k_2": k_2, "C_1": known["C_1"]}, names=("k_2", "C_1"))
+        return parameters.implausible(PLANT, fitted)
 
     assert far(known["k_1"]) == []
     assert far(10 * known["k_1"]) == ["k_2"]

@@ -90,11 +90,8 @@ def how_held(run: Run, settings: Mapping[str, float]) -> Held | None:
         return None
     start = begins[np.maximum(np.searchsorted(begins, np.arange(on.size), side="right") - 1, 0)]
     rise = _rise(np.abs(radius - run["tube.radius"][start]), settings)
-    error, limited, span = (
-        run["tube.radius"] - radius,
-        run["controller.limited"],
-        np.diff(run.time, append=run.time[-1]),
-    )
+    error, limited = run["tube.radius"] - radius, run["controller.limited"]
+    span = np.diff(run.time, append=run.time[-1])
     there = on & (run.time - run.time[start] >= rise) & (span > 0)
     if not there.any():
         return None

@@ -157,12 +157,11 @@ def discover(
     wandering = _wandering(work, found)
     shifted = zeros.impossible(work, found.chosen)
     missed = second_output.missed(work, found.chosen)
-    verdict = decide(found, held, equivalent, wandering is not None, shifted is not None, missed is not None)
+    odd = [one is not None for one in (wandering, shifted, missed, turned)]
+    verdict = decide(found, held, equivalent, *odd)
     strained = _strained(found, described) if verdict in ("effect_found", "ambiguous") else ()
     if strained:
         verdict = "partly_explained"
-    if turned is not None:  # whatever explains an output of the wrong sign is not there
-        verdict, strained = "unexplained", ()
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
     found.chosen = described
@@ -323,13 +322,17 @@ def decide(
     wanders: bool = False,
     shifted: bool = False,
     missed: bool = False,
+    turned: bool = False,
 ) -> str:
     """no_effect, effect_found, ambiguous, partly_explained or unexplained.
 
     `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do; `shifted`
     whether a file would need a zero that no sensor has; `missed` whether an output that takes no part in fits shows
-    something that the model does not have.
+    something that the model does not have; `turned` whether one is counted the other way, so that what explains it is
+    not there.
     """
+    if turned:
+        return "unexplained"
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     if shifted:
         return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
@@ -350,9 +353,8 @@ def _strained(found: Search, described: Option) -> tuple[str, ...]:
 
     Then the effects stand for something else, or for a part of it, and these parameters make up for the rest.
     """
-    plant, base = found.study.plant, found.base.fitted
-    before = implausible(plant, base.names, base)
-    return tuple(n for n in implausible(plant, base.names, described.fitted) if n not in before)
+    before = implausible(found.study.plant, found.base.fitted)
+    return tuple(n for n in implausible(found.study.plant, described.fitted) if n not in before)
 
 
 def supported(work: Study, found: Search, described: Option) -> bool:

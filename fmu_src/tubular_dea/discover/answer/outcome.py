@@ -176,7 +176,7 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
         own = _own_channel(found, found.missed.output)
         return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
     known = found.study.plant.own_channels
-    moved = [n for n in implausible(found.study.plant, found.base.fitted.names, found.base.fitted) if n in known]
+    moved = [n for n in implausible(found.study.plant, found.base.fitted) if n in known]
     for own in dict.fromkeys(known[n] for n in moved):
         names = [n for n in moved if known[n] == own]
         if len(names) >= TELL_CHANNEL:  # far from where they belong, they have taken up what their own part lacks

@@ -149,7 +149,7 @@ def _swinging(found: Discovery, wave: Oscillation) -> str:
 
 def _implausible(found: Discovery) -> list[str]:
     said = []
-    for name in implausible(found.study.plant, found.base.fitted.names, found.named.fitted):
+    for name in implausible(found.study.plant, found.named.fitted):
         value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
         q = found.study.plant.quantity(name)
         lacks = "unless that was a first guess, it compensates for something that the model lacks"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 
 from ...identify.fitting.fit import Fit
@@ -43,13 +41,13 @@ def lost(plant: Plant, fitted: Fit) -> bool:
     return any(abs(scaled - free.to_scaled(declared[free.name])) > LOST_FIT for free, scaled in there)
 
 
-def implausible(plant: Plant, names: Collection[str], fitted: Fit) -> list[str]:
-    """The plant's own parameters among `names` that are implausible all over their intervals.
+def implausible(plant: Plant, fitted: Fit) -> list[str]:
+    """The fitted parameters of the plant's own that are implausible all over their intervals.
 
     One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
     """
     declared = plant.model.parameter_values()
-    judged = [n for n in names if declared[n] != 0]
+    judged = [n for n, value in declared_values(plant, fitted).items() if value != 0]
     places = {n: [n, *(e.pairs[n] for e in plant.exchanges if n in e.pairs)] for n in judged}
 
     def far(name: str, place: str) -> bool:

@@ -84,14 +84,18 @@ class Mislabelling:
 
 def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
-    for name in [*(s.name for s in plant.inputs), *outputs, TIME]:
-        known = TIMES if name == TIME else FACTORS.get(plant.quantity(name).unit, OTHERWISE)
-        for factor, words in known.items():
-            yield Mislabelling(name, factor, words)
-            swapped = " or ".join(_swapped(w) for w in words.split(" or "))
-            yield Mislabelling(name, 1 / factor, INVERSE.get(words, swapped))
-        if name != TIME:
-            yield Mislabelling(name, -1.0, "counted the other way")
+    for name in [*(s.name for s in plant.inputs), *outputs]:
+        yield from _both_ways(name, FACTORS.get(plant.quantity(name).unit, OTHERWISE))
+        yield Mislabelling(name, -1.0, "counted the other way")
+    yield from _both_ways(TIME, TIMES)
+
+
+def _both_ways(name: str, factors: Mapping[float, str]) -> Iterator[Mislabelling]:
+    """Numbers so many times too large, and so many times too small."""
+    for factor, words in factors.items():
+        yield Mislabelling(name, factor, words)
+        swapped = " or ".join(_swapped(w) for w in words.split(" or "))
+        yield Mislabelling(name, 1 / factor, INVERSE.get(words, swapped))
 
 
 def _swapped(words: str) -> str:
