@@ -129,6 +129,20 @@ def test_a_name_is_earned_on_data_that_no_fit_has_seen(unseen: float, excess: fl
     assert engine.decide(found(BASE, chosen), 9.0, {"lag": []}) == ("partly_explained" if named else "unexplained")
 
 
+def test_effects_from_an_equilibrium_take_the_place_of_nothing_where_held_out_data_support_them() -> None:
+    """A null with heartbeats whose start is unknown ended as "unexplained": mullins_softening, that nothing supported.
+
+    Where no effect was found there has to be more than a fit; where one was, the numbers of the starts count too.
+    """
+    nothing, lag, worse = option(excess=100.0), option("lag", excess=60.0), option("set", excess=75.0)
+    supported, denied = option("set"), option("set", held_out=12_000.0)
+    assert engine._explains_more(found(nothing, nothing), found(BASE, supported), 20.0)
+    assert not engine._explains_more(found(nothing, nothing), found(option(excess=LARGE), denied), 20.0)
+    assert not engine._explains_more(found(nothing, nothing), found(BASE, BASE), 20.0)
+    assert engine._explains_more(found(nothing, lag), found(BASE, worse), 20.0)
+    assert not engine._explains_more(found(nothing, lag), found(BASE, worse), 10.0)
+
+
 def test_a_name_is_not_earned_by_chance_on_held_out_data_that_show_little() -> None:
     base = option(excess=LARGE, held_out=12.0)
     assert acceptance.earned(base, option("lag", excess=0.1 * LARGE, held_out=5.9))

@@ -1,4 +1,4 @@
-"""What close-loop costs the first time, with an empty cache, and the second time.
+"""What close-loop costs the first time, with an empty cache, and the second time, and what it answers.
 
 Usage: python tests/benchmarks/first_run.py                     1 000 made-up samples of the silverbox, two states
        python tests/benchmarks/first_run.py DATA [--plant ...]   any arguments of close-loop but --out
@@ -8,6 +8,7 @@ Usage: python tests/benchmarks/first_run.py                     1 000 made-up sa
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import subprocess
@@ -52,15 +53,18 @@ def seconds(arguments: list[str], cache: Path, out: Path) -> tuple[float, float]
 
 
 def main() -> None:
-    """One line each for the first run and the second, and what the first takes more."""
+    """One line each for the first run and the second, what the first takes more, and the verdict (of what is made up:
+    no_effect)."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         (folder / "data").mkdir()
         arguments = sys.argv[1:] or made_up(folder / "data")
         first, second = (seconds(arguments, folder / "cache", folder / "out") for _ in range(2))
+        verdict = json.loads((folder / "out" / "result.json").read_text())["verdict"]
     for name, (wall, processor) in {"first": first, "second": second}.items():
         print(f"{name}: wall {wall:.1f} s, processor {processor:.1f} s")
     print(f"compiling: wall {first[0] - second[0]:.1f} s more, processor {first[1] / second[1]:.1f} times")
+    print(f"verdict: {verdict}")
 
 
 if __name__ == "__main__":

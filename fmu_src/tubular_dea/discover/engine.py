@@ -273,8 +273,8 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
     of every file: each of these takes one from the misfit by chance, and their sum varies as chi squared does. Where
-    nothing was found it has to explain more, and where what was found explains most from an equilibrium too, there is
-    no other explanation."""
+    nothing was found it has to explain more, and held-out data to support it; where what was found explains most from
+    an equilibrium too, there is no other explanation."""
     other = started_at_equilibrium(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
@@ -291,8 +291,16 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     if first.options[0].ids[-1] in found.chosen.ids:
         return found
     again = selection.forward_selection(work, fitted, numeric, seed, tell, [first])
-    enough = again.chosen.squares < found.chosen.squares + (by_chance if found.chosen.ids else 0)
-    return again if again.chosen.ids and enough else found
+    return again if _explains_more(found, again, by_chance) else found
+
+
+def _explains_more(found: Search, again: Search, by_chance: float) -> bool:
+    """Whether the effects of the search `again`, from starts at equilibrium, take the place of what was `found`."""
+    if not again.chosen.ids:
+        return False
+    if found.chosen.ids:
+        return again.chosen.squares < found.chosen.squares + by_chance
+    return again.chosen.squares < found.chosen.squares and acceptance.confirmed(again.base, again.chosen)
 
 
 def _judged(work: Study, found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:

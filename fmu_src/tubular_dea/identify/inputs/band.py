@@ -40,16 +40,14 @@ LINE = float(np.sqrt(8 / 15))  # [1] rms over its chord, in units of what the ch
 BEND = float(np.sqrt(1 / 720))  # [1] rms beside the line that has its mean, in units of curvature times step^2
 
 
-def band_limited(
-    time: np.ndarray, values: np.ndarray, noise: float, direct: bool = True
-) -> tuple[np.ndarray, np.ndarray, float]:
+def band_limited(time: np.ndarray, values: np.ndarray, direct: bool = True) -> tuple[np.ndarray, np.ndarray, float]:
     """Times and values on a finer grid, and by how much (rms) straight lines between them miss the signal.
 
-    `direct` says that some output follows the input at once: then the lines go through the signal. They miss it by the
-    monitor's `noise` at most, or by CLOSE (or ABOVE) of the signal, if FINEST points a sample suffice. `time` is evenly
-    spaced.
+    `direct` says that some output follows the input at once: then the lines go through the signal. They miss it by
+    CLOSE (or ABOVE) of it at most, if FINEST points a sample suffice. The monitor's noise allows no more: in a signal
+    with parts at all frequencies it is not known, only a bound of it. `time` is evenly spaced.
     """
-    allowed = max(noise, (CLOSE if direct else ABOVE) * float(np.std(values)))
+    allowed = (CLOSE if direct else ABOVE) * float(np.std(values))
     missed = _cut if direct else _above
     finer = 1
     while finer < FINEST and missed(values, finer) >= allowed:

@@ -303,7 +303,7 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
                 "(each value holds until the next) or with neither of the two (straight lines)"
             )
         time, values = evened(time, values)
-    times, fine, error = band_limited(time, values, noise, signal.direct is not False)
+    times, fine, error = band_limited(time, values, signal.direct is not False)
     first, last = experiment.time[[0, -1]]  # even times may begin later, and end earlier
     covered = np.concatenate([[first], times[(times > first) & (times < last)], [last]])
     return _Drawn(_unmoved(covered, np.interp(covered, times, fine)), noise, error, experiment.time)
