@@ -30,7 +30,7 @@ CONFIDENCE = {
 }
 STRAINED = (
     "The named effects explain the recordings to within their noise, but only with parameters of the plant that are "
-    "far from the declared ones, which without the effects they were not. So something else may be there."
+    "far from the declared ones. So something else may be there."
 )
 DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
