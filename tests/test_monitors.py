@@ -15,7 +15,7 @@ from tubular_dea.identify.inputs.edges import Edge
 from tubular_dea.identify.inputs.trigger import triggered
 from tubular_dea.identify.records.data import DataError, Experiment
 from tubular_dea.identify.signals import monitors
-from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, polyline
+from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, noise_level, polyline
 from tubular_dea.identify.signals.slow import level_at_rest, slow_level
 from tubular_dea.plants.plant import Input
 
@@ -232,6 +232,19 @@ def test_a_signal_with_parts_at_all_frequencies_is_not_taken_for_noise() -> None
     answer = lsim(system, np.interp(even, driven.time, driven.inputs["force"]), even)[1][::16]
     truth = lsim(system, resample(force, 16000)[: even.size], even)[1][::16]
     assert np.std(answer - truth) < 1e-3 * np.std(truth)
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.05])
+def test_noise_is_told_under_a_signal_that_moves_at_every_sample(noise: float) -> None:
+    """A load of up to 0.8 Hz read ten times a second: its third differences are 0.3 N, whatever the noise."""
+    random, time = np.random.default_rng(2), np.arange(1500) / 10
+    lines, phases = random.uniform(0.1, 0.8, 12), random.uniform(0, 7, 12)
+    load = 20 * np.sin(2 * np.pi * np.outer(time, lines) + phases).sum(axis=1)
+    read = load + noise * random.standard_normal(time.size)
+    assert noise_level(read) > 0.1
+    assert level(read) == pytest.approx(max(noise, monitors.QUIET * np.ptp(read)), rel=0.2)
+    driven = drive(recorded(time, "load", read), [Input("load")])
+    assert np.std(driven.protocol.at(time)["load"] - load) < 1.5 * level(read)
 
 
 @pytest.mark.parametrize("polarity", [1, -1])

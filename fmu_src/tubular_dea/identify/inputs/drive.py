@@ -253,10 +253,10 @@ def _rise(experiments: Sequence[Experiment], name: str, noise: Sequence[float]) 
     return rise_of([(time, v - _hum_between(time, v, n), n) for time, v, n in each if not _staircase(v, n)])
 
 
-def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float]:
+def _middle(memories: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
     """The median of those known: quiet records agree on it, moving ones may not show it."""
     known = sorted(m for m in memories if m is not None)
-    return known[len(known) // 2] if known else NO_MEMORY
+    return known[len(known) // 2] if known else None
 
 
 def _levels(

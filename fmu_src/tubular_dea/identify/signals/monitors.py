@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -71,6 +72,7 @@ FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
 LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
 MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
+MOST_ORDER = 10  # [1] order of the differences that tell noise from a signal, at most
 
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
@@ -175,11 +177,33 @@ def level(values: np.ndarray, remembered: tuple[float, float] | None = None, ste
     `remembered` is its `memory`, and `step` its resolution, where other records of the same monitor show them better.
     Not less than its resolution makes; without any, every sample would be an event.
     """
-    larger, phi = remembered or memory(values) or NO_MEMORY
+    told = remembered or memory(values)
+    larger, phi = told or NO_MEMORY
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
     coarse = max(coarseness(values), step)
-    noise = _toggling(values, noise_level(values), coarse)
+    noise = noise_level(values)
+    if told is None:
+        noise = _under_signal(values, noise)
+    noise = _toggling(values, noise, coarse)
     return max(noise * slow, coarse / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
+
+
+def _under_signal(values: np.ndarray, noise: float) -> float:
+    """White noise under a signal that moves so fast that its third differences show in those of the record: `noise`.
+
+    The higher the order of differences, the less they show of a signal, and as much of white noise. So the first order
+    counts from which on another one changes nothing; where there is none, nothing more is known than `noise`.
+    """
+    here = noise
+    for order in range(4, MOST_ORDER + 1):
+        differences = np.diff(values, order)
+        if not differences.size:
+            break
+        there = float(GAUSSIAN_MAD * np.median(np.abs(differences)) / np.sqrt(comb(2 * order, order)))
+        if PLATEAU * there**2 > here**2:
+            return here
+        here = there
+    return noise
 
 
 def _toggling(values: np.ndarray, noise: float, step: float) -> float:

@@ -55,9 +55,13 @@ START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of
 # Check: `pytest tests/test_adjust.py -k noise_of_a_monitor`
 SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces a sample
 
-# Set by theory: the mean of two neighbours differs from a sample by sqrt(1.5) of the noise; 3 times that is 1 in 400.
-# Check: `pytest tests/test_adjust.py -k step_stays`
-BY_NOISE = 3.0 * float(np.sqrt(1.5))  # [1] times the noise of a monitor by which noise moves a sample off that mean
+# Set by theory: the mean of two neighbours leaves a third of the noise, but takes a curve's bend for noise; the cubic
+# through seven samples (Savitzky and Golay, Anal. Chem. 36 (1964) 1627) leaves as much and takes none.
+# Check: `pytest tests/test_adjust.py -k "step_stays or curve"`
+SMOOTHERS = {"1": np.array([0.5, 0, 0.5]), "3": np.array([-2, 3, 6, 7, 6, 3, -2]) / 21}  # [1] weights by their reach
+
+# Set by theory: 1 in 400. Check: `pytest tests/test_adjust.py -k step_stays`
+BY_NOISE = 3.0  # [standard deviations] by which noise moves a sample off what smooths it
 
 # Set by theory. Check: `pytest tests/test_edges.py -k clock_of_its_own`
 EVENLY = float(np.sqrt(3.0))  # [1] half the width over the standard deviation of what is as likely anywhere in it
@@ -106,9 +110,8 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
     cases += [(f"{SENT_OF}{name}", _earlier(piece, name, by), by) for name, by in piece.driven.room.items()]
     if study.sought:
-        cases += [
-            (f"{SMOOTH_OF}{s.name}", _smoothed(study, piece, s.name), 1.0) for s in study.plant.inputs if s.linear
-        ]
+        linear = [s.name for s in study.plant.inputs if s.linear]
+        cases += [(f"{SMOOTH_OF}{n} {r}", _smoothed(study, piece, n, r), 1.0) for n in linear for r in SMOOTHERS]
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -201,16 +204,19 @@ def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
     return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
 
 
-def _smoothed(study: Study, piece: Piece, name: str) -> Case:
-    """The case with one of its inputs replaced by the mean of what it is a sample before and after, as far as noise
-    moves it: a step stays one."""
-    protocol, by = piece.case.protocol, step_of(piece)
-    beside = protocol.delayed({"before": (name, by), "after": (name, -by)})
-    moved = 0.5 * (beside.inputs["before"] + beside.inputs["after"]) - beside.inputs[name]
-    most = BY_NOISE * study.monitor_noise.get(name, np.inf)
-    smooth = beside.inputs[name] + np.clip(moved, -most, most)
-    inputs = {n: smooth if n == name else beside.inputs[n] for n in protocol.inputs}
-    return replace(piece.case, protocol=Protocol(beside.time, inputs))
+def _smoothed(study: Study, piece: Piece, name: str, reach: str) -> Case:
+    """The case with one of its inputs smoothed over so many samples before and after, as far as noise moves it: a step
+    stays one."""
+    protocol, by, weights = piece.case.protocol, step_of(piece), SMOOTHERS[reach]
+    steps = range(-int(reach), int(reach) + 1)
+    moved = protocol.delayed({str(k): (name, k * by) for k in steps if k})
+    here = moved.inputs[name]
+    off = sum(w * (moved.inputs[str(k)] if k else here) for k, w in zip(steps, weights, strict=True)) - here
+    at_most = float(np.linalg.norm(weights - (np.array(steps) == 0)))
+    most = BY_NOISE * at_most * study.monitor_noise.get(name, np.inf)
+    smooth = here + np.clip(off, -most, most)
+    inputs = {n: smooth if n == name else moved.inputs[n] for n in protocol.inputs}
+    return replace(piece.case, protocol=Protocol(moved.time, inputs))
 
 
 def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
