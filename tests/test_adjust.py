@@ -491,7 +491,7 @@ def test_a_step_stays_one_where_neighbours_replace_a_sample() -> None:
 
 
 def test_what_smooths_a_sample_leaves_a_curve_as_it_is() -> None:
-    """A load cell's slow wave: the mean of two neighbours is off by its bend, and noise was left for a filter to take."""
+    """A slow wave: the mean of two neighbours is off by its bend, and so left noise that a filter took for its own."""
     load, random = np.sin(2 * np.pi * TIME / (40 * STEP)), np.random.default_rng(3)
     work = study_of([recorded(0, ramps(0))])
     piece = work.pieces[0]
