@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tubular_dea.discover.alternatives.input_noise import input_gains, told_by_outputs
+from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs, input_gains, told_by_outputs
+from tubular_dea.discover.scores.parameters import base_parameters
 from tubular_dea.identify.fitting.misfit import BLOCK
 from tubular_dea.identify.inputs.drive import joined
 from tubular_dea.identify.records.data import Experiment, Recordings
@@ -14,6 +17,7 @@ from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
 
 TIME = np.arange(0, 16, 0.004)
 WHITE = 25.0  # Pa
@@ -60,3 +64,19 @@ def test_a_monitor_that_wanders_by_itself_is_noisy() -> None:
     before, after = told(follows=False)
     assert before.monitor_noise["pressure"] > 300.0
     assert after.monitor_noise["pressure"] == pytest.approx(60.0 * np.sqrt(BLOCK), rel=0.25)
+
+
+def test_what_is_held_out_beyond_the_fold_of_the_refitted_base_tells_nothing() -> None:
+    """A leaking tube was refused: its base had no rest at the first pressure of a file that took part in no fit."""
+    before, after = told(follows=True)
+    last = before.pieces[-1]
+    loaded = replace(last.case, protocol=Protocol.of([0, 16], pressure=[4e4, 4e4], voltage=[0, 0]))
+    beyond = replace(last, held_out=True, case=replace(loaded, own={"start_at_equilibrium": 1.0}))
+    values = {p.name: PLANT.model.parameter_values()[p.name] for p in base_parameters(PLANT)}
+    fewer, more = (replace(before, pieces=[*before.pieces[:-1], *rest]) for rest in ([], [beyond]))
+    assert more.response((), [beyond]).possible(values)[0] is None
+    gains = input_gains(more, values)
+    level = told_by_outputs(more, values, gains).monitor_noise["pressure"]
+    alone = told_by_outputs(fewer, values, {n: g[:-1] for n, g in gains.items()}).monitor_noise["pressure"]
+    assert level == pytest.approx(alone, rel=0.02)
+    assert bounded_by_outputs(more, values).monitor_noise["pressure"] > 0

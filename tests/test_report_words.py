@@ -172,6 +172,7 @@ def isolated(disturbance: bool, shifted: bool = True) -> SimpleNamespace:
         isolated=Isolation("electrical", {"electrical": 9.0, "sensor": 2.0}, {}, disturbance),
         shifted=Shift("measured_displacement", "trap1", 654e-6) if shifted else None,
         missed=None,
+        strained=(),
         equivalent={},
         repeated=False,
         proposal=None,
@@ -321,6 +322,7 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
     assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
     strained = said({"rigid_stop": []}, "C_2", "C_3")
     assert "or something that is in no catalogue: C_2 and C_3 would be implausible" in strained
+    assert said({}, "C_3").startswith("something may be missing that is in no catalogue: refitted, the model explains")
 
 
 @pytest.mark.parametrize(

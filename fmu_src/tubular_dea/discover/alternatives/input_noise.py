@@ -54,7 +54,7 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
     unsure = [name for name, level in study.monitor_noise.items() if level > levels[name] > 0]
     if not unsure:
         return study
-    answers = study.response((), study.pieces).outputs(values)
+    answers = study.response((), study.pieces).possible(values)
     for name in unsure:
         known = study.monitor_noise
         tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
@@ -66,9 +66,11 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
 def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
     """The study with monitors' noise no larger than what moves the outputs by their whole error: the rest of what
     changes from sample to sample is signal (light behind clouds)."""
-    caused, answers = caused_rms(study, values), study.response((), study.pieces).outputs(values)
+    caused, answers = caused_rms(study, values), study.response((), study.pieces).possible(values)
     squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
     for piece, answer in zip(study.pieces, answers, strict=True):
+        if answer is None:  # held out, and beyond a fold of the refitted base
+            continue
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             squares[reading.output].append((answer - piece.record)[rows] ** 2)
     errors = _roots(squares)
@@ -81,11 +83,11 @@ def _fastest(study: Study, name: str) -> float:
     return float(np.median([p.driven.noise[name] for p in study.pieces]))
 
 
-def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray]) -> float:
+def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray | None]) -> float:
     """Minus twice the log likelihood of the training's residual, averaged over blocks, with the study's noise."""
     found = 0.0
     for piece, answer, weight in zip(study.pieces, answers, weights(study, gains), strict=True):
-        if piece.held_out:
+        if piece.held_out or answer is None:
             continue
         left = whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise)
         variance = expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2

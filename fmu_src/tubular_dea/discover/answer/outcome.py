@@ -35,6 +35,7 @@ WHY = {
     "partly_explained": "The named effects improve the prediction of held-out data, and a significant residual remains",
     "unexplained": "No effect of the catalogue explains the residual",
 }
+IMPLAUSIBLE = "Only with parameters of the plant far from the declared ones is the residual no more than noise"
 # Set by judgement: an error is by a few percent smaller than the noise, as parameters are fitted.
 # Check: `pytest tests/test_discover.py -k floor`
 TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
@@ -285,7 +286,7 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
-    why, proposal = WHY[found.verdict], found.proposal
+    why, proposal = IMPLAUSIBLE if found.strained else WHY[found.verdict], found.proposal
     little = found.verdict == "no_effect" and (remarks.thin(found) or remarks.still(found))
     if little:
         words = proposal.words if proposal else "an experiment of another kind"
