@@ -68,7 +68,7 @@ def test_a_monitor_that_wanders_by_itself_is_noisy() -> None:
 
 def test_what_is_held_out_beyond_the_fold_of_the_refitted_base_tells_nothing() -> None:
     """A leaking tube was refused: its base had no rest at the first pressure of a file that took part in no fit."""
-    before, after = told(follows=True)
+    before, _ = told(follows=True)
     last = before.pieces[-1]
     loaded = replace(last.case, protocol=Protocol.of([0, 16], pressure=[4e4, 4e4], voltage=[0, 0]))
     beyond = replace(last, held_out=True, case=replace(loaded, own={"start_at_equilibrium": 1.0}))

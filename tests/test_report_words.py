@@ -300,6 +300,16 @@ def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.Mon
     assert "do not tell" in said and "2.93 mmHg" in said
 
 
+def test_what_delay_the_errors_allow_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    delays = {"now": {"load": "3 ms (1 samples) late"}, "before": {"load": "1 ms (0.3 samples) late", "flow": "early"}}
+    monkeypatch.setattr(remarks, "_delays", lambda study, option: delays[study])
+    search = SimpleNamespace(base_study="before")
+    found = SimpleNamespace(named_study="now", named=SimpleNamespace(ids=("lag",)), base=None, search=search)
+    now, before = remarks._late(found)
+    assert now.startswith("The recorded load was found to be 3 ms (1 samples) late")
+    assert before.startswith("The error before allows for a recorded flow that is early")
+
+
 def test_the_verdict_says_for_which_effect_another_stands() -> None:
     def said(equivalent: dict[str, list[str]], *strained: str) -> str:
         one = made_up.option(*equivalent)

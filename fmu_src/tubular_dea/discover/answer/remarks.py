@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...identify.records.start import UNKNOWN
-from ...identify.study.nuisances import zero_spread
+from ...identify.study.nuisances import LATE_OF, likeliest, step_of, zero_spread
 from ...identify.study.spreads import most_spread
+from ...identify.study.study import Piece, Study
 from ...model.declare import Quantity
 from ...model.effect import Effect
 from ...model.units import factor, in_words
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
+from ..options.options import Option
 from ..scores.parameters import at_bounds, implausible
 from .oscillations import Oscillation
 
@@ -33,6 +35,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_one_point(found),
         *_ended(found),
         *_early(found),
+        *_late(found),
         *_beyond(found),
         *_implausible(found),
         *_as_declared(found),
@@ -106,6 +109,48 @@ def _early(found: Discovery) -> list[str]:
         f"look ahead, so there it acts when it is given: give it the {d.of} earlier by as much."
         for d in early
     ]
+
+
+def _late(found: Discovery) -> list[str]:
+    """Monitors whose delay is allowed for, where that moves an output by more than its noise."""
+    now = _delays(found.named_study, found.named)
+    said = [
+        f"The recorded {name} was found to be {by}, as filters against aliasing or channels read in turn make it. "
+        "All errors here allow for that; the FMU does not, and needs what it is given shifted by as much."
+        for name, by in now.items()
+    ]
+    before = _delays(found.search.base_study, found.base) if found.named.ids else {}
+    return said + [
+        f"The error before allows for a recorded {name} that is {by}: without that it is larger."
+        for name, by in before.items()
+        if name not in now
+    ]
+
+
+def _delays(study: Study, fitted: Option) -> dict[str, str]:
+    """By how much monitors were found to be late, in words, where that moves an output by more than its noise."""
+    answers = study.response(fitted.ids, study.pieces).possible(fitted.fitted.values)
+    pairs = [(p, a) for p, a in zip(study.pieces, answers, strict=True) if a is not None]
+    found = {}
+    for name in (s.name for s in study.plant.inputs if study.zero(s.name) > 0):
+        delays, moved = zip(*(_delay(study, p, a, name) for p, a in pairs), strict=True)
+        if float(np.median(moved)) > 1.0:
+            by, step = float(np.median(delays)), float(np.median([step_of(p) for p, _ in pairs]))
+            found[name] = f"{in_words(abs(by), 's')} ({abs(by) / step:.2g} samples) {'late' if by > 0 else 'early'}"
+    return found
+
+
+def _delay(study: Study, piece: Piece, answer: np.ndarray, name: str) -> tuple[float, float]:
+    """How late a monitor is in a record [s], and by how much (rms) that moves the output that it moves most, in units
+    of its noise; `answer` (N,) is the model's output."""
+    if LATE_OF + name not in piece.nuisances.names:
+        return 0.0, 0.0
+    number = piece.nuisances.names.index(LATE_OF + name)
+    by = piece.late.get(name, 0.0) + float(likeliest(study, piece, answer)[number])
+    column = piece.nuisances.columns[:, number] * by
+    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    moved = [float(np.sqrt(np.mean(column[rows] ** 2))) / study.noise[reading.output].rms for reading, rows in parts]
+    return by, max(moved)
 
 
 def _beyond(found: Discovery) -> list[str]:
