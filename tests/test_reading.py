@@ -451,3 +451,18 @@ def test_a_file_that_starts_under_a_small_load_is_told(tmp_path: Path) -> None:
     assert detected(cut, PLANT) == UNKNOWN
     stepped = read_experiment(written(tmp_path, headed(pressure=data["pressure"] + 2000), "step.csv"), PLANT)
     assert detected(stepped, PLANT) == RESTED  # loaded at once, and the tube has not moved yet
+
+
+def test_only_mistakes_that_may_be_made_are_tried() -> None:
+    """A room whose start is free was asked whether its times are 60 times too small, a tank about its diameter."""
+    m = Build("Tank", "A tank that drains", "A tank.")
+    pump, rate = m.input("pump", "V", nominal=5.0), m.parameter("rate", "1/s", 0.01, minimum=1e-4)
+    level = m.state("level_of_water", "m", start="free", nominal=0.2)
+    m.derivative(level, 1e-3 * pump - rate * level)
+    m.output("level", "m", level)
+    tank = Plant(m.model(), [Input("pump")], [Output("level")])
+    tried = {(w.signal, w.words) for w in scales.mislabellings(tank, ["level"])}
+    assert {"mm labelled cm", "cm labelled mm"} <= {words for _, words in tried}
+    assert not {"time", "a diameter for a radius"} & {word for pair in tried for word in pair}
+    tube = {(w.signal, w.words) for w in scales.mislabellings(PLANT, ["measured_displacement"])}
+    assert ("measured_displacement", "a radius for a diameter") in tube and ("time", "ms labelled s") in tube

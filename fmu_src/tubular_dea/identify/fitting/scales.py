@@ -42,12 +42,7 @@ FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one expla
 # Set by convention: units and mistakes of laboratories. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
 # [1] by SI unit, how many times too large a number is that was mislabelled so
 FACTORS: Mapping[str, Mapping[float, str]] = {
-    "m": {
-        2.0: "a diameter for a radius",
-        10.0: "mm labelled cm",
-        25.4: "mm labelled inch",
-        1e3: "um labelled mm or mm labelled m",
-    },
+    "m": {10.0: "mm labelled cm", 25.4: "mm labelled inch", 1e3: "um labelled mm or mm labelled m"},
     "Pa": {
         10.0: "mbar labelled kPa",
         100.0: "Pa labelled mbar or Pa labelled hPa",
@@ -63,6 +58,7 @@ FACTORS: Mapping[str, Mapping[float, str]] = {
     "rad/s": {9.5493: "rpm labelled rad/s", 57.2958: "degrees per second labelled rad/s", 6.28319: "rad/s labelled Hz"},
     "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
 }
+ROUND, ACROSS = ("radi", "diam"), {2.0: "a diameter for a radius"}  # the same for what one of these words is about
 TIME = "time"
 TIMES = {60.0: "s labelled min", 1e3: "ms labelled s"}  # [1] the same for the times of all records
 OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
@@ -85,9 +81,14 @@ class Mislabelling:
 def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
     for name in [*(s.name for s in plant.inputs), *outputs]:
-        yield from _both_ways(name, FACTORS.get(plant.quantity(name).unit, OTHERWISE))
+        quantity = plant.quantity(name)
+        yield from _both_ways(name, FACTORS.get(quantity.unit, OTHERWISE))
+        said = " ".join([name, quantity.description, *(h for o in plant.outputs if o.name == name for h in o.headings)])
+        if any(word in said.lower() for word in ROUND):
+            yield from _both_ways(name, ACROSS)
         yield Mislabelling(name, -1.0, "counted the other way")
-    yield from _both_ways(TIME, TIMES)
+    if not plant.each_start:  # in slow times a start that is not known does not count: that is no wrong unit
+        yield from _both_ways(TIME, TIMES)
 
 
 def _both_ways(name: str, factors: Mapping[float, str]) -> Iterator[Mislabelling]:
