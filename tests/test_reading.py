@@ -456,10 +456,10 @@ def test_a_file_that_starts_under_a_small_load_is_told(tmp_path: Path) -> None:
 def test_only_mistakes_that_may_be_made_are_tried() -> None:
     """A room whose start is free was asked whether its times are 60 times too small, a tank about its diameter."""
     m = Build("Tank", "A tank that drains", "A tank.")
-    pump, rate = m.input("pump", "V", nominal=5.0), m.parameter("rate", "1/s", 0.01, minimum=1e-4)
+    pump, rate = m.input("pump", "m/s", nominal=5e-3), m.parameter("rate", "1/s", 0.01, minimum=1e-4)
     level = m.state("level_of_water", "m", start="free", nominal=0.2)
-    m.derivative(level, 1e-3 * pump - rate * level)
-    m.output("level", "m", level)
+    m.derivative(level, pump - rate * level)
+    m.output("level", "m", level, "Level of the water")
     tank = Plant(m.model(), [Input("pump")], [Output("level")])
     tried = {(w.signal, w.words) for w in scales.mislabellings(tank, ["level"])}
     assert {"mm labelled cm", "cm labelled mm"} <= {words for _, words in tried}
