@@ -16,7 +16,8 @@ from tubular_dea.laws import Balance, Coefficient, Path, effects_at, seconds
 from tubular_dea.laws.places import laws
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError, Model
-from tubular_dea.model.effect import Effect
+from tubular_dea.model.effect import Effect, added
+from tubular_dea.plants.plant import Input, Output, Plant
 from tubular_dea.protocol import Protocol
 
 
@@ -359,3 +360,28 @@ def test_the_force_of_what_is_moved_takes_work_where_a_part_of_its_play_is_negat
     loop = 0.2 * 100.0 * 4 * 1e-3 * (0.01 - 1e-3)  # a parallelogram: twice its half height times its width
     assert work(-0.2) == pytest.approx(loop, rel=0.05)
     assert work(0.2) == pytest.approx(-loop, rel=0.05)
+
+
+def test_a_dependence_on_a_temperature_counts_from_its_usual_value() -> None:
+    """At 0 K a load cell's gain was 2.7 mV/N, so that it is 1.1 mV/N at 300 K."""
+    m = Build("Cell", "A load cell", "A load cell.")
+    load, temperature = m.input("load", "N", nominal=100.0), m.input("temperature", "K", nominal=300.0)
+    gain = m.parameter("gain", "V/N", 1.1e-3)
+    m.output("bridge", "V", gain * load + 0 * temperature, "Amplified bridge")
+    cell = Plant(
+        m.model(), [Input("load"), Input("temperature")], [Output("bridge")], [Coefficient("gain", of="temperature")]
+    )
+    effect = cell.catalogue["dependence(gain)"]
+    protocol = Protocol.of([0, 1], load=[100, 100], temperature=[300, 300])
+    (slope,) = effect.typical
+    read = Kernel(added(cell.model, [effect])).simulate(protocol, [1.0], {slope: 0.003})["bridge"]
+    assert read == pytest.approx(0.11)
+
+
+def test_usual_times_of_a_plant_that_has_none_at_its_start_are_those_at_work() -> None:
+    m = Build("Tank", "A tank", "A tank.")
+    valve, level = m.input("valve", "1", nominal=1.0), m.state("level", "m", nominal=1.0)
+    flow = m.parameter("flow", "1/s", 0.02)
+    m.derivative(level, -flow * valve * level)
+    m.output("reading", "m", level)
+    assert seconds(m.model()) == pytest.approx(50.0)

@@ -310,6 +310,19 @@ def test_what_delay_the_errors_allow_for_is_said_once(monkeypatch: pytest.Monkey
     assert before.startswith("The error before allows for a recorded flow that is early")
 
 
+def test_what_explains_less_well_is_said_to() -> None:
+    """A lag of a tachometer: a delay, which leaves 1.17 times the noise, was said to explain as well."""
+    lag, slew, creep = (
+        made_up.option(name, excess=excess) for name, excess in (("lag", 0), ("slew", 9), ("creep", 5e3))
+    )
+    search = SimpleNamespace(rivals=[slew, creep])
+    found = SimpleNamespace(chosen=lag, search=search, repeated=False)
+    alike, worse = in_short._in_its_place(found, {"id": "lag", "equivalent": ["slew", "creep"]})
+    assert alike == "It may equally be slew, which explains the recordings as well."
+    assert "it may also be creep (1." in worse and "what lag leaves" in worse
+    assert in_short._in_its_place(found, {"id": "lag", "equivalent": []}) == []
+
+
 def test_the_verdict_says_for_which_effect_another_stands() -> None:
     def said(equivalent: dict[str, list[str]], *strained: str) -> str:
         one = made_up.option(*equivalent)

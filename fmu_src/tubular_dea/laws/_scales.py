@@ -13,24 +13,38 @@ from ..model.declare import TIME, Model, rate
 from ..model.sizes import evaluator
 
 STEP = 1e-4  # of a nominal value, for time constants
+HALF = 0.5  # of a nominal value: a state whose start is not known
 
 
 @lru_cache(maxsize=64)
 def seconds(model: Model) -> float:
-    """The geometric mean of the model's time constants at its start [s]; 1 where it has none."""
-    at = _start(model)
+    """The geometric mean of the model's time constants [s]; 1 where it has none.
+
+    At its start or, if it has none there (a tank that is empty, or its valve shut), at work: states at half of what is
+    usual, inputs at that.
+    """
+    start = _start(model)
+    work = {s.quantity.symbol: HALF * s.quantity.nominal for s in model.states}
+    work |= {q.symbol: q.nominal for q in model.inputs}
+    for at in (start, start | work) if model.states else ():
+        jacobian = _jacobian(model, at)
+        if np.all(np.isfinite(jacobian)):
+            speeds = np.abs(np.linalg.eigvals(jacobian))
+            speeds = speeds[speeds > 1e-12]
+            if speeds.size:
+                return _rounded(float(np.exp(-np.mean(np.log(speeds)))))
+    return 1.0
+
+
+def _jacobian(model: Model, at: dict[sympy.Symbol, float]) -> np.ndarray:
+    """The derivatives (n, n) of the states' rates with respect to the states [SI]."""
     rates = _evaluator(model)
-    n = len(model.states)
-    jacobian = np.zeros((n, n))
-    for j, state in enumerate(model.states):
-        step = STEP * state.quantity.nominal
-        up, down = (rates(at | {state.quantity.symbol: at[state.quantity.symbol] + sign * step}) for sign in (1, -1))
-        jacobian[:, j] = (up - down) / (2 * step)
-    if not n or not np.all(np.isfinite(jacobian)):
-        return 1.0
-    speeds = np.abs(np.linalg.eigvals(jacobian))
-    speeds = speeds[speeds > 1e-12]
-    return _rounded(float(np.exp(-np.mean(np.log(speeds))))) if speeds.size else 1.0
+    columns = []
+    for state in model.states:
+        symbol, step = state.quantity.symbol, STEP * state.quantity.nominal
+        up, down = (rates(at | {symbol: at[symbol] + sign * step}) for sign in (1, -1))
+        columns.append((up - down) / (2 * step))
+    return np.column_stack(columns)
 
 
 @lru_cache(maxsize=256)
@@ -53,13 +67,13 @@ def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _start(model: Model, unknown: float = 0.5) -> dict[sympy.Symbol, float]:
+def _start(model: Model, unknown: float = HALF) -> dict[sympy.Symbol, float]:
     """Everything that is given, with the states at their start (at `unknown` times their nominal value where that is
-    not known)."""
+    not known), and inputs at 0, but for temperatures in kelvin: these are at their nominal values."""
     at: dict[sympy.Symbol, float] = {TIME: 0.0}
     at |= {p.quantity.symbol: float(p.quantity.value or 0.0) for p in model.parameters}
     for q in (*model.inputs, *(d.quantity for d in model.delays)):
-        at |= {q.symbol: float(q.value or 0.0), rate(q): 0.0}
+        at |= {q.symbol: float(q.value or (q.nominal if q.unit == "K" else 0.0)), rate(q): 0.0}
     at |= {d.quantity.symbol: 0.0 for d in model.discretes}
     at |= {model.curve.fold.symbol: model.curve.fold.nominal} if model.curve else {}
     for state in model.states:

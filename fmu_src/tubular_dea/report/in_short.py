@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from ..discover.answer.outcome import beyond_noise
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import noise_alone
@@ -51,6 +53,7 @@ NOTHING = "No effect of the catalogue is missing. The model with its own paramet
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 PERHAPS = "Perhaps something that is in no catalogue, which parameters of the plant compensate for. No effect is named."
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
+SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
@@ -173,17 +176,37 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         effect = found.study.catalogue[entry["id"]]
         sizes = size_words(effect, entry, found.study.plant.model)
         said.append(f"{effect.id}: {effect.summary[0].lower()}{effect.summary[1:]}; {sizes}.")
-        if entry["equivalent"]:
-            others, one = ", ".join(entry["equivalent"]), len(entry["equivalent"]) == 1
-            well = (
-                "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
-            )
-            said.append(f"It may equally be {others}, which {'explains' if one else 'explain'} the recordings {well}.")
+        said += _in_its_place(found, entry)
     said += [
         f"An oscillation of {wave['hz']:.4g} Hz that no recorded input drives; see below."
         for wave in oscillating(outcome)
     ]
     return said
+
+
+def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
+    """The effects that may be there in place of one that was found, and how well they explain the recordings."""
+    left = {other: _times_left(found, entry["id"], other) for other in entry["equivalent"]}
+    alike, said = [other for other, times in left.items() if times < SLIGHTLY], []
+    if alike:
+        well = "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
+        explain = "explains" if len(alike) == 1 else "explain"
+        said.append(f"It may equally be {', '.join(alike)}, which {explain} the recordings {well}.")
+    worse = [f"{other} ({times:.2f} times)" for other, times in left.items() if times >= SLIGHTLY]
+    if worse:
+        also = "also " if alike else ""
+        said.append(
+            f"With a law that is slightly different, it may {also}be {', '.join(worse)}: what {entry['id']} leaves is "
+            "left so many times by that."
+        )
+    return said
+
+
+def _times_left(found: Discovery, name: str, other: str) -> float:
+    """How many times the residual (rms) of the choice is left with `other` in place of the effect `name`."""
+    swapped = {*found.chosen.ids} - {name} | {other}
+    squares = [r.squares for r in found.search.rivals if {*r.ids} == swapped]
+    return float(np.sqrt(min(squares, default=found.chosen.squares) / found.chosen.squares))
 
 
 def oscillating(outcome: Mapping[str, Any]) -> list[dict[str, Any]]:
