@@ -169,7 +169,9 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
         ("effect_found", Proposal("steps of force", 0.1), "repeat the experiments on another specimen"),
     ]:
         chosen, equals = option("lag(a)"), {"lag(a)": ["lag(b)"]}
-        found = SimpleNamespace(verdict=verdict, proposal=proposal, chosen=chosen, equivalent=equals, study=study)
+        found = SimpleNamespace(
+            verdict=verdict, proposal=proposal, chosen=chosen, equivalent=equals, study=study, strained=()
+        )
         found.chosen_gains, found.repeated = {"lag(a)": 1000.0}, False
         assert words in advice(found)
     assert kind(PLANT) == "of those declared for the TubularDEA"

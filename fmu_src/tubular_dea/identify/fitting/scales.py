@@ -58,7 +58,8 @@ FACTORS: Mapping[str, Mapping[float, str]] = {
     "rad/s": {9.5493: "rpm labelled rad/s", 57.2958: "degrees per second labelled rad/s", 6.28319: "rad/s labelled Hz"},
     "m3/s": {60.0: "mL/min labelled mL/s", 16.6667: "mL/s labelled L/min", 1e3: "mL/s labelled L/s"},
 }
-ROUND, ACROSS = ("radi", "diam"), {2.0: "a diameter for a radius"}  # the same for what one of these words is about
+ROUND = ("radi", "diam")  # words about what is
+ACROSS = {2.0: "a diameter for a radius"}  # [1] the same for that
 TIME = "time"
 TIMES = {60.0: "s labelled min", 1e3: "ms labelled s"}  # [1] the same for the times of all records
 OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit

@@ -19,6 +19,7 @@ from .transitions import Transitions
 # `python -m blind.score --nulls 12 --conventions edges rounded --seed 1000`
 NEAR_EDGE = 2  # [samples] from an edge within which a record is no measure of the line's error
 HARMLESS = 1e-3  # [1] of its span by which a line may miss its record, whatever the noise is
+CUBIC = np.array([1, 0, -9, 16, -9, 0, 1]) / 16  # [1] times seven samples: the middle one less a cubic beside it
 COARSE_INPUT = 0.01  # [1] of its span: what may be unknown of an input between its samples
 
 
@@ -58,18 +59,21 @@ def line_error(
 def check_sampling(experiment: Experiment, name: str, noise: float, stated: bool) -> None:
     """`DataError` where an input moves so much between samples that its values there are unknown.
 
-    The error of a straight line over one omitted sample is measured; over half the distance it is a quarter of that.
-    Noise that is not `stated` may be the signal itself, and only a little of it counts.
+    The error over one omitted sample is measured, of a straight line or of the cubic through the four next to it, which
+    a line follows where it is curved; over half the distance it is a quarter of that, at most. Noise that is not
+    `stated` may be the signal itself, and only a little of it counts.
     """
     time, values = experiment.time, experiment.inputs[name]
     if time.size < 3:
         return
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    left_out = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
+    omitted = [(values[1:-1] - (1 - share) * values[:-2] - share * values[2:], 1.5)]
+    if values.size >= CUBIC.size:
+        omitted.append((np.convolve(values, CUBIC, mode="valid"), float(CUBIC @ CUBIC)))
     span = float(np.abs(values).max())  # of a record that holds still, the range is noise
     noise = noise if stated else min(noise, LARGEST * span)
-    missed = float(np.mean(left_out**2))
-    unknown = float(np.sqrt(max(missed - 1.5 * noise**2, 0.0))) / 4
+    missed = float(np.mean(omitted[0][0] ** 2))
+    unknown = min(float(np.sqrt(max(float(np.mean(o**2)) - power * noise**2, 0.0))) / 4 for o, power in omitted)
     allowed = max(noise, COARSE_INPUT * span)
     if unknown <= allowed:
         return

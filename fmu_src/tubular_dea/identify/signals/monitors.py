@@ -72,11 +72,15 @@ FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
 LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
 MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
-MOST_ORDER = 10  # [1] order of the differences that tell noise from a signal, at most
+FIRST_ORDER = 4  # [1] order of the differences that tell noise from a signal, at least
+MOST_ORDER = 10  # [1] and at most
 
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
+SMALL_STEPS = 5.5  # [1] times the smallest step up to which others are looked at: are these
+ROUNDLY = 0.1  # [1] whole numbers of it, to within so much,
+MOST_STEPS = 0.9  # [1] in more than such a share of them? A fast wave has a smallest step by chance
 FEW_STEPS = 2.0  # [1] steps of a monitor, below which its noise shows as toggling between readings
 SWITCHED = 5.0  # [standard deviations] beyond which such a change is a switching
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
@@ -194,16 +198,12 @@ def _under_signal(values: np.ndarray, noise: float) -> float:
     The higher the order of differences, the less they show of a signal, and as much of white noise. So the first order
     counts from which on another one changes nothing; where there is none, nothing more is known than `noise`.
     """
-    here = noise
-    for order in range(4, MOST_ORDER + 1):
-        differences = np.diff(values, order)
-        if not differences.size:
-            break
-        there = float(GAUSSIAN_MAD * np.median(np.abs(differences)) / np.sqrt(comb(2 * order, order)))
-        if PLATEAU * there**2 > here**2:
-            return here
-        here = there
-    return noise
+    orders = [n for n in range(FIRST_ORDER, MOST_ORDER + 1) if n < values.size]
+    told = [noise] + [
+        GAUSSIAN_MAD * float(np.median(np.abs(np.diff(values, n)))) / comb(2 * n, n) ** 0.5 for n in orders
+    ]
+    ends = zip(told, told[1:], told[2:], strict=False)  # of a wave at few phases, medians go up and down
+    return next((here for here, *others in ends if PLATEAU * min(others) ** 2 > here**2), noise)
 
 
 def _toggling(values: np.ndarray, noise: float, step: float) -> float:
@@ -234,9 +234,14 @@ def long_run(left: np.ndarray) -> float:
 
 
 def coarseness(values: np.ndarray) -> float:
-    """A monitor's resolution; 0 where the smallest step is a switching."""
+    """A monitor's resolution; 0 where the smallest step is a switching, or others are not that many times as large."""
     step = resolution(values)
-    return step if step < COARSEST * float(np.ptp(values)) else 0.0
+    if not 0 < step < COARSEST * float(np.ptp(values)):
+        return 0.0
+    times = np.abs(np.diff(values)) / step
+    times = times[times <= SMALL_STEPS]
+    whole = np.abs(times - np.round(times)) < ROUNDLY
+    return step if np.mean(whole) > MOST_STEPS else 0.0
 
 
 def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndarray | None = None) -> Polyline:

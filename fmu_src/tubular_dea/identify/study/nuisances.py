@@ -57,7 +57,7 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 
 # Set by theory: the mean of two neighbours leaves a third of the noise, but takes a curve's bend for noise; the cubic
 # through seven samples (Savitzky and Golay, Anal. Chem. 36 (1964) 1627) leaves as much and takes none.
-# Check: `pytest tests/test_adjust.py -k "step_stays or curve"`
+# Check: `pytest tests/test_adjust.py -k leaves_a_curve`
 SMOOTHERS = {"1": np.array([0.5, 0, 0.5]), "3": np.array([-2, 3, 6, 7, 6, 3, -2]) / 21}  # [1] weights by their reach
 
 # Set by theory: 1 in 400. Check: `pytest tests/test_adjust.py -k step_stays`
