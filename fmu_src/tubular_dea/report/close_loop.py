@@ -31,10 +31,6 @@ WORDS = {
     "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
 STRAINED = "the model lacks {names}, or something that is in no catalogue: {strained} would be implausible with that."
-COMPENSATED = (
-    "something may be missing that is in no catalogue: refitted, the model explains these recordings to within their "
-    "noise, but only with an implausible {strained}."
-)
 TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations of the noise
     "whiteness": "whiteness (Ljung and Box, in standard deviations)",
     "widening": "factor by which this widens standard errors (Newey and West)",
@@ -86,8 +82,7 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
         lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
         return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
     if found.strained:
-        words = STRAINED if names else COMPENSATED
-        return words.format(names=names, strained=" and ".join(found.strained))
+        return STRAINED.format(names=names, strained=" and ".join(found.strained))
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
 
 

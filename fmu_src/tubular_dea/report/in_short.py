@@ -34,11 +34,6 @@ STRAINED = (
     "The named effects explain the recordings to within their noise, but only with parameters of the plant that are "
     "far from the declared ones. So something else may be there."
 )
-COMPENSATED = (
-    "The refitted model explains the recordings to within their noise, but only with parameters of the plant that are "
-    "far from the declared ones, though these explain them nearly as well. So parameters may take the place of "
-    "something that is missing, unless the declared values were guesses."
-)
 DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
@@ -51,7 +46,6 @@ LOUDER = (
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
-PERHAPS = "Perhaps something that is in no catalogue, which parameters of the plant compensate for. No effect is named."
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
@@ -90,7 +84,7 @@ def _confidence(found: Discovery) -> str:
     if found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR:
         return LOUDER
     if found.strained:
-        return STRAINED if found.chosen.ids else COMPENSATED
+        return STRAINED
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
 
 
@@ -170,8 +164,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """What is missing in the model, effect by effect."""
-    unnamed = PERHAPS if found.strained else NOTHING if outcome["verdict"] == "no_effect" else UNKNOWN
-    said = [] if outcome["effects"] else [unnamed]
+    said = [] if outcome["effects"] else [NOTHING if outcome["verdict"] == "no_effect" else UNKNOWN]
     for entry in outcome["effects"]:
         effect = found.study.catalogue[entry["id"]]
         sizes = size_words(effect, entry, found.study.plant.model)
