@@ -55,9 +55,8 @@ SAME_DELAY = 0.04  # [samples] up to which delays of monitors have settled
 # Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
 WORTH = 0.5  # [1] share of what starts and effects explained that a first effect may leave to the next ones
 
-# Set by measurement: a shape along the axis and lasers on the cap, taken for a stiffening wall, 1.11, 1.04 and 1.56;
-# right answers beside parameters far from declared ones, 2.2 and 3.5.
-# Check: `pytest tests/test_acceptance.py -k implausible`
+# Set by measurement: a shape along the axis and a laser on the cap, taken for a stiffening wall, 1.11 and 1.04; right
+# answers beside parameters far from declared ones, 2.2 and 3.5. Check: `pytest tests/test_acceptance.py -k implausible`
 WELL_DECLARED = 2.0  # [1] times the residual (rms) of the refitted base that good declared values leave at most
 
 

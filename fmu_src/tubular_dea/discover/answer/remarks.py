@@ -131,8 +131,8 @@ def _delays(study: Study, fitted: Option) -> dict[str, str]:
     """By how much monitors were found to be late, in words, where that moves an output by more than its noise."""
     answers = study.response(fitted.ids, study.pieces).possible(fitted.fitted.values)
     pairs = [(p, a) for p, a in zip(study.pieces, answers, strict=True) if a is not None]
-    found = {}
-    for name in (s.name for s in study.plant.inputs if study.zero(s.name) > 0):
+    found: dict[str, str] = {}
+    for name in (s.name for s in study.plant.inputs if pairs and study.zero(s.name) > 0):
         delays, moved = zip(*(_delay(study, p, a, name) for p, a in pairs), strict=True)
         if float(np.median(moved)) > 1.0:
             by, step = float(np.median(delays)), float(np.median([step_of(p) for p, _ in pairs]))
