@@ -488,7 +488,7 @@ def test_a_step_stays_one_where_neighbours_replace_a_sample() -> None:
     piece = replace(study_of([recorded(0, ramps(0))]).pieces[0])
     piece = replace(piece, case=replace(piece.case, protocol=stepped))
     work = replace(study_of([recorded(0, ramps(0))]), monitor_noise={"load": NOISE})
-    smooth = nuisances._smoothed(work, piece, "load", "1").protocol.at(TIME)["load"]
+    smooth = nuisances._smoothed(work, piece, "load", nuisances.SMOOTHERS[0]).protocol.at(TIME)["load"]
     assert np.abs(smooth - stepped.at(TIME)["load"]).max() == pytest.approx(nuisances.BY_NOISE * np.sqrt(1.5) * NOISE)
 
 
@@ -509,12 +509,13 @@ def test_what_smooths_a_sample_leaves_a_curve_as_it_is() -> None:
     work = study_of([recorded(0, ramps(0))])
     piece = work.pieces[0]
 
-    def left(noise: float, reach: str) -> float:
+    def left(noise: float, weights: np.ndarray) -> float:
         """How far (rms) the smoothed input is from the wave, in units of the noise."""
         noisy = Protocol(TIME, {"load": load + noise * random.standard_normal(TIME.size)})
         there = replace(piece, case=replace(piece.case, protocol=noisy))
         told = replace(work, monitor_noise={"load": noise})
-        smooth = nuisances._smoothed(told, there, "load", reach).protocol.at(TIME)["load"]
+        smooth = nuisances._smoothed(told, there, "load", weights).protocol.at(TIME)["load"]
         return float(np.std((smooth - load)[10:-10])) / noise
 
-    assert left(5e-4, "1") > 1.0 > 0.75 > left(5e-4, "3")
+    neighbours, cubic = nuisances.SMOOTHERS
+    assert left(5e-4, neighbours) > 1.0 > 0.75 > left(5e-4, cubic)

@@ -59,7 +59,6 @@ WORTH = 0.5  # [1] share of what starts and effects explained that a first effec
 # answers beside parameters far from declared ones, 2.2 and 3.5. Check: `pytest tests/test_acceptance.py -k implausible`
 WELL_DECLARED = 2.0  # [1] times the residual (rms) of the refitted base that good declared values leave at most
 
-
 Progress = Callable[[str], None]
 
 

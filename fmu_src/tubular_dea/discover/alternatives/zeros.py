@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...identify.study.nuisances import likeliest
+from ...identify.study.nuisances import own_numbers
 from ...identify.study.study import Study
 from ...laws import Path
 from ..options.options import Option
@@ -35,13 +35,10 @@ class Shift:
 def impossible(study: Study, chosen: Option) -> Shift | None:
     """The zero of an output, in any piece, that is farthest beyond what zeros are; None where all are possible."""
     found: dict[float, Shift] = {}
-    answers = study.response(chosen.ids, study.pieces).possible(study.shared(chosen.fitted.values))
-    for piece, answer in zip(study.pieces, answers, strict=True):
-        if answer is None:
-            continue
-        for name, value in zip(piece.nuisances.names, likeliest(study, piece, answer), strict=True):
+    for piece, own in own_numbers(study, chosen.ids, chosen.fitted.values):
+        for name, value in own.items():
             if name in study.noise and study.zero(name) > 0:
-                found[abs(value) / study.zero(name)] = Shift(name, piece.name, float(value))
+                found[abs(value) / study.zero(name)] = Shift(name, piece.name, value)
     most = max(found, default=0.0)
     return found[most] if most > IMPOSSIBLE else None
 

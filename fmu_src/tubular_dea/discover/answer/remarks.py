@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...identify.records.start import UNKNOWN
-from ...identify.study.nuisances import LATE_OF, likeliest, step_of, zero_spread
+from ...identify.study.nuisances import LATE_OF, own_numbers, step_of, zero_spread
 from ...identify.study.spreads import most_spread
 from ...identify.study.study import Piece, Study
 from ...model.declare import Quantity
@@ -127,27 +127,22 @@ def _late(found: Discovery) -> list[str]:
     ]
 
 
-def _delays(study: Study, fitted: Option) -> dict[str, str]:
+def _delays(study: Study, option: Option) -> dict[str, str]:
     """By how much monitors were found to be late, in words, where that moves an output by more than its noise."""
-    answers = study.response(fitted.ids, study.pieces).possible(fitted.fitted.values)
-    pairs = [(p, a) for p, a in zip(study.pieces, answers, strict=True) if a is not None]
-    found: dict[str, str] = {}
-    for name in (s.name for s in study.plant.inputs if pairs and study.zero(s.name) > 0):
-        delays, moved = zip(*(_delay(study, p, a, name) for p, a in pairs), strict=True)
-        if float(np.median(moved)) > 1.0:
-            by, step = float(np.median(delays)), float(np.median([step_of(p) for p, _ in pairs]))
+    pieces, found = own_numbers(study, option.ids, option.fitted.values), {}
+    for name in (s.name for s in study.plant.inputs):
+        told = [_delay(study, p, name, own[LATE_OF + name]) for p, own in pieces if LATE_OF + name in own]
+        if told and float(np.median([moved for _, moved in told])) > 1.0:
+            by, step = (float(np.median(each)) for each in ([by for by, _ in told], [step_of(p) for p, _ in pieces]))
             found[name] = f"{in_words(abs(by), 's')} ({abs(by) / step:.2g} samples) {'late' if by > 0 else 'early'}"
     return found
 
 
-def _delay(study: Study, piece: Piece, answer: np.ndarray, name: str) -> tuple[float, float]:
-    """How late a monitor is in a record [s], and by how much (rms) that moves the output that it moves most, in units
-    of its noise; `answer` (N,) is the model's output."""
-    if LATE_OF + name not in piece.nuisances.names:
-        return 0.0, 0.0
-    number = piece.nuisances.names.index(LATE_OF + name)
-    by = piece.late.get(name, 0.0) + float(likeliest(study, piece, answer)[number])
-    column = piece.nuisances.columns[:, number] * by
+def _delay(study: Study, piece: Piece, name: str, own: float) -> tuple[float, float]:
+    """How late a monitor is in a record [s], `own` of it beside what all have in common, and by how much (rms) that
+    moves the output that it moves most, in units of its noise."""
+    by = piece.late.get(name, 0.0) + own
+    column = piece.nuisances.columns[:, piece.nuisances.names.index(LATE_OF + name)] * by
     parts = zip(piece.case.readings, piece.case.parts(), strict=True)
     moved = [float(np.sqrt(np.mean(column[rows] ** 2))) / study.noise[reading.output].rms for reading, rows in parts]
     return by, max(moved)

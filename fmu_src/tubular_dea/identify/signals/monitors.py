@@ -185,10 +185,8 @@ def level(values: np.ndarray, remembered: tuple[float, float] | None = None, ste
     larger, phi = told or NO_MEMORY
     slow = larger * float(np.sqrt((1 + phi) / (1 - phi)))
     coarse = max(coarseness(values), step)
-    noise = noise_level(values)
-    if told is None:
-        noise = _under_signal(values, noise)
-    noise = _toggling(values, noise, coarse)
+    thirds_say = noise_level(values)
+    noise = _toggling(values, _under_signal(values, thirds_say) if told is None else thirds_say, coarse)
     return max(noise * slow, coarse / float(np.sqrt(12.0)), QUIET * float(np.ptp(values)))
 
 

@@ -58,7 +58,7 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 # Set by theory: the mean of two neighbours leaves a third of the noise, but takes a curve's bend for noise; the cubic
 # through seven samples (Savitzky and Golay, Anal. Chem. 36 (1964) 1627) leaves as much and takes none.
 # Check: `pytest tests/test_adjust.py -k leaves_a_curve`
-SMOOTHERS = {"1": np.array([0.5, 0, 0.5]), "3": np.array([-2, 3, 6, 7, 6, 3, -2]) / 21}  # [1] weights by their reach
+SMOOTHERS = (np.array([0.5, 0, 0.5]), np.array([-2, 3, 6, 7, 6, 3, -2]) / 21)  # [1] weights of samples in a row
 
 # Set by theory: 1 in 400. Check: `pytest tests/test_adjust.py -k step_stays`
 BY_NOISE = 3.0  # [standard deviations] by which noise moves a sample off what smooths it
@@ -111,7 +111,9 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases += [(f"{SENT_OF}{name}", _earlier(piece, name, by), by) for name, by in piece.driven.room.items()]
     if study.sought:
         linear = [s.name for s in study.plant.inputs if s.linear]
-        cases += [(f"{SMOOTH_OF}{n} {r}", _smoothed(study, piece, n, r), 1.0) for n in linear for r in SMOOTHERS]
+        cases += [
+            (f"{SMOOTH_OF}{n} {w.size // 2}", _smoothed(study, piece, n, w), 1.0) for n in linear for w in SMOOTHERS
+        ]
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -204,16 +206,15 @@ def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
     return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
 
 
-def _smoothed(study: Study, piece: Piece, name: str, reach: str) -> Case:
-    """The case with one of its inputs smoothed over so many samples before and after, as far as noise moves it: a step
-    stays one."""
-    protocol, by, weights = piece.case.protocol, step_of(piece), SMOOTHERS[reach]
-    steps = range(-int(reach), int(reach) + 1)
-    moved = protocol.delayed({str(k): (name, k * by) for k in steps if k})
+def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray) -> Case:
+    """The case with one of its inputs smoothed by `weights` of samples, the middle one its own, as far as noise moves
+    it: a step stays one."""
+    protocol, by, reach = piece.case.protocol, step_of(piece), weights.size // 2
+    changes = {k: float(w) - (k == 0) for k, w in enumerate(weights, -reach)}
+    moved = protocol.delayed({str(k): (name, k * by) for k in changes if k})
     here = moved.inputs[name]
-    off = sum(w * (moved.inputs[str(k)] if k else here) for k, w in zip(steps, weights, strict=True)) - here
-    at_most = float(np.linalg.norm(weights - (np.array(steps) == 0)))
-    most = BY_NOISE * at_most * study.monitor_noise.get(name, np.inf)
+    off = sum(change * (moved.inputs[str(k)] if k else here) for k, change in changes.items())
+    most = BY_NOISE * float(np.linalg.norm([*changes.values()])) * study.monitor_noise.get(name, np.inf)
     smooth = here + np.clip(off, -most, most)
     inputs = {n: smooth if n == name else moved.inputs[n] for n in protocol.inputs}
     return replace(piece.case, protocol=Protocol(moved.time, inputs))
@@ -276,6 +277,17 @@ def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
     return answer + piece.nuisances.columns @ likeliest(study, piece, answer)
+
+
+def own_numbers(study: Study, ids: Ids, values: Mapping[str, float]) -> list[tuple[Piece, dict[str, float]]]:
+    """The pieces at which the model with effects `ids` has an answer, with their likeliest nuisance parameters by name
+    (SI)."""
+    answers = study.response(ids, study.pieces).possible(study.shared(values))
+    return [
+        (piece, dict(zip(piece.nuisances.names, map(float, likeliest(study, piece, answer)), strict=True)))
+        for piece, answer in zip(study.pieces, answers, strict=True)
+        if answer is not None
+    ]
 
 
 def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
