@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import make_lsq_spline
 
 from made_up import BASE, LARGE, SAMPLES, found, option
-from tubular_dea.discover import engine
+from tubular_dea.discover import engine, judgement
 from tubular_dea.discover.options import acceptance, residuals
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import held_out, parameters, power
@@ -40,7 +40,7 @@ from tubular_dea.plants.tube import PLANT
 )
 def test_verdict_without_any_effect(excess: float, z_slow: float, verdict: str) -> None:
     base = option(excess=excess, z_slow=z_slow)
-    assert engine.decide(found(base, base), 1.0, {}) == verdict
+    assert judgement.decide(found(base, base), 1.0, {}) == verdict
 
 
 @pytest.mark.parametrize(
@@ -58,17 +58,17 @@ def test_verdict_without_any_effect(excess: float, z_slow: float, verdict: str) 
 )
 def test_verdict_by_what_an_effect_leaves(excess: float, held_ratio: float, verdict: str) -> None:
     chosen = option("lag", excess=excess, held_out=4000.0)
-    assert engine.decide(found(BASE, chosen), held_ratio, {"lag": []}) == verdict
+    assert judgement.decide(found(BASE, chosen), held_ratio, {"lag": []}) == verdict
 
 
 def test_verdict_where_another_output_shows_what_the_model_does_not_have() -> None:
     clean, lag = option(), option("lag", excess=100.0)
-    assert engine.decide(found(clean, clean), 1.0, {}) == "no_effect"
-    assert engine.decide(found(clean, clean), 1.0, {}, missed=True) == "unexplained"
+    assert judgement.decide(found(clean, clean), 1.0, {}) == "no_effect"
+    assert judgement.decide(found(clean, clean), 1.0, {}, missed=True) == "unexplained"
     drifts = option(excess=1000.0)  # to a zero that drifts within files, not to one that predicts others wrongly
-    assert engine.decide(found(drifts, drifts), 1.1, {}, wanders=True) == "no_effect"
-    assert engine.decide(found(drifts, drifts), 1.45, {}, wanders=True) == "unexplained"
-    assert engine.decide(found(BASE, lag), 1.0, {"lag": []}, missed=True) == "effect_found"
+    assert judgement.decide(found(drifts, drifts), 1.1, {}, wanders=True) == "no_effect"
+    assert judgement.decide(found(drifts, drifts), 1.45, {}, wanders=True) == "unexplained"
+    assert judgement.decide(found(BASE, lag), 1.0, {"lag": []}, missed=True) == "effect_found"
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.51, "partly_explained"), (0.49, "unexplained")])
@@ -76,19 +76,19 @@ def test_verdict_where_disturbances_of_the_fitted_experiments_are_larger(share: 
     """A robot's shoulder: friction is 9 % of what its ripple leaves of fast motions, and most of a slow one."""
     missed = BASE.unseen_squares - BASE.unseen.size
     chosen = option("preload", excess=0.9 * LARGE, held_out=BASE.held_out - share * missed)
-    assert engine.decide(found(BASE, chosen), 9.0, {"preload": []}) == verdict
+    assert judgement.decide(found(BASE, chosen), 9.0, {"preload": []}) == verdict
 
 
 def test_verdict_where_nearly_all_of_a_very_large_effect_is_explained() -> None:
     base = option(excess=20 * LARGE, held_out=1e5)
     for excess, verdict in ((4300.0, "effect_found"), (4500.0, "partly_explained")):  # 1.196 and 1.204 times the noise
-        assert engine.decide(found(base, option("lag", excess=excess)), 1.0, {"lag": []}) == verdict
+        assert judgement.decide(found(base, option("lag", excess=excess)), 1.0, {"lag": []}) == verdict
 
 
 def test_verdict_where_little_is_left_but_of_little() -> None:
     chosen = option("lag", excess=1800.0, held_out=4000.0)  # 1.086 times the noise
     for excess, verdict in ((36_500.0, "effect_found"), (35_500.0, "partly_explained")):  # 95.1 and 94.9 % explained
-        assert engine.decide(found(option(excess=excess, held_out=12_000.0), chosen), 1.0, {"lag": []}) == verdict
+        assert judgement.decide(found(option(excess=excess, held_out=12_000.0), chosen), 1.0, {"lag": []}) == verdict
 
 
 @pytest.mark.parametrize(("base", "chosen", "strained"), [(1.0, 40.0, ("C_3",)), (40.0, 40.0, ()), (40.0, 1.0, ())])
@@ -97,9 +97,9 @@ def test_parameters_that_only_an_effect_makes_implausible_speak_against_it(
 ) -> None:
     """A kinked wall looked like a stop beside a C_3 of 40 times its value; a first guess is far off in both. Declared
     values that explain as much as refitted ones are no first guesses: a shape along the axis looked like stiffening."""
-    assert engine._strained(_declared(base, 2.5), _fitted(chosen)) == strained
+    assert judgement._strained(_declared(base, 2.5), _fitted(chosen)) == strained
     well = ("C_3",) if chosen == 40 else ()  # beside a base that the declared values explain as well
-    assert engine._strained(_declared(base, 1.1), _fitted(chosen)) == well
+    assert judgement._strained(_declared(base, 1.1), _fitted(chosen)) == well
 
 
 def _declared(times: float, leaves: float) -> SimpleNamespace:
@@ -119,8 +119,10 @@ def _fitted(times: float) -> SimpleNamespace:
 
 def test_verdict_where_effects_cannot_be_told_apart() -> None:
     clean, partly = option("lag", excess=100.0), option("lag", excess=0.3 * LARGE)
-    assert engine.decide(found(BASE, clean), 1.0, {"lag": ["slew"]}) == "ambiguous"
-    assert engine.decide(found(BASE, partly), 1.0, {"lag": ["slew"]}) == "partly_explained"  # the remainder comes first
+    assert judgement.decide(found(BASE, clean), 1.0, {"lag": ["slew"]}) == "ambiguous"
+    assert (
+        judgement.decide(found(BASE, partly), 1.0, {"lag": ["slew"]}) == "partly_explained"
+    )  # the remainder comes first
 
 
 @pytest.mark.parametrize(
@@ -135,7 +137,7 @@ def test_verdict_where_effects_cannot_be_told_apart() -> None:
 def test_a_name_is_earned_on_data_that_no_fit_has_seen(unseen: float, excess: float, named: bool) -> None:
     chosen = option("lag", excess=excess, held_out=unseen)
     assert acceptance.earned(BASE, chosen) is named
-    assert engine.decide(found(BASE, chosen), 9.0, {"lag": []}) == ("partly_explained" if named else "unexplained")
+    assert judgement.decide(found(BASE, chosen), 9.0, {"lag": []}) == ("partly_explained" if named else "unexplained")
 
 
 def test_effects_from_an_equilibrium_take_the_place_of_nothing_where_held_out_data_support_them() -> None:
@@ -219,10 +221,10 @@ def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) 
     assert acceptance.bounded_away(lag, fitted) is away
     study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     described = replace(option("lag", excess=100.0, held_out=2000.0), fitted=fitted)
-    assert engine.supported(study, found(BASE, described), described) is away
+    assert judgement.supported(study, found(BASE, described), described) is away
     denied = replace(described, unseen=1.1 * BASE.unseen)
-    assert not engine.supported(study, found(BASE, denied), denied)
-    assert engine.supported(study, found(BASE, BASE), BASE)  # nothing is named
+    assert not judgement.supported(study, found(BASE, denied), denied)
+    assert judgement.supported(study, found(BASE, BASE), BASE)  # nothing is named
 
 
 def test_a_strength_at_its_bound_names_nothing() -> None:
@@ -277,14 +279,14 @@ def test_a_weak_effect_that_leaves_a_residual_as_little_white_as_before_is_vague
 ) -> None:
     """A pulsation of a pump, 29 Pa beside 60 Pa of noise, made one of six effects explain a little, by chance."""
     white = {(): before, ("lag",): after}
-    monkeypatch.setattr(engine.residuals, "tests", lambda study, ids, fitted: {"whiteness": white[ids]})
-    monkeypatch.setattr(engine, "_no_more_than_a_zero", lambda work, found, described, name: False)
+    monkeypatch.setattr(judgement.residuals, "tests", lambda study, ids, fitted: {"whiteness": white[ids]})
+    monkeypatch.setattr(judgement, "_no_more_than_a_zero", lambda work, found, described, name: False)
     lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
     chosen = option("lag", excess=0.0, z_slow=0.0)
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
     study = SimpleNamespace(catalogue={"lag": lag})
     search = found(BASE, chosen, gains={"lag": gain}, rounds=[SimpleNamespace(threshold=35.0)])
-    assert [*engine._vague(study, search, chosen)] == vague
+    assert [*judgement._vague(study, search, chosen)] == vague
 
 
 def test_an_effect_that_gains_little_is_vague() -> None:
@@ -293,7 +295,7 @@ def test_an_effect_that_gains_little_is_vague() -> None:
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
     study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     for gain, vague in ((10.7, ["lag"]), (10.9, [])):  # a normal number is 3.3 from its mean once in a thousand
-        assert [*engine._vague(study, found(BASE, chosen, gains={"lag": gain}), chosen)] == vague
+        assert [*judgement._vague(study, found(BASE, chosen, gains={"lag": gain}), chosen)] == vague
 
 
 def test_what_is_held_out_sees_what_may_be_missing_and_leaves_what_is_needed() -> None:
@@ -380,8 +382,8 @@ def test_where_models_are_far_from_the_plant_their_own_error_decides() -> None:
 
 def test_nothing_is_missing_only_if_the_held_out_experiments_are_predicted() -> None:
     nothing = found(option(excess=0.0), option(excess=0.0))
-    assert engine.decide(nothing, 1.5, {}) == "no_effect"
-    assert engine.decide(nothing, 1.6, {}) == "unexplained"
+    assert judgement.decide(nothing, 1.5, {}) == "no_effect"
+    assert judgement.decide(nothing, 1.6, {}) == "unexplained"
 
 
 @pytest.mark.parametrize(
@@ -393,7 +395,7 @@ def test_what_only_the_held_out_experiments_see_is_sought_there(
 ) -> None:
     base = option(excess=excess)
     monkeypatch.setattr(engine, "option", lambda work, ids, fitted: base)
-    monkeypatch.setattr(engine, "_held_ratio", lambda work, chosen: ratio)
+    monkeypatch.setattr(engine, "held_ratio", lambda work, chosen: ratio)
     work = SimpleNamespace(held_out=[SimpleNamespace(record=np.zeros(samples))])
     assert engine._seen_elsewhere(work, base.fitted) == exchanged
 

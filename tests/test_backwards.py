@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tubular_dea import read_recordings
-from tubular_dea.discover import engine
+from tubular_dea.discover import engine, recalibration
 from tubular_dea.discover.alternatives.backwards import Backwards, backwards
 from tubular_dea.plants import Build, Input, Output, Path, Plant
 
@@ -42,7 +42,7 @@ def test_an_output_counted_the_other_way_is_found_once_the_plant_is_refitted(wro
         tables[name] = {"time [s]": time, "voltage [V]": voltage} | {f"{n} [rad/s]": v for n, v in noisy.items()}
     recordings = read_recordings(tables, plant=motor())
     prepared, work, fitted = engine._begun(recordings, 1, None, lambda what: None)
-    told = backwards(prepared, work, fitted, lambda other: engine._recalibrated(other, 1, False)[1])
+    told = backwards(prepared, work, fitted, lambda other: recalibration.recalibrated(other, 1, False)[1])
     assert (told and told.outputs) == (wrong or None)
     if told:
         assert isinstance(told, Backwards) and told.left < 0.1

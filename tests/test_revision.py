@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from made_up import BASE, LARGE, STUDY, found, option
-from tubular_dea.discover import engine
+from tubular_dea.discover import judgement
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.search import revision, selection
 from tubular_dea.discover.search.revision import Search
@@ -225,20 +225,22 @@ def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch
     both = replace(both, fitted=replace(both.fitted, scaled=np.ones(3), covariance=0.01 * np.eye(3)))
     alone = option("lag", excess=50.0)
     search = found(BASE, both, gains={"lag": 11.0, "creep": 500.0})
-    monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: alone if ids == ("lag",) else None)
-    assert engine._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
+    monkeypatch.setattr(
+        judgement, "fitted_option", lambda study, ids, start, refined: alone if ids == ("lag",) else None
+    )
+    assert judgement._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
     assert search.rivals == [both]
     assert search.withdrawn == {"creep": "the interval of its size includes nothing"}
-    assert engine._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
+    assert judgement._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
 
 
 def test_few_rivals_are_looked_at_again_where_an_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple] = []
-    monkeypatch.setattr(engine, "fitted_option", lambda study, ids, start, refined: asked.append(ids))
-    monkeypatch.setattr(engine, "_vague", lambda work, found, described: {"creep": "it gains nothing"})
+    monkeypatch.setattr(judgement, "fitted_option", lambda study, ids, start, refined: asked.append(ids))
+    monkeypatch.setattr(judgement, "_vague", lambda work, found, described: {"creep": "it gains nothing"})
     rivals = [option(f"rival{i}", "creep", excess=10.0 * i) for i in range(9)]
     both = option("lag", "creep")
-    assert engine._withdrawn(None, found(BASE, both, rivals=rivals, gains={"creep": 5.0}), both) is BASE
+    assert judgement._withdrawn(None, found(BASE, both, rivals=rivals, gains={"creep": 5.0}), both) is BASE
     assert sorted(asked) == [("lag",), *((f"rival{i}",) for i in range(4))]
 
 
