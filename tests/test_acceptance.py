@@ -594,7 +594,8 @@ def test_a_monitor_s_noise_beside_that_of_the_sensor(noise: Noise) -> None:
         parts=lambda: [slice(None)],
     )
     none_fitted = SimpleNamespace(variance_removed=np.zeros)
-    piece = SimpleNamespace(record=time, weight=weight, case=case, marginal=none_fitted)
+    none = SimpleNamespace(names=())
+    piece = SimpleNamespace(record=time, weight=weight, case=case, marginal=none_fitted, nuisances=none)
     study = SimpleNamespace(noise={"radius": noise}, plant=SimpleNamespace(bandwidth=1e3))
     left = noise.whiten(clock, gain * line(time)) * weight
     varies = float(np.mean(residuals.block_means(left, [piece]) ** 2))

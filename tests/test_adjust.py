@@ -19,7 +19,7 @@ from tubular_dea.identify.records.data import Experiment, Recordings
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.identify.study import adjust, nuisances, spreads
 from tubular_dea.identify.study.adjust import adjusted
-from tubular_dea.identify.study.monitor_uncertainty import constant_gains, shifted
+from tubular_dea.identify.study.monitor_uncertainty import shifted, slow_gains
 from tubular_dea.identify.study.nuisances import with_nuisances
 from tubular_dea.identify.study.study import PRIOR, Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
@@ -445,7 +445,7 @@ def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
     work = study(Recordings(plant, [record]), held_out=())
     with pytest.raises(KernelError):
         work.asked((), [shifted(work.pieces[0].case, "load")[0]]).outputs_alone(values)
-    gains, middle = constant_gains(work.response((), work.pieces), values, "load")[0], TIME.size // 2
+    gains, middle = slow_gains(work.response((), work.pieces), values, "load", work.pieces)[0], TIME.size // 2
     assert gains[middle] == pytest.approx(1 / (1.002 - rising[middle]), rel=0.05)
     found = adjusted(work, (), values).pieces[0].nuisances
     assert not found.columns[:, found.names.index("load")].any()  # left out, and nothing is refused

@@ -154,6 +154,41 @@ def test_a_law_is_only_where_it_can_be_told_from_others() -> None:
     assert {"relaxation(strain)", "orifice(strain)"} <= {e.id for e in at("sensor", 1)}
 
 
+def valve(start: float | str, spool: bool) -> tuple[Model, Effect]:
+    """A cylinder behind a valve, whose spool may follow its command late; its orifice."""
+    m = Build("Cylinder")
+    command = m.input("command", "1", nominal=0.5)
+    lag = m.parameter("lag", "s", 0.005, tunable=False)
+    full, stiff = m.parameter("full", "Pa/s", 1e9, minimum=1.0), m.parameter("stiff", "1/s", 20.0, minimum=0.1)
+    pressure = m.state("pressure", "Pa", start=start, nominal=3e6)
+    opened = m.state("opened", "1", nominal=0.5) if spool else command
+    flow = m.define("flow", "Pa/s", full * opened)
+    if spool:
+        m.derivative(opened, (command - opened) / lag)
+    m.derivative(pressure, flow - stiff * pressure)
+    m.output("load", "Pa", pressure)
+    model = m.model()
+    return model, {e.id: e for e in effects_at(model, Coefficient("flow", of="pressure"))}["orifice(flow)"]
+
+
+@pytest.mark.parametrize("spool", [False, True])
+@pytest.mark.parametrize("start", [0.0, "free", 1e6])
+def test_an_orifice_counts_its_load_from_nothing(start: float | str, spool: bool) -> None:
+    """Not from half of its nominal value, where a free start is declared, nor from the load that it starts under."""
+    model, effect = valve(start, spool)
+    kernel, time = Kernel(effect(model)), np.linspace(0, 1, 11)
+    ends = []
+    for sign in (1.0, -1.0):
+        values = dict(effect.typical) | ({"pressure_start": 0.0} if start == "free" else {})
+        ends.append(kernel.simulate(Protocol(time[[0, -1]], {"command": np.full(2, sign * 0.5)}), time, values)["load"])
+    assert ends[0][-1] == pytest.approx(-ends[1][-1], rel=1e-6)
+
+
+def test_an_absolute_pressure_loads_an_orifice_from_that_of_the_air() -> None:
+    model, effect = valve(1e5, spool=False)
+    assert float(effect(model).expression("flow_orifice_start")) == 1e5
+
+
 def test_a_lead_is_where_inputs_that_move_have_rates() -> None:
     """Not where the model has the rate already, nor where a state or what is held between samples moves the signal."""
     found = {e.id for plant, place in CASES for e in at(plant, place) if e.id.startswith("lead(")}

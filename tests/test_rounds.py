@@ -14,8 +14,11 @@ from tubular_dea.discover.options import options
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import held_out, power
 from tubular_dea.discover.scores.bank import Score
+from tubular_dea.discover.scores.levels import course
 from tubular_dea.discover.search import rounds
 from tubular_dea.discover.search.rounds import Round
+from tubular_dea.kernel import Trajectory
+from tubular_dea.model.build import Build
 
 
 def scored(*statistics: float) -> list[Score]:
@@ -52,10 +55,12 @@ def test_scores_that_promise_little_of_what_is_left_are_not_relied_on(excess: fl
 
 def levelled(low: float, high: float, level: float) -> tuple[str, ...]:
     """What is unreached where a state moves between `low` and `high` and a stop's level is there."""
-    run = {"x": np.array([low, high])}
+    run = Trajectory(np.arange(2.0), {"x": np.array([low, high])}, 0, 0)
     study = SimpleNamespace(
         catalogue={"stop": SimpleNamespace(levels={"level": "x"}), "lag": SimpleNamespace(levels={})},
         training=[],
+        geometry={},
+        plant=SimpleNamespace(model=None),
         shared=lambda values: values,
         response=lambda ids, pieces: SimpleNamespace(trajectories=lambda values: [run]),
     )
@@ -65,6 +70,18 @@ def levelled(low: float, high: float, level: float) -> tuple[str, ...]:
 def test_a_stop_that_always_or_never_holds_is_none() -> None:
     assert levelled(-1.0, 1.0, 0.9) == ()
     assert levelled(-1.0, 1.0, 1.1) == levelled(-1.0, 1.0, -1.1) == ("stop",)
+
+
+def test_a_level_may_be_one_of_a_definition() -> None:
+    """A preload of an elastic stress turns at a strain, which follows from the stretch that is prescribed."""
+    m = Build("Strip")
+    stretch, rest = m.input("stretch", "1", nominal=2.0), m.parameter("rest", "1", 1.0)
+    strain = m.define("strain", "1", stretch - rest, nominal=1.0)
+    twice = m.define("twice", "1", 2 * strain)
+    m.output("force", "N", m.parameter("stiffness", "N", 3.0) * twice)
+    run = Trajectory(np.arange(3.0), {"stretch": np.array([1.0, 1.5, 3.0])}, 0, 0)
+    assert course(m.model(), run, "twice", {"rest": 0.5}) == pytest.approx([1.0, 2.0, 5.0])
+    assert course(m.model(), run, "stretch", {}) == pytest.approx([1.0, 1.5, 3.0])
 
 
 def test_where_models_are_far_nearly_all_are_refitted() -> None:

@@ -48,9 +48,7 @@ def linearised(seed: int, only: list[str] | None = None) -> Ends:
     at = problem.scaled(truth)
     there = described(problem, at)
     found = at - there.covariance @ (there.jacobian.T @ there.residual)
-    half = 1.96 * np.sqrt(
-        np.diag(with_monitor_noise(problem, there, [p.driven for p in work.training], work.monitor_noise).covariance)
-    )
+    half = 1.96 * np.sqrt(np.diag(with_monitor_noise(problem, there, work.training, work.monitor_noise).covariance))
     si = [
         [f.to_si(float(x)) for f, x in zip(problem.free, row, strict=True)]
         for row in (found, found - half, found + half)

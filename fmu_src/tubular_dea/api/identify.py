@@ -251,7 +251,7 @@ def identify(
         work, problem, best = procedure.alternating_fit(work, values, starts, seed, free)
         tell("intervals")
         problem, best = vanishing(problem, best)
-        best = with_monitor_noise(problem, best, [p.driven for p in work.training], work.monitor_noise)
+        best = with_monitor_noise(problem, best, work.training, work.monitor_noise)
         best = with_coarse_residuals(best, [r.size for r in problem.records])
         content = _content(work, problem, best, profile)
     names = known.model.parameter_values()
@@ -274,7 +274,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     """The content of parameters.json, in SI units."""
     model, left, first = work.plant.model, _misfit(work, problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
-    outputs = [with_nuisances(work, p, y) for p, y in zip(work.training, answers, strict=True)]
+    outputs = [with_nuisances(work, p, y, astray=True) for p, y in zip(work.training, answers, strict=True)]
     parameters = {
         name: {
             "value": best.values[name],

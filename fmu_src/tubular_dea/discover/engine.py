@@ -135,31 +135,31 @@ def discover(
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
     with_usual_sizes(found)
-    verdict = judge(found, turned is not None)
+    judged = judge(found, turned is not None)
     work = found.study
     before = residuals.tests(found.base_study, (), fitted)
     after = residuals.tests(work, found.chosen.ids, found.chosen.fitted)
-    found.chosen = verdict.described
+    found.chosen = judged.described
     return Discovery(
         recordings=recordings,
         study=work,
-        verdict=verdict.word,
+        verdict=judged.word,
         search=found,
         isolated=isolated,
-        equivalent=verdict.equivalent,
+        equivalent=judged.equivalent,
         tests_before=before,
         tests_after=after,
         numeric=numeric,
         caused=input_noise.caused_rms(found.base_study, fitted.values),
-        held_ratio=verdict.held_ratio,
-        proposal=next_experiment.propose(work, competitors(found, verdict.equivalent)),
-        repeated=verdict.repeated,
-        wandering=verdict.wandering,
-        shifted=verdict.shifted,
-        missed=verdict.missed,
+        held_ratio=judged.held_ratio,
+        proposal=next_experiment.propose(work, competitors(found, judged.equivalent)),
+        repeated=judged.repeated,
+        wandering=judged.wandering,
+        shifted=judged.shifted,
+        missed=judged.missed,
         limits=_limits(found),
         held_at_first=() if other is None else tuple(p.name for p in prepared.held_out),
-        strained=verdict.strained,
+        strained=judged.strained,
         turned=turned,
     )
 

@@ -32,7 +32,7 @@ WELL_DECLARED = 2.0  # [1] times the residual (rms) of the refitted base that go
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Judgement:
     """The verdict in a word, and what it rests on.
 
     `described` is the choice as it is reported, `equivalent` what would do in place of each of its effects, by id.
@@ -53,7 +53,7 @@ class Verdict:
     strained: tuple[str, ...] = ()
 
 
-def judge(found: Search, turned: bool) -> Verdict:
+def judge(found: Search, turned: bool) -> Judgement:
     """The verdict on a search, from which effects that nothing supports are withdrawn one by one; `turned`: an output
     is counted the other way."""
     repeated = repeats(found.study.pieces)
@@ -67,7 +67,7 @@ def judge(found: Search, turned: bool) -> Verdict:
     word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, missed is not None, turned)
     strained = _strained(found, described) if word in ("effect_found", "ambiguous") else ()
     word = "partly_explained" if strained else word
-    return Verdict(word, described, equivalent, ratio, repeated, wandering, shifted, missed, strained)
+    return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, strained)
 
 
 def _with_equivalents(found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:
@@ -96,7 +96,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     if acceptance.far(option):  # the misfit, not noise or another law, determines the uncertainty
         slow = residuals.slow_variance(fitted, work.training)
         return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
-    wider = with_monitor_noise(problem, fitted, [p.driven for p in work.training], work.monitor_noise)
+    wider = with_monitor_noise(problem, fitted, work.training, work.monitor_noise)
     wider = common_nuisances(work, zeros=True).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)

@@ -47,7 +47,8 @@ def base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
     until the base gains no more. At a low sampling rate, instants and viscosities follow each other slowly."""
     for number in range(MOST_SETTLES):
         before = work.late
-        work = adjusted(with_noise_of(work, fitted), (), fitted.values, base_parameters(work.plant))
+        work = replace(with_noise_of(work, fitted), remembering=True)
+        work = adjusted(work, (), fitted.values, base_parameters(work.plant))
         if number == 0:
             work = input_noise.bounded_by_outputs(work, fitted.values)
         gains = input_noise.input_gains(work, fitted.values)

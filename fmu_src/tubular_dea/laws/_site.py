@@ -215,8 +215,19 @@ class SignalSite(Site):
 
     @property
     def is_steered(self) -> bool:
-        """Whether an input moves it at once."""
-        return bool(self._reached & {q.symbol for q in self.model.inputs})
+        """Whether an input moves it at once, or through states that it does not move itself: the spool of a valve."""
+        inputs = {q.symbol for q in self.model.inputs}
+        if self._reached & inputs:
+            return True
+        moves = {s.quantity.symbol: sympy.sympify(s.derivative).free_symbols for s in self.model.states}
+        known, seen = self._reached, set[sympy.Symbol]()
+        while more := (known & moves.keys()) - seen:
+            seen |= more
+            driven = self._made_of(set().union(*(moves[m] for m in more)))
+            if self.quantity.symbol in driven:
+                return False
+            known = known | driven
+        return bool(known & inputs)
 
     @property
     def is_static(self) -> bool:
@@ -234,7 +245,11 @@ class SignalSite(Site):
     @property
     def _reached(self) -> set[sympy.Symbol]:
         """Everything that it is made of, definitions in between too."""
-        reached = {self.quantity.symbol}
+        return self._made_of({self.quantity.symbol})
+
+    def _made_of(self, symbols: set[sympy.Symbol]) -> set[sympy.Symbol]:
+        """Some symbols, and everything that they are made of."""
+        reached = set(symbols)
         for d in reversed(self.model.definitions):
             if d.quantity.symbol in reached:
                 reached |= sympy.sympify(d.expression).free_symbols

@@ -8,9 +8,9 @@
           +-----------|-- of
                     supply
 
-Equation: flow' = flow sqrt([1 - share s load / nominal]+), s the sign of the flow, load how far `of` is from where it
-starts (an absolute pressure from that of the air), nominal that of `of`; the supply is nominal / share. The flow
-vanishes where the load takes all of the supply, and grows where it pulls.
+Equation: flow' = flow sqrt([1 - share s load / nominal]+), s the sign of the flow, load and nominal those of `of`; the
+supply is nominal / share. The flow vanishes where the load takes all of the supply, and grows where it pulls. The load
+counts from 0; a pressure that is declared to start at that of the air is an absolute one, and counts from there.
 
 Source: H. E. Merritt, "Hydraulic Control Systems", Wiley 1967, section 5.2 (flow of a four-way valve).
 
@@ -19,15 +19,17 @@ Typical: the nominal load pressure is 0.3 to 0.9 of the supply.
 
 import sympy
 
-from ..model.declare import Model
+from ..model.declare import Model, Quantity
 from ..model.effect import Effect
 from ..model.smooth import magnitude, positive_part
+from ._scales import at_first
 from ._site import SignalSite, alike
 from .places import Coefficient
 
 KINDS = (Coefficient,)
-NEEDS = "a definition that an input moves, and `of`, what loads it (no temperature)"
+NEEDS = "a definition that an input moves, at once or through a spool, and `of`, what loads it (no temperature)"
 TURNS = 1e-3  # of the flow's nominal value: where its sign turns
+AIR, NEARLY = 101_325.0, 0.1  # Pa; how far an absolute pressure starts from it at most, as a part of it
 LEAST = 1e-6  # of the supply: below it the root is straight
 
 
@@ -40,7 +42,7 @@ def law(at: SignalSite) -> Effect | None:
 
     def apply(model: Model) -> Model:
         model, flow = at.taken(model)
-        model, start = at.start_of(model, of)
+        model, start = at.start_of(model, of) if _absolute(at.model, of) else (model, sympy.Integer(0))
         model, full = at.constant(model, "full", of.unit, of.nominal, f"Usual {of.name}", before=at.name("from"))
         model, turns = at.constant(
             model, "turns", at.unit, TURNS * at.nominal, "Flow at which its sign turns", before=at.name("from")
@@ -51,3 +53,8 @@ def law(at: SignalSite) -> Effect | None:
         return at.put(model, flow * opened)
 
     return at.effect(f"{of.name} takes from the pressure that drives {at.words}", "Merritt 1967", apply, share)
+
+
+def _absolute(model: Model, of: Quantity) -> bool:
+    """Whether a pressure starts at that of the air."""
+    return alike(of.unit, "Pa") and abs(at_first(model, of.name) / AIR - 1) < NEARLY

@@ -15,8 +15,9 @@ from scipy.ndimage import maximum_filter1d
 
 from ...identify.fitting.misfit import BLOCK
 from ...identify.fitting.problem import whitened
-from ...identify.study.monitor_uncertainty import constant_gains
-from ...identify.study.nuisances import with_nuisances
+from ...identify.study.monitor_uncertainty import slow_gains
+from ...identify.study.nuisances import corner_squares, with_nuisances
+from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study
 from ...protocol import Protocol
 from ..options.residuals import block_means, expected_variance, over_blocks
@@ -51,12 +52,16 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
     larger and the level no smaller.
     """
     levels = {name: _fastest(study, name) for name in study.monitor_noise}
-    unsure = [name for name, level in study.monitor_noise.items() if level > levels[name] > 0]
+    unsure = [n for n, level in study.monitor_noise.items() if level > levels[n] > 0 and n not in study.stated]
     if not unsure:
         return study
     answers = study.response((), study.pieces).possible(values)
     for name in unsure:
         known = study.monitor_noise
+        if any(remembers(p, name) for p in study.pieces):
+            told = max(levels[name], min(1.0, _at_corners(study, name, answers)) * known[name])
+            study = replace(study, monitor_noise=known | {name: told})
+            continue
         tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
         costs = [_block_misfit(replace(study, monitor_noise=one), gains, answers) for one in tried]
         study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
@@ -65,7 +70,8 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
 
 def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
     """The study with monitors' noise no larger than what moves the outputs by their whole error: the rest of what
-    changes from sample to sample is signal (light behind clouds)."""
+    changes from sample to sample is signal (light behind clouds). Stated noise is known, and a fit may take most of
+    the error that remembered noise makes."""
     caused, answers = caused_rms(study, values), study.response((), study.pieces).possible(values)
     squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
     for piece, answer in zip(study.pieces, answers, strict=True):
@@ -75,7 +81,19 @@ def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
             squares[reading.output].append((answer - piece.record)[rows] ** 2)
     errors = _roots(squares)
     share = min([1.0, *(errors[name] / caused[name] for name in errors if caused[name] > 0)])
-    return replace(study, monitor_noise={name: share * level for name, level in study.monitor_noise.items()})
+    fixed = {n for n in study.monitor_noise if n in study.stated or any(remembers(p, n) for p in study.pieces)}
+    levels = {n: level if n in fixed else share * level for n, level in study.monitor_noise.items()}
+    return replace(study, monitor_noise=levels)
+
+
+def _at_corners(study: Study, name: str, answers: Sequence[np.ndarray | None]) -> float:
+    """The remembered noise of a monitor (rms) as the outputs tell it at corners, in units of what it is taken for: a
+    step of expectation and maximisation."""
+    squares = []
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        if answer is not None and not piece.held_out:
+            squares.append(corner_squares(study, piece, name, answer))
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
 
 
 def _fastest(study: Study, name: str) -> float:
@@ -185,7 +203,7 @@ def _followed(piece: Piece, name: str) -> float:
 
 
 def input_gains(study: Study, values: Mapping[str, float]) -> Gains:
-    """The static gains of every piece: output over a constant added to each monitor, each (N,)."""
+    """The gains of slow noise of every piece: output over that of each monitor, each (N,)."""
     response = study.response((), study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]
-    return {name: constant_gains(response, values, name) for name in noisy}
+    return {name: slow_gains(response, values, name, study.pieces) for name in noisy}

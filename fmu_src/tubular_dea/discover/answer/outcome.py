@@ -230,9 +230,8 @@ def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any
     names = list(dict.fromkeys([*study.noise, *(r.output for p in study.pieces for r, _ in p.beside)]))
     try:
         answers = study.response(ids, study.pieces).outputs(values)
-        rows = [
-            row for p, y in zip(study.pieces, answers, strict=True) for row in _rows(p, with_nuisances(study, p, y))
-        ]
+        corrected = [with_nuisances(study, p, y, astray=True) for p, y in zip(study.pieces, answers, strict=True)]
+        rows = [row for p, y in zip(study.pieces, corrected, strict=True) for row in _rows(p, y)]
         rows += [(r.piece, r.output, r.record, r.answer) for r in second_output.predicted(study, ids, values)]
     except KernelError:
         return _by_output(study, {name: None for name in names})

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...identify.records.start import UNKNOWN
 from ...identify.study.nuisances import LATE_OF, own_numbers, step_of, zero_spread
+from ...identify.study.remembered import at_corners
 from ...identify.study.spreads import most_spread
 from ...identify.study.study import Piece, Study
 from ...model.declare import Quantity
@@ -36,6 +37,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_ended(found),
         *_early(found),
         *_late(found),
+        *_remembered(found),
         *_beyond(found),
         *_implausible(found),
         *_as_declared(found),
@@ -146,6 +148,34 @@ def _delay(study: Study, piece: Piece, name: str, own: float) -> tuple[float, fl
     parts = zip(piece.case.readings, piece.case.parts(), strict=True)
     moved = [float(np.sqrt(np.mean(column[rows] ** 2))) / study.noise[reading.output].rms for reading, rows in parts]
     return by, max(moved)
+
+
+def _remembered(found: Discovery) -> list[str]:
+    """Monitors whose noise the plant remembers, with how far that moves an output, and what is left beside it."""
+    study, option = found.named_study, found.named
+    pieces, said = own_numbers(study, option.ids, option.fitted.values), []
+    for name in (s.name for s in study.plant.inputs):
+        told = [moved for p, own in pieces if (moved := _walk(p, name, own))]
+        if told:
+            output, by = max(told, key=lambda t: t[1])
+            said.append(
+                f"The plant remembers the noise of the recorded {name}, which leads {output} astray by up to "
+                f"{_told(by, study.plant.model.quantities()[output])} (rms) in a file; errors contain that. The "
+                "verdict rests on what is left beside the likeliest course of that noise in each file."
+            )
+    return said
+
+
+def _walk(piece: Piece, name: str, own: Mapping[str, float]) -> tuple[str, float] | None:
+    """The output that remembered noise of an input moves most, and by how much [SI, rms]; None where none is."""
+    mine = at_corners(piece, name)
+    if not mine.any():
+        return None
+    moved = piece.nuisances.columns[:, mine] @ np.array([*own.values()])[mine]
+    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    by = {reading.output: float(np.sqrt(np.mean(moved[rows] ** 2))) for reading, rows in parts}
+    most = max(by, key=lambda output: by[output])
+    return most, by[most]
 
 
 def _beyond(found: Discovery) -> list[str]:

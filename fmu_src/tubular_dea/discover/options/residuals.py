@@ -11,6 +11,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit
 from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, block_sums, parts
 from ...identify.signals.colour import filtered
+from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_acceptance.py -k far`,
@@ -121,8 +122,11 @@ def _beside_the_sensor(study: Study, piece: Piece, block: int) -> np.ndarray:
 def _transmitted(study: Study, piece: Piece, block: int) -> float:
     """The share of the monitors' noise that is in averages over `block` samples.
 
-    A monitor fitted by straight lines keeps noise slower than its corners; the plant keeps noise in its bandwidth.
+    A monitor fitted by straight lines keeps noise slower than its corners; the plant keeps noise in its bandwidth. What
+    is left of noise that it remembers is alike in neighbouring samples.
     """
+    if remembers(piece):
+        return 1.0
     corners = np.unique(piece.case.protocol.time).size
     kept = 2 * study.plant.bandwidth * piece.case.readings[0].clock.step
     return min(1.0, block * corners / piece.record.size, block * kept)

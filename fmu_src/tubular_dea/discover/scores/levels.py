@@ -1,27 +1,48 @@
-"""The ranges that states pass in the records: an effect that begins at a level shows nothing beyond them."""
+"""The ranges that quantities pass in the records: an effect that begins at a level shows nothing beyond them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
 from ...identify.fitting.compiled import Ids
 from ...identify.study.study import Study
-from ...kernel import KernelError
+from ...kernel import KernelError, Trajectory
+from ...model.declare import Model
 from ...model.effect import Effect
+from ...model.sizes import evaluator
 
-Passed = Mapping[str, tuple[float, float]]  # the least and the largest value of a state, by name
+Passed = Mapping[str, tuple[float, float]]  # the least and the largest value of a quantity, by name
 
 
 def passed(study: Study, ids: Ids, values: Mapping[str, float], effects: Iterable[Effect]) -> Passed:
-    """What the states with a level of some `effects` pass in training, in the model with `ids` at `values` (SI).
+    """What the quantities with a level of some `effects` pass in training, in the model with `ids` at `values` (SI).
 
     Nothing where the model has no answer.
     """
-    states = {state for e in effects for state in e.levels.values()}
-    if not states:
+    names = {name for e in effects for name in e.levels.values()}
+    if not names:
         return {}
+    known = study.shared(values) | study.geometry
     try:
-        runs = study.response(ids, study.training).trajectories(study.shared(values))
+        runs = study.response(ids, study.training).trajectories(known)
     except KernelError:
         return {}
-    return {s: (min(float(r[s].min()) for r in runs), max(float(r[s].max()) for r in runs)) for s in states}
+    courses = {name: [course(study.plant.model, run, name, known) for run in runs] for name in names}
+    return {
+        name: (min(float(c.min()) for c in each), max(float(c.max()) for c in each)) for name, each in courses.items()
+    }
+
+
+def course(model: Model, run: Trajectory, name: str, values: Mapping[str, float]) -> np.ndarray:
+    """A quantity of a model over a run of it, (n,) [SI]; definitions are computed from what the run has."""
+    if name in run.values:
+        return run[name]
+    expression = model.expression(name)
+    for definition in reversed(model.definitions):
+        expression = expression.xreplace({definition.quantity.symbol: definition.expression})
+    symbols, value = evaluator(expression)
+    numbers = model.parameter_values() | dict(values) | {"time": run.time} | run.values
+    found = np.vectorize(value, otypes=[float])(*(numbers[str(s)] for s in symbols)) if symbols else value()
+    return np.broadcast_to(found, run.time.shape)

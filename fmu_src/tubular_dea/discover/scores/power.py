@@ -201,7 +201,7 @@ def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float 
         read = response.outputs_alone(off | fitted.values | shape | effect)
         work = replace(training, pieces=[replace(p, record=r) for p, r in zip(training.pieces, read, strict=True)])
         for _ in range(FOLLOWS):
-            work = adjusted(work, (), fitted.values, fitted.free, columns_known=True)
+            work = adjusted(work, (), fitted.values, fitted.free)
         problem = work.problem((), fitted.free, fitted.values)
         residual, jacobian = problem.linearised(problem.scaled(fitted.values))
     except KernelError:

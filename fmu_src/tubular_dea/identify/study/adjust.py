@@ -23,7 +23,8 @@ from ..records.start import LATEST
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
 from .linearised import Linearised, lasting_edges, linearised_piece, wide, windows_of
-from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, prior, step_of, with_columns
+from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, START_OF, prior, step_of, with_columns
+from .remembered import NOISE_OF
 from .spreads import Common, most_spread, spreads
 from .study import Piece, Study, carried
 
@@ -36,16 +37,12 @@ STEP_PARTS = (1.0, 0.5, 0.25, 0.1, 0.03)  # [1] of a step to the most likely sta
 
 # Set by judgement. Check: `pytest tests/test_adjust.py -k makes_up_for_a_model`
 INCREDIBLE = 3.0  # [1] times the largest usual spread beyond which no zero, gain, delay or drift is one
+NO_NOISE = 8.0  # [standard deviations] of a monitor's noise at a corner beyond which it is none
 NARROWER = tuple(2.0**k for k in range(13))  # [1] times by which their priors are narrowed, until they are credible
 
 
 def adjusted(
-    study: Study,
-    ids: Ids,
-    values: Mapping[str, float],
-    free: Sequence[Free] = (),
-    started: bool = True,
-    columns_known: bool = False,
+    study: Study, ids: Ids, values: Mapping[str, float], free: Sequence[Free] = (), started: bool = True
 ) -> Study:
     """The study with nuisance parameters estimated at a model with effects `ids` and parameters `values` (SI).
 
@@ -61,6 +58,8 @@ def adjusted(
     linear = side_by_side(lambda p: linearised_piece(work, ids, fixed, p), work.pieces)
     spread, common = spreads(work, ids, fixed, linear, free)
     priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]
+    if not all(_noise_alone(p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True) if not p.held_out):
+        return adjusted(replace(study, remembering=False), ids, values, free, started)
     priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
     part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
     pieces = [
@@ -107,6 +106,16 @@ def _settled(
     piece = replace(piece, late=late, longer=common.longer)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
+
+
+def _noise_alone(piece: Piece, linear: Linearised, sd: np.ndarray) -> bool:
+    """Whether a piece needs no more of a monitor's noise at corners than there is, where the priors are `sd` (k,)."""
+    noise = np.array([n.startswith(NOISE_OF) for n in piece.nuisances.names], dtype=bool) & (sd > 0)
+    if not noise.any():
+        return True
+    local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
+    own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+    return bool(np.all(np.abs(own[noise]) <= NO_NOISE * sd[noise]))
 
 
 def _credible(study: Study, piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:
@@ -212,7 +221,7 @@ def _begun(
     local = Marginal(piece.marginal.windows)
     mean = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), piece.nuisances.sd)
     found = dict(zip(piece.nuisances.names, mean, strict=True))
-    others = np.array([not n.startswith("start ") for n in piece.nuisances.names])
+    others = np.array([not n.startswith(START_OF) for n in piece.nuisances.names])
     left = marginal(windows_of(piece, linear, piece.shifts), linear.columns, piece.nuisances.sd * others)
 
     def cost(case: Case) -> float:
@@ -223,7 +232,7 @@ def _begun(
 
     least, own = cost(piece.case), piece.case.own
     for part in STEP_PARTS:
-        begins = {n: own.get(n, 0.0) + part * size * float(found[f"start {n}"]) for n, size in sought.items()}
+        begins = {n: own.get(n, 0.0) + part * size * float(found[f"{START_OF}{n}"]) for n, size in sought.items()}
         case = replace(piece.case, own=dict(own) | _inside(study, begins))
         if cost(case) < least:
             return replace(piece, case=case)

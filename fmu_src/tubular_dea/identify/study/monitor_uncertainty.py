@@ -20,10 +20,11 @@ from ..fitting.cases import Case
 from ..fitting.fit import Fit
 from ..fitting.problem import Problem
 from ..fitting.response import Response
-from ..inputs.drive import Drive
 from ..records.start import FIRST_SAMPLES
 from ..signals.quiet import Clock
 from ..threads import side_by_side
+from .remembered import left_between
+from .study import Piece
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_identify.py::test_linearised_intervals_hold`, `python -m blind.coverage --trials 60`
@@ -33,9 +34,10 @@ UNASKED = 1e-9  # [1] of the largest information, added: corners that no sample 
 WHITENING_REACH = 100  # [samples] over which whitening carries a value on
 
 
-def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive], levels: Mapping[str, float]) -> Fit:
-    """The fit with a covariance and standard errors that include the monitors' noise; `drives` are those of its
+def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], levels: Mapping[str, float]) -> Fit:
+    """The fit with a covariance and standard errors that include the monitors' noise; `pieces` are those of its
     cases, and `levels` (SI, by name) is how much slow noise there is at least."""
+    drives = [p.driven for p in pieces]
     weights = [np.ones(r.size) for r in problem.records] if problem.weights is None else problem.weights
     solver = best.covariance @ best.jacobian.T  # makes parameters of white residuals
     parts = np.split(solver, np.cumsum([r.size for r in problem.records]), axis=1)[:-1]
@@ -45,15 +47,16 @@ def with_monitor_noise(problem: Problem, best: Fit, drives: Sequence[Drive], lev
     for part, weight in zip(parts, weights, strict=True):  # the weights' share of the noise is counted below
         covariance -= (part * (1 - weight**2)) @ part.T
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
-        gains = constant_gains(problem.response, best.values, name)
+        gains = slow_gains(problem.response, best.values, name, pieces)
         for i, driven in enumerate(drives):
             level = max(driven.noise[name], levels.get(name, 0.0))
             covariance += level**2 * _added(problem, i, parts[i] * weights[i], gains[i], driven.corners[name])
     return best.with_covariance(covariance)
 
 
-def constant_gains(response: Response, values: Mapping[str, float], name: str) -> list[np.ndarray]:
-    """The static gain of every case: the change of its output with a constant added to an input, each (N,), SI.
+def slow_gains(response: Response, values: Mapping[str, float], name: str, pieces: Sequence[Piece]) -> list[np.ndarray]:
+    """The change of the output of every case with slow noise of an input, each (N,), SI: its static gain, the change
+    with a constant added to the input; where the plant remembers noise, what nuisance parameters do not tell of that.
 
     Where the model has no answer with more of an input, near a fold, less of it is asked; where it has none at all, the
     gain is 0.
@@ -62,7 +65,10 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
     def alone(case: Case) -> np.ndarray | None:
         return response.of([case]).possible(values)[0]
 
-    def gain(case: Case) -> np.ndarray:
+    def gain(number: int) -> np.ndarray:
+        case, left = response.cases[number], left_between(pieces[number], name)
+        if left is not None:
+            return left
         here = alone(case)
         for sign in (1, -1):
             moved, step = shifted(case, name, sign)
@@ -70,7 +76,7 @@ def constant_gains(response: Response, values: Mapping[str, float], name: str) -
                 return np.asarray((there - here) / step)
         return np.zeros(case.times.size)
 
-    return side_by_side(gain, response.cases)
+    return side_by_side(gain, range(len(pieces)))
 
 
 def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:

@@ -12,7 +12,7 @@ would smooth the signal along with the noise. There, what a sensor drifts within
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..inputs.drive import MIDWAY
 from ..signals import hum as hums
 from .instants import reach
 from .monitor_uncertainty import shifted
+from .remembered import NOISE_OF, at_corners, pushes, spread_at_corner
 from .study import Nuisances, Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py`
@@ -79,6 +80,7 @@ BEGUN_OF = "begun "  # name of when an input that moves from the first sample on
 SENT_OF = "sent "  # name of when an input with a clock of its own was sent
 DRIFT_OF = "drift "  # names of a sensor's drifts within a file, by number
 EDGE_OF = "edge "  # name of an edge's instant, by its number, where what it changes lasts
+HUM_OF, START_OF = "hum ", "start "  # names of waves at mains frequency, by number, and of what a record starts from
 
 
 def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece | None:
@@ -99,7 +101,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
                 names.append(name)
                 columns.append(_placed(piece, part, drift))
         for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
-            names.append(f"hum {number} {reading.output}")
+            names.append(f"{HUM_OF}{number} {reading.output}")
             columns.append(_placed(piece, part, wave))
     monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
     cases = [(name, *shifted(piece.case, name)) for name in monitors]
@@ -114,6 +116,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
         cases += [
             (f"{SMOOTH_OF}{n} {w.size // 2}", _smoothed(study, piece, n, w), 1.0) for n in linear for w in SMOOTHERS
         ]
+    cases += pushes(study, ids, values, piece) if study.remembering else []
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
@@ -122,7 +125,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     here, *others = study.asked(ids, [piece.case, *asked]).possible(values)
     if here is None:
         return None
-    steps = [(name, step) for name, _, step in cases] + [(f"start {name}", START_STEP) for name, _ in starts]
+    steps = [(name, step) for name, _, step in cases] + [(f"{START_OF}{name}", START_STEP) for name, _ in starts]
     steps += [(name, step) for name, _, step in switched]
     for (name, step), answer in zip(steps, others, strict=True):
         names.append(name)
@@ -230,22 +233,23 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
     """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
     if name in spread:
         return spread[name] * left_of(piece, name)
-    if name.startswith(EDGE_OF):
-        return reach(piece.driven.edges[int(name.removeprefix(EDGE_OF))])
-    if name.startswith(BEGUN_OF):
-        return piece.driven.begun[name.removeprefix(BEGUN_OF)]
-    if name.startswith(SENT_OF):
-        return piece.driven.room[name.removeprefix(SENT_OF)] / EVENLY
-    if name.startswith("hum "):
-        return HUM_SIZE * study.noise[name.rsplit(" ", 1)[1]].rms
-    unheld = name.startswith(LATE_OF) and name.removeprefix(LATE_OF) in piece.driven.unheld
-    kinds = {LATE_OF: (MIDWAY if unheld else TURN) * step_of(piece), SMOOTH_OF: SMOOTHER, "start ": START_SPREAD}
-    return next((size for kind, size in kinds.items() if name.startswith(kind)), usual_size(study, piece, name))
+    kinds: dict[str, Callable[[str], float]] = {
+        EDGE_OF: lambda number: reach(piece.driven.edges[int(number)]),
+        BEGUN_OF: lambda name: piece.driven.begun[name],
+        SENT_OF: lambda name: piece.driven.room[name] / EVENLY,
+        HUM_OF: lambda name: HUM_SIZE * study.noise[name.split(" ", 1)[1]].rms,
+        NOISE_OF: lambda name: spread_at_corner(study, piece, name),
+        LATE_OF: lambda name: (MIDWAY if name in piece.driven.unheld else TURN) * step_of(piece),
+        SMOOTH_OF: lambda name: SMOOTHER,
+        START_OF: lambda name: START_SPREAD,
+    }
+    kind = next((k for k in kinds if name.startswith(k)), None)
+    return usual_size(study, piece, name) if kind is None else kinds[kind](name.removeprefix(kind))
 
 
 def usual_size(study: Study, piece: Piece, name: str) -> float:
     """The usual size of a zero, a gain, a delay or a rise (SI); 0 for the other nuisance parameters."""
-    if name.startswith((SMOOTH_OF, BEGUN_OF, SENT_OF)):
+    if name.startswith((SMOOTH_OF, BEGUN_OF, SENT_OF, NOISE_OF)):
         return 0.0
     if name.startswith(RISE_OF):
         return study.rises[name.removeprefix(RISE_OF)].stderr
@@ -272,11 +276,15 @@ def zero_spread(study: Study, name: str) -> float:
     return float(np.hypot(np.std(taken) if taken else 0.0, np.sqrt(np.mean(left**2))))
 
 
-def with_nuisances(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
-    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters."""
+def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, astray: bool = False) -> np.ndarray:
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters; `astray`: as
+    far as noise leads it that the plant remembers, as it does any model that is driven by what was recorded."""
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
-    return answer + piece.nuisances.columns @ likeliest(study, piece, answer)
+    own = likeliest(study, piece, answer)
+    if astray:
+        own = np.where([n.startswith(NOISE_OF) for n in piece.nuisances.names], 0.0, own)
+    return answer + piece.nuisances.columns @ own
 
 
 def own_numbers(study: Study, ids: Ids, values: Mapping[str, float]) -> list[tuple[Piece, dict[str, float]]]:
@@ -288,6 +296,17 @@ def own_numbers(study: Study, ids: Ids, values: Mapping[str, float]) -> list[tup
         for piece, answer in zip(study.pieces, answers, strict=True)
         if answer is not None
     ]
+
+
+def corner_squares(study: Study, piece: Piece, name: str, answer: np.ndarray) -> np.ndarray:
+    """The expected squares (c,) of a monitor's noise at its corners, in units of their prior's variance, for which a
+    model has the output `answer` (N,): of the likeliest noise, and of what is not known of it."""
+    columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
+    columns = Marginal(piece.marginal.windows).apply(columns) * piece.nuisances.sd
+    mine, used = at_corners(piece, name), piece.nuisances.sd > 0
+    own = likeliest(study, piece, answer)[mine] / np.where(piece.nuisances.sd > 0, piece.nuisances.sd, 1.0)[mine]
+    unknown = np.diag(np.linalg.inv(columns[:, used].T @ columns[:, used] + np.eye(int(used.sum()))))
+    return own**2 + unknown[mine[used]]
 
 
 def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:

@@ -107,7 +107,7 @@ def joint(
             f"{SAMPLES_EACH * len(problem.free)}: record longer, or free fewer parameters"
         )
     best = ordered_fit(work.plant, problem, fit(problem, start, starts, NEAR_START, seed))
-    return problem, with_monitor_noise(problem, best, [p.driven for p in work.training], work.monitor_noise)
+    return problem, with_monitor_noise(problem, best, work.training, work.monitor_noise)
 
 
 def alternating_fit(

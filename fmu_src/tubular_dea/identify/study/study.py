@@ -122,7 +122,8 @@ class Study:
     `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
     how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
     by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless effects
-    are `sought`, all that may be a record's own is. `tolerance` is the integrator's.
+    are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors whose
+    noise the user knows. `remembering`: noise that the plant remembers is a record's own (`remembered`).
     """
 
     plant: Plant
@@ -137,6 +138,8 @@ class Study:
     longer: dict[str, float] = field(default_factory=dict)
     sought: bool = True
     tolerance: float = TOLERANCE
+    stated: frozenset[str] = frozenset()
+    remembering: bool = True
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
@@ -236,7 +239,17 @@ def study(
     levels = _monitor_noise(recordings, drives)
     compiled = compiled_for(recordings, sum(max(p.record.size, p.case.protocol.time.size) for p in pieces))
     return _integrated(
-        Study(compiled.plant, pieces, noise, levels, compiled, dict(recordings.geometry), prior, sought=effects)
+        Study(
+            compiled.plant,
+            pieces,
+            noise,
+            levels,
+            compiled,
+            dict(recordings.geometry),
+            prior,
+            sought=effects,
+            stated=frozenset(recordings.noise) & {s.name for s in plant.inputs},
+        )
     )
 
 
