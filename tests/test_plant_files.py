@@ -228,6 +228,11 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ),
         (HEAD + OWN.format(unit="1/s", body="k * m['lost']"), 9, "Tank has no quantity 'lost'"),
         (HEAD + OWN.format(unit="m", body="m['leak']"), None, "the effect leaking: reading: "),
+        (
+            HEAD + OWN.format(unit="1", body="m['leak'] * m['level']").replace('"leak": 0.0', '"leak": 1.0'),
+            None,
+            "with leak = 1 it changes reading; expected values of `off`",
+        ),
         (HEAD + PLANT.replace("places", "own={'leaking': 3}, places"), None, "own['leaking']: expected an Effect but"),
         (HEAD + PLANT.replace("places", "own=[3], places"), None, "own: expected {id: Effect} but was given [3]"),
     ],

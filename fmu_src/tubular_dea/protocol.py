@@ -213,7 +213,7 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
         raise ProtocolError(
             f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
             f'until 3" or "ramp 0 {example} from 0 to 1", the times in s or another unit; a file holds all inputs '
-            "and is given as inputs"
+            "and is given as inputs (--inputs FILE)"
         ) from None
 
 

@@ -108,7 +108,7 @@ def settings_of(
             close = difflib.get_close_matches(full, known, n=1)
             raise ArgumentError(
                 argument,
-                f" {full}={value}: expected {', '.join(parts)}, a dot, a parameter and a value, as in "
+                f" {full}={value}: expected PART.PARAMETER=VALUE with one of the parts {', '.join(parts)}, as in "
                 f"heart.C=1.2mL/mmHg{f'; did you mean {close[0]}?' if close else ''}",
             )
         values[full] = _value(argument, full, _declared(argument, parts[part], name, full, value), value)

@@ -231,7 +231,10 @@ def _verdict(
     if not asked:
         return Verdict("not", "Not assisted: the run ended before the rhythm was learned; run more beats.")
     if not helped:
-        return Verdict("not", f"Not assisted: none of {len(asked)} beats after learning had a whole pulse: {why}.")
+        less = " Ask for less voltage, or let --optimise find what helps." if counted["vetoes"] else ""
+        return Verdict(
+            "not", f"Not assisted: none of {len(asked)} beats after learning had a whole pulse: {why}.{less}"
+        )
     effect = _effect(figures["without"], figures["with"])
     if helped == len(asked):
         return Verdict("assisted", f"Assisted: all {helped} beats after learning. {effect}")

@@ -13,6 +13,8 @@ from ..model.declare import TIME, Model, rate
 from ..model.sizes import evaluator
 
 STEP = 1e-4  # of a nominal value, for time constants
+SAME = 1e-3  # of a value: a law that is smooth may change as much where it is off
+NEAR = 0.1  # of a nominal value, from a start
 HALF = 0.5  # of a nominal value: a state whose start is not known
 
 
@@ -87,6 +89,23 @@ def at_first(model: Model, name: str) -> float:
     """The value of an input, a state or a definition at the model's start, as declared; 0 where it is not known."""
     found = _defined(model, _start(model, math.nan))[model.quantity(name).symbol]
     return found if math.isfinite(found) else 0.0
+
+
+def moved_by(before: Model, after: Model) -> str:
+    """The first state or output of a model that moves otherwise near its start with an effect in it that is off; "" for
+    none."""
+    start = _start(before)
+    work = {s.quantity.symbol: start[s.quantity.symbol] + NEAR * s.quantity.nominal for s in before.states}
+    work |= {q.symbol: q.nominal for q in before.inputs}
+    told = []
+    for model in (before, after):
+        at = _start(model) | work
+        values = _defined(model, at)
+        rates = dict(zip([s.quantity.name for s in model.states], _evaluator(model)(at), strict=True))
+        told.append({s.quantity.name: rates[s.quantity.name] for s in before.states})
+        told[-1] |= {name: values[model.quantity(name).symbol] for name in before.outputs}
+    first, second = told
+    return next((n for n, was in first.items() if abs(second[n] - was) > SAME * max(abs(was), abs(second[n]))), "")
 
 
 def _defined(model: Model, given: dict[sympy.Symbol, float]) -> dict[sympy.Symbol, float]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..errors import ArgumentError, UserError
+from ..laws._scales import moved_by
 from ..model.declare import TIME, Model, nearest, rate
 from ..model.dimensions import fault, per_second
 from ..model.effect import Effect
@@ -114,6 +115,10 @@ def _check_own(path: Path, plant: Plant) -> None:
         except (Exception, SystemExit) as problem:
             raise PlantError("", f"{message(path, problem)} (in the effect {name})") from None
         if wrong := _unlike(plant.model, changed):
+            raise PlantError("", f"{path}: the effect {name}: {wrong}")
+        if moved := moved_by(plant.model, changed):
+            given = ", ".join(f"{parameter} = {value:g}" for parameter, value in effect.off.items())
+            wrong = f"with {given} it changes {moved}; expected values of `off` at which it does nothing"
             raise PlantError("", f"{path}: the effect {name}: {wrong}")
 
 
