@@ -52,6 +52,7 @@ def main() -> None:
     """Nine panels, and what can be read off them."""
     kernel = Kernel(tubular_dea())
     figure = Figure(figsize=(14, 11), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.15, wspace=0.02)  # the second axis of 7a beside that of 7b
     FigureCanvasAgg(figure)
     axes = dict(zip(("7a", "7b", "8a", "8b", "9", "10a", "10b", "11a", "11b"), figure.subplots(3, 3).flat, strict=True))
     inputs(axes["7a"], ramp(4), "inputs of the ramp with 4 kV")
