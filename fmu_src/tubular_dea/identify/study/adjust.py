@@ -52,7 +52,10 @@ def adjusted(
     """
     fixed = study.shared(values) | study.geometry
     owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
-    work = replace(study, pieces=[p for p in owned if p is not None])
+    known = [p for p in owned if p is not None]
+    work = replace(
+        study, pieces=known, remembering=any(n.startswith(NOISE_OF) for p in known for n in p.nuisances.names)
+    )
     if not work.pieces:
         return study
     linear = side_by_side(lambda p: linearised_piece(work, ids, fixed, p), work.pieces)
