@@ -306,6 +306,8 @@ def test_the_index_of_laws_and_a_catalogue_are_printed(capsys) -> None:
     assert len(rows) == 2 + len(laws())
     assert tables([str(EXAMPLES / "silverbox.py")]) == 0
     assert "| cubic(velocity) | velocity | velocity_cubic" in capsys.readouterr().out
+    assert tables([str(EXAMPLES / "cascaded_tanks.py")]) == 0
+    assert "| orifice | outflow_1, outflow_2 | a definition that an input moves, " in capsys.readouterr().out
     assert tables(["nothing.py"]) == 1
     assert capsys.readouterr().err == "error: plant nothing.py: there is no file nothing.py\n"
 

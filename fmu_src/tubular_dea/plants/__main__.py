@@ -11,6 +11,7 @@ from ..errors import UserError
 from ..laws import kinds, laws
 from ..model.effect import Effect
 from .load import load_plant
+from .plant import Plant
 
 
 def index() -> str:
@@ -22,9 +23,21 @@ def index() -> str:
 
 
 def catalogue(plant: str) -> str:
-    """Everything that a plant may lack: id, channel, and the parameters with their units and usual values."""
-    found = load_plant(plant).catalogue
-    return "\n".join(["| id | channel | parameters |", "|---|---|---|", *map(_row, found.values())])
+    """Everything that a plant may lack: id, channel, and the parameters with their units and usual values; then which
+    laws do not act at places of their kind, and what they need there."""
+    loaded = load_plant(plant)
+    table = ["| id | channel | parameters |", "|---|---|---|", *map(_row, loaded.catalogue.values())]
+    return "\n".join([*table, *_absent(loaded)])
+
+
+def _absent(plant: Plant) -> list[str]:
+    rows = []
+    for name, module in laws().items():
+        places = dict.fromkeys(p.name for p in plant.places if isinstance(p, module.KINDS) and p.asks(name))
+        without = [place for place in places if f"{name}({place})" not in plant.catalogue]
+        if without:
+            rows.append(f"| {name} | {', '.join(without)} | {module.NEEDS} |")
+    return ["", "| no law | at | it needs |", "|---|---|---|", *rows] if rows else []
 
 
 def _row(effect: Effect) -> str:
