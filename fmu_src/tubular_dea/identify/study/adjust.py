@@ -112,12 +112,14 @@ def _settled(
 
 
 def _noise_alone(piece: Piece, linear: Linearised, sd: np.ndarray) -> bool:
-    """Whether a piece needs no more of a monitor's noise at corners than there is, where the priors are `sd` (k,)."""
+    """Whether a piece needs no more of a monitor's noise at corners than there is, where the priors are `sd` (k,).
+
+    Asked of what the sensors tell alone: weights for noise that is counted by a static gain would hide it.
+    """
     noise = np.array([n.startswith(NOISE_OF) for n in piece.nuisances.names], dtype=bool) & (sd > 0)
     if not noise.any():
         return True
-    local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
-    own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
+    own = piece.nuisances.mean(linear.columns / piece.weight[:, None], linear.residual / piece.weight, sd)
     return bool(np.all(np.abs(own[noise]) <= NO_NOISE * sd[noise]))
 
 
