@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import tubular_dea as td
 from tubular_dea import plants
+from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs
 from tubular_dea.identify.records.data import Recordings
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.remembered import (
@@ -113,6 +115,15 @@ def test_what_returns_to_rest_remembers_nothing(spring: float, remembered: bool)
     work = study(recorded(carriage(spring)))
     values = work.plant.model.parameter_values() | TRUE
     assert bool(pushes(work, (), values, work.pieces[0])) is remembered
+
+
+def test_stated_noise_stays_as_it_is() -> None:
+    """Noise that was estimated is no larger than what moves the output by its error; what the user states is known."""
+    work = replace(study(recorded(carriage(2000.0))), monitor_noise={"force": 1e4})
+    values = work.plant.model.parameter_values() | TRUE
+    assert bounded_by_outputs(work, values).monitor_noise["force"] < 1e4
+    stated = replace(work, stated=frozenset({"force"}))
+    assert bounded_by_outputs(stated, values).monitor_noise == {"force": 1e4}
 
 
 def test_every_corner_has_its_own_number() -> None:

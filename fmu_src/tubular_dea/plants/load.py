@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..errors import ArgumentError, UserError
-from ..laws._scales import moved_by
+from ..laws import moved_by
 from ..model.declare import TIME, Model, nearest, rate
 from ..model.dimensions import fault, per_second
 from ..model.effect import Effect
