@@ -238,8 +238,8 @@ def integrate(path: Path, case: Case) -> np.ndarray:
                 start,
                 x,
                 end,
-                rtol=1e-9,
-                atol=[1e-11, 1e-8, 1e-4, 1e-4],
+                rtol=1e-7,
+                atol=[1e-9, 1e-6, 1e-2, 1e-2],
                 jac=lambda t, y, i=inputs: host.jacobian(t, y, i(t)),
                 first_step=1e-7,
             )

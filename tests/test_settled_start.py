@@ -9,7 +9,7 @@ import tubular_dea as td
 from tubular_dea.identify.records.start import UNKNOWN
 from tubular_dea.plants.tube import PLANT
 
-RATE, LONG = 100.0, 40.0  # samples per second, s
+RATE, LONG = 50.0, 40.0  # samples per second, s
 
 
 def levels(random: np.random.Generator, time: np.ndarray, low: float, high: float) -> np.ndarray:

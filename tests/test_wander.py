@@ -6,7 +6,7 @@ import numpy as np
 
 import tubular_dea as td
 
-RATE, LONG, FILES = 100.0, 20.0, 7  # samples per second, s
+RATE, LONG, FILES = 50.0, 20.0, 7  # samples per second, s
 
 
 def recorded(number: int, moved: np.ndarray) -> dict[str, np.ndarray]:
