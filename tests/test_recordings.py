@@ -452,6 +452,38 @@ def test_single_samples_that_stand_out_are_left_out_and_said(tmp_path: Path) -> 
     assert "1 more" in said
 
 
+def read_slowly(time: np.ndarray, moved: np.ndarray, voltage: np.ndarray) -> dict[str, np.ndarray]:
+    """A table of a radius on slow pressures, read `moved` (n,) [m] too large."""
+    noise = np.random.default_rng(4).standard_normal((3, time.size))
+    pressure = 1e4 * np.clip(time - 2, 0, 1)
+    radius = 0.015 + 1e-3 * np.clip(time - 2, 0, 1) + moved
+    monitors = {"pressure [Pa]": pressure + 25 * noise[0], "voltage [V]": voltage + 4 * noise[1]}
+    return {"time [s]": time, **monitors, "radius [m]": radius + 15e-6 * noise[2]}
+
+
+def test_a_lapse_of_the_sensor_is_left_out_and_said() -> None:
+    """A reflection of 36 ms on the laser turned a right answer into half of one (`partly_explained`)."""
+    time = np.arange(2000) / 250
+    moved = np.zeros(time.size)
+    moved[1700:1709] = 1.3e-3 * np.array([0.3, 1, 1, 1, 1, 1, 1, 1, 0.4])
+    moved[700:702] = -4e-4
+    found = read_recordings({"a": read_slowly(time, moved, np.where(time > 4, 5000.0, 0.0))})
+    empty = np.isnan(found["a"].outputs["measured_displacement"])
+    assert np.flatnonzero(empty).tolist() == [700, 701, *range(1700, 1709)]
+    said = [m for m in found.remarks() if "lapse" in m]
+    assert "from sample 701 to 702" in said[0] and "from sample 1701 to 1709" in said[1]
+
+
+def test_what_an_input_does_or_what_comes_often_is_no_lapse() -> None:
+    time = np.arange(2000) / 250
+    pulse = (time > 6) & (time < 6.03)
+    driven = read_slowly(time, 1e-3 * pulse, np.where(pulse, 5000.0, 0.0))
+    often = read_slowly(time, 1e-3 * ((np.arange(time.size) % 200 < 5) & (time > 1)), 0 * time)
+    stays = read_slowly(time, 1e-3 * (time > 6), 0 * time)
+    for table in (driven, often, stays):
+        assert np.all(np.isfinite(read_recordings({"a": table})["a"].outputs["measured_displacement"]))
+
+
 @pytest.mark.parametrize(
     ("column", "number"),
     [(1, -9999), (1, 99999), (1, -99990), (1, 1e30), (2, -9999), (2, 1e9), (3, -9999), (3, -32768), (3, 1e30)],

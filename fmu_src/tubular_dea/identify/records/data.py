@@ -24,7 +24,7 @@ from . import checks
 from .bench_file import BenchFile, read_bench, without_noise
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .lost import is_mark, lost_samples
-from .spikes import spikes
+from .spikes import lapses, spikes
 from .start import RESTED, detected
 
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
@@ -252,7 +252,7 @@ def experiment_of(
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
-    outputs, idle = _outputs(table, plant, columns, values, lines, _nothing_moves(inputs, plant), known)
+    outputs, idle = _outputs(table, plant, columns, values, lines, inputs, known)
     told = _read_from(plant, {n: a.column for n, a in columns.items() if n not in chosen})
     source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
@@ -302,13 +302,14 @@ def _outputs(
     columns: Mapping[str, Assigned],
     values: Mapping[str, np.ndarray],
     lines: np.ndarray,
-    undriven: bool,
+    inputs: Mapping[str, np.ndarray],
     known: Mapping[str, float],
 ) -> tuple[dict[str, np.ndarray], list[str]]:
     """The outputs by name (n,) in SI, as the model puts them out, and remarks on them; `DataError` where they are none.
 
-    `undriven` is whether no input moves. One output may stand still where another one moves.
+    One output may stand still where another one moves.
     """
+    undriven = _nothing_moves(inputs, plant)
     found: dict[str, np.ndarray] = {}
     said: list[str] = []
     headings = {o.name: next((name for name in o.headings if name in values), None) for o in plant.outputs}
@@ -323,12 +324,14 @@ def _outputs(
             continue
         if undriven and heading in still:
             raise StillError(f"{table.path}: neither an input nor {heading!r} moves in it; expected an experiment")
-        read, alone = values[heading], spikes(values[heading])
-        if alone.size and not output.feels_rates:  # a current peaks where its voltage switches
+        read = values[heading]
+        if not output.feels_rates:  # a current peaks where its voltage switches
             unit = plant.quantity(output.name).unit
-            written = columns[heading].unit or unit
-            said.append(_spiky(heading, converted(read, unit, written), written, alone, lines, table.row))
-            read = np.where(np.isin(np.arange(lines.size), alone), np.nan, read)
+            gone, stand_out = _standing_out(
+                read, heading, (unit, columns[heading].unit or unit), lines, table.row, inputs
+            )
+            said += stand_out
+            read = np.where(gone, np.nan, read)
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
         rests = heading in still and len(still) < len(there)
         said += [f"{heading} stands still here"] * rests
@@ -336,6 +339,30 @@ def _outputs(
             raise DataError(f"{table.path}, {finding}")
         found[output.name] = read - zero
     return found, said
+
+
+def _standing_out(
+    read: np.ndarray,
+    heading: str,
+    units: tuple[str, str],
+    lines: np.ndarray,
+    row: str,
+    inputs: Mapping[str, np.ndarray],
+) -> tuple[np.ndarray, list[str]]:
+    """Which samples of an output (n,) no plant makes, and what is said of them; `units`: SI, and that of the file."""
+    alone, said = spikes(read), []
+    gone = np.isin(np.arange(read.size), alone)
+    written = converted(read, *units)
+    if alone.size:
+        said.append(_spiky(heading, written, units[1], alone, lines, row))
+    for lapse in lapses(np.where(gone, np.nan, read), inputs.values()) if inputs else ():
+        off = written[lapse[lapse.size // 2]] - written[: lapse[0]][~gone[: lapse[0]]][-1]
+        said.append(
+            f"{heading} is off by {abs(off):.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}, and back "
+            "at once, while no input moves abruptly: left out as a lapse of the sensor"
+        )
+        gone[lapse] = True
+    return gone, said
 
 
 def _spiky(heading: str, values: np.ndarray, unit: str, alone: np.ndarray, lines: np.ndarray, row: str) -> str:

@@ -1,10 +1,15 @@
-"""Single samples that stand out: a bit that flipped, a laser that lost its target. No plant moves there and back.
+"""Samples that stand out: a bit that flipped, a laser that lost its target. No plant moves there and back.
 
 A sample is a spike if it is off the median of itself and the two on either side (Hampel, J. Am. Stat. Assoc. 69 (1974)
 383) by far more than noise, and by far more than these four differ among each other: an edge makes them differ.
+
+Several in a row are a lapse of the sensor if they are as far off what stands before and after them, come and go within
+two samples, and no input moves abruptly meanwhile or shortly before: a pulse of an input would do the same.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -16,6 +21,11 @@ FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
+# Check: `pytest tests/test_recordings.py -k lapse`
+LONGEST = 64  # [samples] of a lapse, and before it, in which no input moves abruptly
+BESIDE = 5  # [samples] on either side of a lapse that it is compared with
+FEW_LAPSES = 5  # [1] lapses of a record: with more, it is the plant that moves so, by itself
+ABRUPT_PART = 0.01  # [1] share of its span by which the slope of an input changes at a sample, to be abrupt there
 
 
 def spikes(values: np.ndarray) -> np.ndarray:
@@ -27,6 +37,48 @@ def spikes(values: np.ndarray) -> np.ndarray:
     near = np.lib.stride_tricks.sliding_window_view(np.pad(values[there], 2, mode="reflect"), 5)
     beside = near[:, [0, 1, 3, 4]]
     off = np.abs(near[:, 2] - np.median(near, axis=1))
-    least = max(OFF_NOISE * noise_level(values[there]), OFF_STEPS * resolution(values[there]))
-    found = middle & (off > least) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
+    found = middle & (off > _least(values[there])) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
     return there[found] if np.count_nonzero(found) <= SPIKY * there.size else there[:0]
+
+
+def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]:
+    """The places of the samples of each lapse in a record (n,), which may have gaps, under inputs (n,) each."""
+    there = np.flatnonzero(np.isfinite(values))
+    read, abrupt = values[there], _abrupt(inputs, values.size)
+    if there.size < FEWEST_SEEN:
+        return []
+    least, found, after = _least(read), [], 0
+    jumps = np.flatnonzero(np.abs(read[2:] - read[:-2]) > least)  # from a sample to the second one after it
+    for first in jumps if jumps.size <= SPIKY * there.size else ():
+        if first < max(after, BESIDE - 1):
+            continue
+        for last in jumps[(jumps >= first + 2) & (jumps <= first + LONGEST)]:
+            lapse = _between(read, int(first), int(last) + 2, least)
+            if lapse is not None and not abrupt[max(there[first] - LONGEST, 0) : there[last] + 3].any():
+                found.append(there[lapse])
+                after = int(last) + 2
+                break
+    return found if len(found) <= FEW_LAPSES else []
+
+
+def _least(read: np.ndarray) -> float:
+    """How far off a sample is that stands out of a record without gaps."""
+    return max(OFF_NOISE * noise_level(read), OFF_STEPS * resolution(read))
+
+
+def _between(read: np.ndarray, first: int, last: int, least: float) -> np.ndarray | None:
+    """The places after `first` and before `last` if what is read there is off what is read up to and from these on."""
+    beside = np.concatenate([read[first - BESIDE + 1 : first + 1], read[last : last + BESIDE]])
+    off, spread = np.abs(read[first + 1 : last] - np.median(beside)), float(np.ptp(beside))
+    if beside.size < 2 * BESIDE or off[1:-1].min() <= max(least, OFF_OTHERS * spread):  # the ends may be on the way
+        return None
+    return first + 1 + np.flatnonzero(off > spread)
+
+
+def _abrupt(inputs: Iterable[np.ndarray], size: int) -> np.ndarray:
+    """At which samples an input jumps or turns by more than its noise and a share of its span; (n,) of bool."""
+    found = np.zeros(size, dtype=bool)
+    for values in inputs:
+        turn = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
+        found |= turn > max(OFF_NOISE * noise_level(values), ABRUPT_PART * float(np.ptp(values)))
+    return found
