@@ -69,13 +69,21 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     monkeypatch.setattr(close_loop, "thin", lambda found: "there is only one experiment")
     monkeypatch.setattr(close_loop, "still", lambda found: "load barely moves in any experiment")
     held = [SimpleNamespace(name="ramp, second half")]
-    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT, held_out=held), shifted=None, missed=None, turned=None)
+    found = SimpleNamespace(
+        verdict="effect_found",
+        study=SimpleNamespace(plant=PLANT, held_out=held),
+        shifted=None,
+        missed=None,
+        turned=None,
+    )
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6, "unit": "m"}
     told = {"published": errors, "recalibrated": errors, "after": errors}
     first, second, third = close_loop.error_lines(found, told)
     assert "held out (ramp, second half) 16 um" in first
     assert second == "these recordings prove little: there is only one experiment"
     assert third == "load barely moves in any experiment: what it does is not tested"
+    found.verdict = "no_effect"  # its headline says so
+    assert close_loop.error_lines(found, told) == [first, third]
     better = errors | {"held_out_rmse": 15.2e-6}
     _, declared, *_ = close_loop.error_lines(found, told | {"published": better})
     assert (
@@ -348,14 +356,18 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
 
 
 @pytest.mark.parametrize(
-    ("waves", "wandering", "said"),
+    ("waves", "wandering", "little", "said"),
     [
-        ([], None, "nothing is missing"),
-        ([{"hz": 1.495}], None, "at 1.495 Hz"),
-        ([], ("a", 1e-6), "slowly drifting zero"),
+        ([], None, "", "nothing is missing"),
+        ([{"hz": 1.495}], None, "", "at 1.495 Hz"),
+        ([], ("a", 1e-6), "", "slowly drifting zero"),
+        ([], None, "there is only one experiment", "these recordings prove little: there is only one experiment"),
     ],
 )
-def test_nothing_is_missing_only_where_nothing_else_is_told(waves: list, wandering: object, said: str) -> None:
+def test_nothing_is_missing_only_where_nothing_else_is_told(
+    waves: list, wandering: object, little: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(close_loop, "thin", lambda found: little)
     study, one = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT), made_up.option(excess=0.0)
     found = SimpleNamespace(
         verdict="no_effect",
@@ -369,7 +381,7 @@ def test_nothing_is_missing_only_where_nothing_else_is_told(waves: list, wanderi
     )
     found.search = SimpleNamespace(withdrawn={})
     told = close_loop.headline(found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}})
-    assert said in told and ("nothing is missing" in told) == (not waves and wandering is None)
+    assert said in told and ("nothing is missing" in told) == (not waves and wandering is None and not little)
 
 
 def test_samples_are_counted_once_whatever_is_read_in_them() -> None:

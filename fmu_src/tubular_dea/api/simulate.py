@@ -55,14 +55,20 @@ class SimulationResult(Trajectory):
         return [*inputs, *(name for name in self.values if name not in inputs)]
 
     def lines(self) -> list[str]:
-        """A summary as text."""
+        """A summary as text: what drove the model (a number without a unit was SI), and what it did."""
+        said = [f"driven by {' and '.join(map(self._course, self.model.inputs))}"] if self.model.inputs else []
         if "snap_through_margin" in self.values:
-            return self._fold()
-        said = []
+            return [*said, *self._fold()]
         for name in self.model.outputs:
             low, high = self[name].min(), self[name].max()
             said.append(f"{name} from {low:.4g} to {high:.4g} {self.model.quantity(name).unit}")
         return said
+
+    def _course(self, q: Quantity) -> str:
+        """The values of an input, in its customary unit."""
+        unit = q.display_unit or q.unit
+        low, high = (f"{end / factor(unit, q.unit):.4g}" for end in (self[q.name].min(), self[q.name].max()))
+        return f"{q.name} {low if low == high else f'{low} to {high}'}{'' if unit == '1' else f' {unit}'}"
 
     def _fold(self) -> list[str]:
         """The largest displacement of the tube, and its margin to snap-through."""

@@ -81,6 +81,8 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     if found.verdict == "no_effect" and waves:
         lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
         return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
+    if found.verdict == "no_effect" and thin(found):
+        return f"nothing is seen to be missing, but these recordings prove little: {thin(found)}."
     if found.strained:
         return STRAINED.format(names=names, strained=" and ".join(found.strained))
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
@@ -102,7 +104,7 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     for name in list(after.get("outputs", ()))[1:]:
         noise = found.study.noise[name].rms if name in found.study.noise else None
         said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
-    few = [f"these recordings prove little: {little}"] if little else []
+    few = [f"these recordings prove little: {little}"] if little and found.verdict != "no_effect" else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
     beside = [*counted_backwards(found), *implausible_zero(found), *unexplained_output(found)]
     return [*said, *better_as_declared(found, errors), *beside, *few]

@@ -356,10 +356,10 @@ def _standing_out(
     if alone.size:
         said.append(_spiky(heading, written, units[1], alone, lines, row))
     for lapse in lapses(np.where(gone, np.nan, read), inputs.values()) if inputs else ():
-        off = written[lapse[lapse.size // 2]] - written[: lapse[0]][~gone[: lapse[0]]][-1]
+        off = abs(written[lapse[lapse.size // 2]] - written[: lapse[0]][~gone[: lapse[0]]][-1])
         said.append(
-            f"{heading} is off by {abs(off):.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}, and back "
-            "at once, while no input moves abruptly: left out as a lapse of the sensor"
+            f"{heading} is off by {off:.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}, and back at "
+            "once, while no input moves abruptly: left out as a lapse of the sensor"
         )
         gone[lapse] = True
     return gone, said
