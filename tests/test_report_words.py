@@ -119,6 +119,11 @@ def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
     def said(verdict: str, wandering: tuple[str, float] | None) -> str:
         return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering, strained=()))
 
+    assert (
+        in_short._confidence(SimpleNamespace(verdict="no_effect", strained=("C_3",), chosen=made_up.option()))
+        == in_short.HIDING
+    )
+
     assert said("no_effect", None) == in_short.CONFIDENCE["no_effect"]
     assert "zero drifts slowly" in said("no_effect", ("ramp", 5e-6))
     assert said("effect_found", ("ramp", 5e-6)) == in_short.CONFIDENCE["effect_found"]
@@ -331,13 +336,14 @@ def test_what_explains_less_well_is_said_to() -> None:
     assert in_short._in_its_place(found, {"id": "lag", "equivalent": []}) == []
 
 
-def test_the_verdict_says_for_which_effect_another_stands() -> None:
+def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     def said(equivalent: dict[str, list[str]], *strained: str) -> str:
         one = made_up.option(*equivalent)
         study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
+        word = "partly_explained" if equivalent else "no_effect"
         return close_loop.headline(
             SimpleNamespace(
-                verdict="partly_explained" if strained else "ambiguous",
+                verdict=word if strained else "ambiguous",
                 chosen=one,
                 base=one,
                 study=study,
@@ -353,6 +359,8 @@ def test_the_verdict_says_for_which_effect_another_stands() -> None:
     assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
     strained = said({"rigid_stop": []}, "C_2", "C_3")
     assert "or something that is in no catalogue: C_2 and C_3 would be implausible" in strained
+    monkeypatch.setattr(close_loop, "thin", lambda found: "")
+    assert said({}, "C_3") == "nothing is seen to be missing, but C_3 would be implausible: something may hide in it."
 
 
 @pytest.mark.parametrize(

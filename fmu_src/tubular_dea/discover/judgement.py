@@ -65,8 +65,8 @@ def judge(found: Search, turned: bool) -> Judgement:
     ratio, wandering = held_ratio(work, chosen), _wandering(work, found)
     shifted, missed = zeros.impossible(work, chosen), second_output.missed(work, chosen)
     word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, missed is not None, turned)
-    strained = _strained(found, described) if word in ("effect_found", "ambiguous") else ()
-    word = "partly_explained" if strained else word
+    strained = _strained(found, described) if word in ("no_effect", "effect_found", "ambiguous") else ()
+    word = "partly_explained" if strained and described.ids else word  # without effects, one null of 33 had some, too
     return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, strained)
 
 
@@ -151,8 +151,9 @@ def _wandering(work: Study, found: Search) -> tuple[str, float] | None:
 def _strained(found: Search, described: Option) -> tuple[str, ...]:
     """The parameters of the plant that are implausible with the effects of the choice, and speak against these.
 
-    Then the effects stand for something else, or for a part of it, and these parameters make up for the rest. Those
-    that are as far off without the effects may be first guesses, unless the declared values are good ones.
+    Then the effects stand for something else, or for a part of it, and these parameters make up for the rest; without
+    any effect they may hide one. Those that are as far off without the effects may be first guesses, unless the
+    declared values are good ones.
     """
     plant = found.study.plant
     far = implausible(plant, described.fitted)

@@ -31,6 +31,7 @@ WORDS = {
     "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
 }
 STRAINED = "the model lacks {names}, or something that is in no catalogue: {strained} would be implausible with that."
+HIDING = "nothing is seen to be missing, but {strained} would be implausible: something may hide in it."
 TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations of the noise
     "whiteness": "whiteness (Ljung and Box, in standard deviations)",
     "widening": "factor by which this widens standard errors (Newey and West)",
@@ -84,7 +85,7 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     if found.verdict == "no_effect" and thin(found):
         return f"nothing is seen to be missing, but these recordings prove little: {thin(found)}."
     if found.strained:
-        return STRAINED.format(names=names, strained=" and ".join(found.strained))
+        return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
 
 

@@ -34,6 +34,10 @@ STRAINED = (
     "The named effects explain the recordings to within their noise, but only with parameters of the plant that are "
     "far from the declared ones. So something else may be there."
 )
+HIDING = (
+    "The model explains the recordings to within their noise, but only with parameters of the plant that are far from "
+    "the declared ones. Something that is missing may hide in them."
+)
 DRIFTS = (
     "The residual is larger than noise, but no larger than that of a sensor whose zero drifts slowly, and no effect of "
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
@@ -84,7 +88,7 @@ def _confidence(found: Discovery) -> str:
     if found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR:
         return LOUDER
     if found.strained:
-        return STRAINED
+        return STRAINED if found.chosen.ids else HIDING
     return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
 
 

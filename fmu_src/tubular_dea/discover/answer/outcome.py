@@ -290,6 +290,8 @@ def advice(found: Discovery) -> str:
     if little:
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
+    if found.verdict == "no_effect" and found.strained:
+        return f"{why}: look at the geometry and at the units, and record an experiment of another kind."
     if found.verdict == "no_effect":
         return f"{why}: no further experiment is needed unless the {_plant(found)} is used beyond the recorded range."
     if found.verdict in ("unexplained", "partly_explained"):
