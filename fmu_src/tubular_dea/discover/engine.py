@@ -37,6 +37,7 @@ SEED = 20240  # [1] of all random numbers: the same recordings give the same ans
 LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: bounds the cost. Check: `pytest tests/test_unquiet.py`
+ALLOWED_LESS = 0.8  # [1] times what an output was allowed to be off: with less, a search is repeated
 MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned out to be less
 
 # Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
@@ -235,13 +236,35 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
         if selection.deeper_than_base(found, deeper):
             found = selection.forward_selection(other, deeper, numeric, seed, tell)
     for _ in range(MOST_QUIETER):
-        limited = with_noise_of(found.study, found.chosen.fitted, found.chosen.ids)
-        if acceptance.far(found.chosen) or not quieter(found.study, limited):
+        less = _with_less_noise(found)
+        if less is None:
             break
         tell("the noise is less")
-        work, fitted = base_settled(replace(found.base_study, noise=limited.noise), found.base.fitted, seed)
+        work, fitted = base_settled(less, found.base.fitted, seed)
         found = selection.forward_selection(work, fitted, numeric, seed, tell, found.rounds)
     return found
+
+
+def _with_less_noise(found: Search) -> Study | None:
+    """The base's study with the noise that the choice leaves room for; None where that is about as much as before.
+
+    What the base lacks was taken for noise of a sensor where no stretch is quiet, and for noise of a monitor where the
+    supply wanders.
+    """
+    ids, fitted, study = found.chosen.ids, found.chosen.fitted, found.study
+    if acceptance.far(found.chosen):
+        return None
+    limited = with_noise_of(study, fitted, ids)
+    if quieter(study, limited):
+        return replace(found.base_study, noise=limited.noise)
+    if not ids:
+        return None
+    gains = input_noise.input_gains(study, fitted.values, ids)
+    told = input_noise.told_by_outputs(study, fitted.values, gains, ids)
+    before, after = (input_noise.allowed_rms(s) for s in (study, input_noise.weighted(told, gains)))
+    if all(after[name] > ALLOWED_LESS * rms for name, rms in before.items()):
+        return None
+    return replace(found.base_study, monitor_noise=told.monitor_noise)
 
 
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:

@@ -13,8 +13,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from ...identify.fitting.compiled import Ids
+from ...identify.fitting.fit import NORMAL_95
 from ...identify.fitting.misfit import BLOCK
 from ...identify.fitting.problem import whitened
+from ...identify.signals.monitors import GAUSSIAN_MAD
 from ...identify.study.monitor_uncertainty import slow_gains
 from ...identify.study.nuisances import corner_squares, with_nuisances
 from ...identify.study.remembered import remembers
@@ -28,6 +31,7 @@ FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth differ
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
 LEVELS = 13  # [1] levels of a monitor's noise that are compared
 STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
+ASIDE = 3.0  # [standard deviations] of what a monitor usually bends from block to block: more is what was done
 BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
 Gains = Mapping[str, list[np.ndarray]]  # of every piece (N,), by input
@@ -43,19 +47,20 @@ def weighted(study: Study, gains: Gains) -> Study:
     return replace(study, noise=noise).weighted(weights(study, gains))
 
 
-def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> Study:
+def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains, ids: Ids = ()) -> Study:
     """The study with monitors' noise as large as the outputs say, between what changes from sample to sample and what
-    their own records allow.
+    their own records allow; `ids` are the effects that the model has.
 
     What moves a monitor slowly is its noise, or the plant follows it and it is a supply that wanders: only noise
     is in the outputs' residual. Averages over blocks of that tell the likelier level. What a model lacks makes them
-    larger and the level no smaller.
+    larger, too. So where the residual does not follow the monitor from block to block, only the changes between blocks
+    count: those of what a model lacks are small.
     """
     levels = {name: _fastest(study, name) for name in study.monitor_noise}
     unsure = [n for n, level in study.monitor_noise.items() if level > levels[n] > 0 and n not in study.stated]
     if not unsure:
         return study
-    answers = study.response((), study.pieces).possible(values)
+    answers = study.response(ids, study.pieces).possible(values)
     for name in unsure:
         known = study.monitor_noise
         if any(remembers(p, name) for p in study.pieces):
@@ -63,7 +68,8 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains) -> 
             study = replace(study, monitor_noise=known | {name: told})
             continue
         tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
-        costs = [_block_misfit(replace(study, monitor_noise=one), gains, answers) for one in tried]
+        changes = not _follows(study, name, gains, answers)
+        costs = [_block_misfit(replace(study, monitor_noise=one), gains, answers, changes) for one in tried]
         study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
     return study
 
@@ -101,16 +107,50 @@ def _fastest(study: Study, name: str) -> float:
     return float(np.median([p.driven.noise[name] for p in study.pieces]))
 
 
-def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray | None]) -> float:
-    """Minus twice the log likelihood of the training's residual, averaged over blocks, with the study's noise."""
+def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray | None], changes: bool) -> float:
+    """Minus twice the log likelihood of the training's residual, averaged over blocks, or of its changes from block to
+    block, with the study's noise."""
     found = 0.0
     for piece, answer, weight in zip(study.pieces, answers, weights(study, gains), strict=True):
         if piece.held_out or answer is None:
             continue
-        left = whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise)
-        variance = expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2
-        found += float(np.sum(block_means(left, [piece]) ** 2 / (mean := over_blocks(variance)) + np.log(mean)))
+        variance = over_blocks(expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2)
+        left = block_means(_left(study, piece, answer), [piece])
+        if changes:
+            left, variance = np.diff(left), variance[1:] + variance[:-1]
+        found += float(np.sum(left**2 / variance + np.log(variance)))
     return found
+
+
+def _left(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+    """What an answer of the model leaves of a record (N,), whitened by the sensor's noise."""
+    return whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise)
+
+
+def _follows(study: Study, name: str, gains: Gains, answers: Sequence[np.ndarray | None]) -> bool:
+    """Whether the residual follows what moves a monitor slowly, as it does where that is its noise.
+
+    What is done to the plant moves it, too: how it bends from block to block is compared, and rare bends are left out.
+    Where usual ones are more than noise can be, nothing is told, and it may.
+    """
+    lines, moved, left = [], [], []
+    for number, (piece, answer) in enumerate(zip(study.pieces, answers, strict=True)):
+        if piece.held_out or answer is None:
+            continue
+        line = np.concatenate([piece.case.protocol.at(r.times)[name] for r in piece.case.readings])
+        scaled = whitened(piece.case, gains[name][number] * (line - line.mean()), study.noise)
+        lines.append(np.diff(over_blocks(line), 2))
+        moved.append(np.diff(block_means(scaled, [piece]), 2))
+        left.append(np.diff(block_means(_left(study, piece, answer), [piece]), 2))
+    bent, x, y = (np.concatenate(each) for each in (lines, moved, left))
+    usual = GAUSSIAN_MAD * float(np.median(np.abs(bent))) if bent.size else 0.0
+    kept = np.abs(bent) < ASIDE * usual
+    squares = float(x[kept] @ x[kept])
+    if usual > study.monitor_noise[name] * np.sqrt(6 / BLOCK) or squares == 0:
+        return True
+    share = float(x[kept] @ y[kept]) / squares
+    uncertainty = float(np.linalg.norm((y - share * x)[kept]) / np.sqrt(squares * np.count_nonzero(kept)))
+    return share > NORMAL_95 * uncertainty
 
 
 def weights(study: Study, gains: Gains) -> list[np.ndarray]:
@@ -202,8 +242,8 @@ def _followed(piece: Piece, name: str) -> float:
     return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
 
 
-def input_gains(study: Study, values: Mapping[str, float]) -> Gains:
+def input_gains(study: Study, values: Mapping[str, float], ids: Ids = ()) -> Gains:
     """The gains of slow noise of every piece: output over that of each monitor, each (N,)."""
-    response = study.response((), study.pieces)
+    response = study.response(ids, study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]
     return {name: slow_gains(response, values, name, study.pieces) for name in noisy}

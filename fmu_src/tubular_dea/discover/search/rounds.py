@@ -100,7 +100,7 @@ def take_round(
     if not options:
         return replace(blank, reason="no candidate could be refitted")
     options = _as_finer(study, chosen, options, blank.threshold, tell)
-    return _decided(study, base, chosen, replace(blank, options=options))
+    return decided(study, base, chosen, replace(blank, options=options))
 
 
 def _scored(study: Study, chosen: Option, numeric: float, seed: int) -> tuple[Round, _Start]:
@@ -123,7 +123,7 @@ def _hopeless(base: Option, chosen: Option, step: Round) -> str:
     return no_further_effect(base, chosen, AT_BEST * best.statistic, best.id) if chosen.ids else ""
 
 
-def _decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
+def decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
     """The round with its options in order, and whether the first of them is accepted."""
     judged = [_said(study, base, chosen, o, step.threshold) for o in step.options]
     if any(s.accepted for _, s in judged):  # what sensors explain is no rival of what they do not

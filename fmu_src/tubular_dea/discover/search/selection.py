@@ -15,7 +15,7 @@ from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start
 from ..scores import bank
 from .equivalence import CHANCE, error_reach
 from .revision import Search, revise
-from .rounds import Progress, Round, take_round
+from .rounds import Progress, Round, decided, take_round
 from .settle import own_nuisances
 
 # Set by judgement. Check: `python -m measured.table`, `python -m blind.score --pairs 20 --seed 1000`
@@ -69,6 +69,8 @@ def forward_selection(
             return forward_selection(study, deeper, numeric, seed, tell, [step])
         found.rounds.append(step)
         if not step.accepted:
+            step = _with_own_numbers(found, tell)
+        if not step.accepted:
             break
         without = found.chosen
         found.chosen = _converged(found.study, step.options[0], tell)
@@ -82,6 +84,23 @@ def forward_selection(
             _one_instead(found, tell)
         stages.append(replace(found))
     return _undenied(found, stages)
+
+
+def _with_own_numbers(found: Search, tell: Progress) -> Round:
+    """The last round, which accepted nothing, once more with what kept less than its score promised: numbers of the
+    records' own that were taken without it may stand for it. The search goes on with its own, if it is accepted so."""
+    step = found.rounds[-1]
+    promised = step.scores[0].statistic >= step.threshold
+    stuck = [o for o in step.options if promised and not o.impossible and _promised_more(found, found.chosen, o)]
+    for one in stuck:
+        tell(f"switching instants and zeros with {one.ids[-1]}")
+        study, settled = _anew(found, found.chosen, one)
+        others = [o for o in step.options if o is not one]
+        again = decided(study, found.base, found.chosen, replace(step, options=[settled, *others]))
+        if again.accepted:
+            found.rounds[-1], found.study = again, study
+            return again
+    return step
 
 
 def _begun_elsewhere(found: Search, tell: Progress) -> None:

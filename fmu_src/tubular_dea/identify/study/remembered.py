@@ -26,6 +26,7 @@ BETWEEN_CORNERS = 8  # [samples] from one to the next at least
 # Set by judgement. Check: `pytest tests/test_remembered.py -k rest`
 REMEMBERED = 0.5  # [1] of what noise at one corner changes, as sum of squares, that comes after a while
 AFTER = 0.1  # [1] of a record until then
+SEEN = 4.0  # [squared standard deviations] that noise at all corners changes, or nobody sees it
 LEAST_CORNERS = 16  # [1] of a record that tells what is remembered
 ASKED = 0.25  # [1] of the corners: the one at which that is asked
 
@@ -34,7 +35,7 @@ ASKED = 0.25  # [1] of the corners: the one at which that is asked
 AT_CORNER = 3.0**0.25  # [1] standard deviation at a corner over that of a mean of n samples
 
 # Set by judgement: small against any curvature. Check: `pytest tests/test_remembered.py`
-PUSH = 4e-3  # [1] of an input's largest value: the noise whose effect is taken
+PUSH = 4e-3  # [1] of an input's largest value: the noise whose effect is taken, where it is no less
 
 NOISE_OF, LEFT_OF = "noise ", "noise beside "  # names of a monitor's noise at corners, by number, and of the rest of it
 
@@ -45,8 +46,8 @@ def pushes(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) ->
     found = []
     for name, level in study.monitor_noise.items():
         if level > 0 and _remembers(study, ids, values, piece, name):
-            found += [(f"{NOISE_OF}{k} {name}", *_pushed(piece, name, k)) for k in range(corners(piece).size)]
-            found.append((f"{LEFT_OF}{name}", *_with_the_rest(piece, name)))
+            found += [(f"{NOISE_OF}{k} {name}", *_pushed(piece, name, level, k)) for k in range(corners(piece).size)]
+            found.append((f"{LEFT_OF}{name}", *_with_the_rest(piece, name, level)))
     return found
 
 
@@ -89,12 +90,13 @@ def corners(piece: Piece) -> np.ndarray:
 
 
 def _remembers(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, name: str) -> bool:
-    """Whether most of what the noise of an input changes at one corner, a quarter into the record, comes much later."""
+    """Whether most of what the noise of an input changes at one corner, a quarter into the record, comes much later,
+    and what it changes at all of them could be seen."""
     places = corners(piece)
     if places.size < LEAST_CORNERS:
         return False
     asked = int(ASKED * places.size)
-    pushed, _ = _pushed(piece, name, asked)
+    pushed, step = _pushed(piece, name, study.monitor_noise[name], asked)
     here, there = study.asked(ids, [piece.case, pushed]).possible(values)
     if here is None or there is None:
         return False
@@ -103,19 +105,20 @@ def _remembers(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece
     for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
         changed = (there - here)[rows] ** 2 / study.noise[reading.output].slow ** 2
         squares += [changed.sum(), changed[reading.times > later].sum()]
-    return bool(squares[1] > REMEMBERED * squares[0])
+    walked = squares[0] * (spread_at_corner(study, piece, f"{asked} {name}") / step) ** 2 * places.size
+    return bool(walked > SEEN and squares[1] > REMEMBERED * squares[0])
 
 
-def _pushed(piece: Piece, name: str, number: int) -> tuple[Case, float]:
-    """The case with the line of an input moved at one corner, and by how much [SI]."""
+def _pushed(piece: Piece, name: str, level: float, number: int) -> tuple[Case, float]:
+    """The case with the line of an input, which has noise of a `level` [SI], moved at one corner, and by how much."""
     protocol, places = piece.case.protocol, corners(piece)
     for time in places[max(number - 1, 0) : number + 2]:
         protocol = protocol.with_time(float(time))
     part = np.interp(protocol.time, places, np.arange(places.size) == number)
-    return _moved(piece, protocol, name, part)
+    return _moved(piece, protocol, name, level, part)
 
 
-def _with_the_rest(piece: Piece, name: str) -> tuple[Case, float]:
+def _with_the_rest(piece: Piece, name: str, level: float) -> tuple[Case, float]:
     """The case with noise of an input beside its line, one draw, and the noise of a sample [SI].
 
     Its recorded line follows of white noise what its own corners do.
@@ -124,12 +127,13 @@ def _with_the_rest(piece: Piece, name: str) -> tuple[Case, float]:
     share = np.sqrt(min(1.0, np.unique(protocol.time).size / piece.record.size))
     noise = share * np.random.default_rng(0).standard_normal(protocol.time.size)
     line = np.stack([np.interp(protocol.time, places, row) for row in np.eye(places.size)], axis=1)
-    return _moved(piece, protocol, name, noise - line @ np.linalg.lstsq(line, noise, rcond=None)[0])
+    return _moved(piece, protocol, name, level, noise - line @ np.linalg.lstsq(line, noise, rcond=None)[0])
 
 
-def _moved(piece: Piece, protocol: Protocol, name: str, part: np.ndarray) -> tuple[Case, float]:
-    """The case with a small multiple of `part` (n,) added to an input of the protocol, and that multiple [SI]."""
-    step = PUSH * (float(np.abs(protocol.inputs[name]).max()) or 1.0)
+def _moved(piece: Piece, protocol: Protocol, name: str, level: float, part: np.ndarray) -> tuple[Case, float]:
+    """The case with a small multiple of `part` (n,) added to an input of the protocol, and that multiple [SI]: where it
+    is at rest, as much as the noise, since a smaller one would change nothing but digits."""
+    step = max(PUSH * float(np.abs(protocol.inputs[name]).max()), level)
     inputs = protocol.inputs | {name: protocol.inputs[name] + step * part}
     return replace(piece.case, protocol=Protocol(protocol.time, inputs)), step
 
