@@ -143,7 +143,7 @@ def _refine(found: Search, tell: Progress) -> None:
     """Use finer forms of the chosen effects where the recordings support them; then of promising rivals too."""
     coarse = found.chosen
     for name in coarse.ids:
-        if clean(coarse.lack_of_fit) or not found.study.catalogue[name].refine or name in found.chosen.refined:
+        if not found.study.catalogue[name].refine or name in found.chosen.refined:
             continue
         finer = _finer(found.study, found.chosen, (name,), tell)
         if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
