@@ -151,8 +151,10 @@ def test_a_sweep_of_what_never_is_0_starts_where_it_was_recorded() -> None:
 
 
 def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
+    outputs = [SimpleNamespace(channel="sensor")]
     study = SimpleNamespace(
-        plant=SimpleNamespace(name="Axis", experiments=None, inputs=[SimpleNamespace(name="force")])
+        plant=SimpleNamespace(name="Axis", experiments=None, inputs=[SimpleNamespace(name="force")], outputs=outputs),
+        catalogue={"lag(a)": SimpleNamespace(channel="force")},
     )
     for verdict, proposal, words in [
         (
@@ -174,6 +176,8 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
         )
         found.chosen_gains, found.repeated = {"lag(a)": 1000.0}, False
         assert words in advice(found)
+    study.catalogue = {"lag(a)": SimpleNamespace(channel="sensor")}
+    assert "repeat the experiments with another sensor" in advice(found)
     assert kind(PLANT) == "of those declared for the TubularDEA"
 
 

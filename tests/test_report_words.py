@@ -102,7 +102,7 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
     errors = {"rmse": 15e-6, "held_out_rmse": 60e-6, "unit": "m"}
     named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97))
     found = SimpleNamespace(study=None, named=named, verdict="no_effect")
-    assert "; 0.97 of what the inputs' noise" in close_loop._moved_by_monitors(found, errors)
+    assert "; that is 0.97 times what all noise makes" in close_loop._moved_by_monitors(found, errors)
     assert close_loop._moved_by_monitors(SimpleNamespace(study=None, named=named, verdict="unexplained"), errors) == ""
     assert close_loop._moved_by_monitors(found, errors | {"held_out_rmse": 16e-6}) == ""
 
@@ -113,6 +113,21 @@ def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
         named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio))
         said = remarks.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
         assert ("2.4 times the noise" in said) == little
+
+
+def test_files_with_far_larger_errors_than_the_others_are_named() -> None:
+    """Nine samples of one file were "a significant residual", and two files in which a layer was lost charge traps."""
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT))
+
+    def said(*errors: float) -> list[str]:
+        each = {f"rec{n}": {"rmse": rms} for n, rms in enumerate(errors)}
+        return remarks.odd_files(found, {"unit": "m", "per_experiment": each})
+
+    (one,) = said(16e-6, 15e-6, 16e-6, 65e-6)
+    assert one.startswith("The error is 16 um in most files, and in rec3 it is 65 um: ")
+    (two,) = said(16e-6, 15e-6, 24e-6, 16e-6, 27e-6, 15e-6)
+    assert "in rec2 and rec4 it is up to 27 um" in two
+    assert not said(16e-6, 15e-6, 22e-6) and not said(15e-6, 15e-6, 40e-6, 42e-6) and not said()
 
 
 def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:

@@ -122,6 +122,33 @@ def test_a_refit_that_keeps_nothing_of_its_promise_begins_anew(
     assert search.gains == {taken: 1000.0 if taken == "slew" else 2000.0}
 
 
+@pytest.mark.parametrize(
+    ("score", "gained", "accepted"),
+    [
+        (50.0, 5.0, True),  # with instants and zeros of its own it gains what it promised
+        (29.0, 5.0, False),  # chance promises as much
+        (50.0, 26.0, False),  # it was fitted well
+    ],
+)
+def test_a_promise_that_nothing_kept_is_asked_of_numbers_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, score: float, gained: float, accepted: bool
+) -> None:
+    """An added mass scored 44 and gained 13 with the instants of the base; with its own it gains 112."""
+    one, mended = option("lag", excess=LARGE - gained), option("lag", excess=LARGE - 112.0)
+    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: ("its own", one))
+    monkeypatch.setattr(selection, "adjusted", lambda study, ids, values, free: STUDY)
+    monkeypatch.setattr(selection, "start_values", lambda fitted, score: {"lag": 1.0})
+    monkeypatch.setattr(selection, "fitted_option", lambda study, ids, start, refined: mended)
+    monkeypatch.setattr(
+        selection, "decided", lambda study, base, chosen, step: replace(step, accepted=step.options[0] is mended)
+    )
+    step = replace(Round((), [], None, 30.0, [one], False, ""), scores=[SimpleNamespace(id="lag", statistic=score)])
+    search = found(BASE, BASE, rounds=[step])
+    assert selection._with_own_numbers(search, lambda what: None).accepted is accepted
+    assert (search.study == "its own") is accepted
+    assert search.rounds[-1].options == ([mended] if accepted else [one])
+
+
 def test_rivals_are_tried_again_that_lacked_no_more_than_later_effects_brought() -> None:
     first = taken(option("lag", excess=1000.0), option("slew", excess=3400.0), option("set", excess=3600.0))
     search = found(BASE, option("lag", "creep", excess=0.0), rounds=[first])  # creep brought 1000

@@ -119,7 +119,7 @@ def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
     ratio = found.named.lack_of_fit.ratio
     if found.verdict == "unexplained" and ratio < 1:  # by its size alone it may be noise, and what tells is its course
         return ""
-    return f"; {ratio:.2f} of what the inputs' noise and steps between samples allow too, weighted sample by sample"
+    return f"; that is {ratio:.2f} times what all noise makes together, that of the inputs and of their edges too"
 
 
 def _error_line(

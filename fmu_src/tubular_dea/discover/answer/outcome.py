@@ -68,7 +68,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "noise_floor": floor(study, after["rmse"]),
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
         "invisible": found.limits,
-        "remarks": remarks.remarks(found, waves),
+        "remarks": [*remarks.remarks(found, waves), *remarks.odd_files(found, after)],
         "next_experiment": advice(found),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
         "undetermined": chosen.fitted.undetermined(),
@@ -307,7 +307,10 @@ def _apart(found: Discovery) -> str:
     if proposal is None or proposal.deviations < DIFFER or _times(found, proposal) > OFTEN:
         if found.verdict == "ambiguous":
             return f"no experiment {kind(found.study.plant)} distinguishes {names}; a second sensor may"
-        return "repeat the experiments on another specimen to see whether the effect is the same"
+        sensors = {o.channel for o in found.study.plant.outputs}
+        recorded = all(found.study.catalogue[name].channel in sensors for name in found.chosen.ids)
+        other = "with another sensor" if recorded else "on another specimen"
+        return f"repeat the experiments {other} to see whether the effect is the same"
     apart = f"by {proposal.deviations:.0f} standard deviations of the noise"
     if found.verdict == "ambiguous":
         times = _times(found, proposal)

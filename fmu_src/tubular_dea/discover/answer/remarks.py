@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from .oscillations import Oscillation
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
+ODD = 1.4  # [1] times the usual error of a file from which on one is odd: a layer lost in two of five files made 1.5
+FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they differ in what was done
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
@@ -236,6 +239,23 @@ def _as_declared(found: Discovery) -> list[str]:
     known = found.study.plant.model.parameter_values() | found.recordings.geometry
     values = [f"{q.name} = {_told(known[q.name], q)}" for q in fixed if known[q.name]]
     return [f"Taken as declared, and not fitted: {', '.join(values)}. One of them may be wrong."] if values else []
+
+
+def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
+    """A few files with a far larger error than the others: something may have happened in these alone; `after` are the
+    errors of the first output as `outcome.errors` gives them."""
+    each = {name: e["rmse"] for name, e in after["per_experiment"].items() if e["rmse"] is not None}
+    usual = float(np.median([*each.values()])) if each else 0.0
+    odd = {name: rms for name, rms in each.items() if rms > ODD * usual}
+    if not usual or not 0 < len(odd) <= FEW_ODD * len(each):
+        return []
+    most = max(odd, key=lambda name: odd[name])
+    rest = f"in {' and '.join(odd)} it is up to" if len(odd) > 1 else f"in {most} it is"
+    return [
+        f"The error is {in_words(usual, after['unit'])} in most files, and {rest} "
+        f"{in_words(odd[most], after['unit'])}: look there for something that happened in no other file, to the sensor "
+        f"or to the {found.study.plant.name}."
+    ]
 
 
 def thin(found: Discovery) -> str:
