@@ -36,8 +36,11 @@ SEED = 20240  # [1] of all random numbers: the same recordings give the same ans
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions files --seed 1000`
 LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
-# Set by judgement: bounds the cost. Check: `pytest tests/test_unquiet.py`
+# Set by judgement: a search of seconds is not repeated for less.
+# Check: `pytest tests/test_unquiet.py tests/test_input_noise.py`
 ALLOWED_LESS = 0.8  # [1] times what an output was allowed to be off: with less, a search is repeated
+
+# Set by judgement: bounds the cost. Check: `pytest tests/test_unquiet.py`
 MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned out to be less
 
 # Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
