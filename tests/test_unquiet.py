@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+import made_up
 from tubular_dea.discover import engine
 from tubular_dea.discover.engine import discover
 from tubular_dea.identify.records.data import Experiment, Recordings
@@ -62,3 +67,37 @@ def test_a_fit_alone_limits_the_noise() -> None:
     assert work.noise["reading"].rms > 2 * NOISE
     found = alternating_fit(work, PLANT.model.parameter_values())[0]
     assert found.noise["reading"].rms == pytest.approx(NOISE, rel=0.05)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """What a study knows of noise."""
+
+    noise: str
+    monitor_noise: Mapping[str, float]
+
+
+@pytest.mark.parametrize(
+    ("effect", "quieter", "allowed", "less"),
+    [
+        ("lag", False, 10e-6, Levels("as before", {"load": 25.0})),  # the monitor's noise was the missing effect
+        ("lag", False, 18e-6, None),  # little changes
+        ("", False, 10e-6, None),  # at the base the same was asked
+        ("", True, 20e-6, Levels("less", {"load": 180.0})),
+    ],
+)
+def test_a_search_is_repeated_where_its_choice_leaves_less_room_for_noise(
+    effect: str, quieter: bool, allowed: float, less: Levels | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A friction was found beside a pressure of 184 Pa of noise; with it, the outputs tell 45 Pa."""
+    before, told = Levels("as before", {"load": 180.0}), Levels("as before", {"load": 25.0})
+    monkeypatch.setattr(engine, "with_noise_of", lambda *_: Levels("less", {}))
+    monkeypatch.setattr(engine, "quieter", lambda *_: quieter)
+    monkeypatch.setattr(engine.input_noise, "input_gains", lambda *_: {})
+    monkeypatch.setattr(engine.input_noise, "told_by_outputs", lambda *_: told)
+    monkeypatch.setattr(engine.input_noise, "weighted", lambda study, gains: study)
+    monkeypatch.setattr(
+        engine.input_noise, "allowed_rms", lambda study: {"reading": allowed if study is told else 20e-6}
+    )
+    chosen = made_up.option(*([effect] if effect else []))
+    assert engine._with_less_noise(SimpleNamespace(chosen=chosen, study=before, base_study=before)) == less

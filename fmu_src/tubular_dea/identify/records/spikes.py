@@ -22,7 +22,7 @@ OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
 
-# Set by judgement: of 300 sets of other laboratories and of the bench, none but the one with a lapse has one so.
+# Set by judgement: of the sets of the bench and of five laboratories, the one with a lapse alone has one so.
 # Check: `pytest tests/test_recordings.py -k lapse`
 LONGEST = 64  # [samples] of a lapse, and before it, in which no input moves abruptly
 BESIDE = 5  # [samples] on either side of a lapse that it is compared with
