@@ -100,4 +100,6 @@ def test_a_search_is_repeated_where_its_choice_leaves_less_room_for_noise(
         engine.input_noise, "allowed_rms", lambda study: {"reading": allowed if study is told else 20e-6}
     )
     chosen = made_up.option(*([effect] if effect else []))
-    assert engine._with_less_noise(SimpleNamespace(chosen=chosen, study=before, base_study=before)) == less
+    found = SimpleNamespace(chosen=chosen, study=before, base_study=before)
+    assert engine._with_less_noise(found, monitors=True) == less
+    assert engine._with_less_noise(found, monitors=False) == (less if quieter else None)

@@ -38,7 +38,7 @@ LEAST_SAMPLES = 300  # [samples] in training: fewer tell no effect from noise
 
 # Set by judgement: a search of seconds is not repeated for less.
 # Check: `pytest tests/test_unquiet.py tests/test_input_noise.py`
-ALLOWED_LESS = 0.8  # [1] times what an output was allowed to be off: with less, a search is repeated
+ALLOWED_LESS = 0.7  # [1] times what an output was allowed to be off: with less, a search is repeated
 
 # Set by judgement: bounds the cost. Check: `pytest tests/test_unquiet.py`
 MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned out to be less
@@ -238,8 +238,8 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
         other, deeper = base_settled(found.study, deeper, seed)  # the choice's own numbers may have made it better
         if selection.deeper_than_base(found, deeper):
             found = selection.forward_selection(other, deeper, numeric, seed, tell)
-    for _ in range(MOST_QUIETER):
-        less = _with_less_noise(found)
+    for repeated in range(MOST_QUIETER):
+        less = _with_less_noise(found, monitors=repeated == 0)
         if less is None:
             break
         tell("the noise is less")
@@ -248,8 +248,9 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
     return found
 
 
-def _with_less_noise(found: Search) -> Study | None:
-    """The base's study with the noise that the choice leaves room for; None where that is about as much as before.
+def _with_less_noise(found: Search, monitors: bool) -> Study | None:
+    """The base's study with the noise that the choice leaves room for; None where that is about as much as before, or
+    where it is less of `monitors` alone and these are not asked.
 
     What the base lacks was taken for noise of a sensor where no stretch is quiet, and for noise of a monitor where the
     supply wanders.
@@ -260,7 +261,7 @@ def _with_less_noise(found: Search) -> Study | None:
     limited = with_noise_of(study, fitted, ids)
     if quieter(study, limited):
         return replace(found.base_study, noise=limited.noise)
-    if not ids:
+    if not ids or not monitors:
         return None
     gains = input_noise.input_gains(study, fitted.values, ids)
     told = input_noise.told_by_outputs(study, fitted.values, gains, ids)
