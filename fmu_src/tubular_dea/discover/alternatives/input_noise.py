@@ -33,6 +33,9 @@ LEVELS = 13  # [1] levels of a monitor's noise that are compared
 STEPS = 4.0  # [1] times the monitor's noise above which a fourth difference is a step between samples
 BESIDE_STEP = 5  # [samples] about a step whose values it may have changed
 
+# Set by theory. Check: `pytest tests/test_input_noise.py`
+SECOND = np.array([1.0, -2.0, 1.0])  # [1] weights of a second difference
+
 # Set by convention: of normal numbers 3 in 1000 are farther off. Check: `pytest tests/test_input_noise.py`
 ASIDE = 3.0  # [standard deviations] of what a monitor usually bends from block to block: more is what was done
 
@@ -150,7 +153,7 @@ def _follows(study: Study, name: str, gains: Gains, answers: Sequence[np.ndarray
     usual = GAUSSIAN_MAD * float(np.median(np.abs(bent))) if bent.size else 0.0
     kept = np.abs(bent) < ASIDE * usual
     squares = float(x[kept] @ x[kept])
-    if usual > study.monitor_noise[name] * np.sqrt(6 / BLOCK) or squares == 0:
+    if usual > study.monitor_noise[name] * np.sqrt(SECOND @ SECOND / BLOCK) or squares == 0:
         return True
     share = float(x[kept] @ y[kept]) / squares
     uncertainty = float(np.linalg.norm((y - share * x)[kept]) / np.sqrt(squares * np.count_nonzero(kept)))

@@ -25,7 +25,7 @@ SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slow
 # Set by judgement: of the sets of the bench and of five laboratories, the one with a lapse alone has one so.
 # Check: `pytest tests/test_recordings.py -k lapse`
 LONGEST = 64  # [samples] of a lapse, and before it, in which no input moves abruptly
-BESIDE = 5  # [samples] on either side of a lapse that it is compared with
+BESIDE_LAPSE = 5  # [samples] on either side of a lapse that it is compared with
 FEW_LAPSES = 5  # [1] lapses of a record: with more, it is the plant that moves so, by itself
 ABRUPT_PART = 0.01  # [1] share of its span by which the slope of an input changes at a sample, to be abrupt there
 
@@ -52,7 +52,7 @@ def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]
     least, found, after = _least(read), [], 0
     jumps = np.flatnonzero(np.abs(read[2:] - read[:-2]) > least)  # from a sample to the second one after it
     for first in jumps if jumps.size <= SPIKY * there.size else ():
-        if first < max(after, BESIDE - 1):
+        if first < max(after, BESIDE_LAPSE - 1):
             continue
         for last in jumps[(jumps >= first + 2) & (jumps <= first + LONGEST)]:
             lapse = _between(read, int(first), int(last) + 2, least)
@@ -70,9 +70,11 @@ def _least(read: np.ndarray) -> float:
 
 def _between(read: np.ndarray, first: int, last: int, least: float) -> np.ndarray | None:
     """The places after `first` and before `last` if what is read there is off what is read up to and from these on."""
-    beside = np.concatenate([read[first - BESIDE + 1 : first + 1], read[last : last + BESIDE]])
+    beside = np.concatenate([read[first - BESIDE_LAPSE + 1 : first + 1], read[last : last + BESIDE_LAPSE]])
     off, spread = np.abs(read[first + 1 : last] - np.median(beside)), float(np.ptp(beside))
-    if beside.size < 2 * BESIDE or off[1:-1].min() <= max(least, OFF_OTHERS * spread):  # the ends may be on the way
+    if beside.size < 2 * BESIDE_LAPSE or off[1:-1].min() <= max(
+        least, OFF_OTHERS * spread
+    ):  # the ends may be on the way
         return None
     return first + 1 + np.flatnonzero(off > spread)
 
