@@ -79,6 +79,7 @@ STUDY = SimpleNamespace(
             trades={},
             parameters=[SimpleNamespace(name=name)],
             refine=refine,
+            delicate=name == "set",
         )
         for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
     }

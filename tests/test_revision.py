@@ -197,7 +197,11 @@ def test_a_finer_form_is_taken_where_the_record_asks_for_it(monkeypatch: pytest.
     coarse, finer = option("lag", excess=2000.0), option("lag", excess=100.0, refined=("lag",))
     assert revised(coarse, finer).chosen is finer
     assert revised(option("lag", excess=300.0, z_slow=4.0), finer).chosen is finer  # the plant's had made up for it
-    assert revised(option("lag", excess=180.0, z_slow=4.0), finer).chosen.refined == ()
+    assert revised(option("lag", excess=119.0, z_slow=4.0), finer).chosen.refined == ()
+    search = found(BASE, option("set", excess=300.0, z_slow=4.0), gains={"set": 38_000.0})
+    refits(monkeypatch, {(("set",), ("set",)): option("set", excess=0.0, refined=("set",))})
+    revision.revise(search, lambda what: None)  # noise of the inputs would wear it
+    assert search.chosen.refined == ()
     little = option("lag", excess=1981.0, refined=("lag",))  # 9.5 in log evidence
     assert revised(coarse, little).chosen is coarse
     enough = option("lag", excess=1979.0, refined=("lag",))

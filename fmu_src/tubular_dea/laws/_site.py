@@ -135,6 +135,7 @@ class Site:
         exact: bool = False,
         levels: Mapping[str, str] | None = None,
         lasting: bool = False,
+        delicate: bool = False,
     ) -> Effect:
         """The law as an effect."""
         named = [(k.quantity.name, k) for k in knobs]
@@ -154,6 +155,7 @@ class Site:
             exact=exact,
             levels=levels or {},
             lasting=lasting,
+            delicate=delicate,
             recording=isinstance(self.place, Path) and (not self.drives or self.law not in ACTUATORS),
         )
 

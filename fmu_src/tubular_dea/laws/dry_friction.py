@@ -76,4 +76,6 @@ def law(at: BalanceSite) -> Effect | None:
         stribeck = 1 + more.symbol / (1 + (v / speed.symbol) ** 2)
         return at.added(model, -force.symbol * z * stribeck)
 
-    return at.effect(f"Dry friction acts on {at.words}", "Dupont 2002", apply, force, travel, onset, more, speed)
+    return at.effect(
+        f"Dry friction acts on {at.words}", "Dupont 2002", apply, force, travel, onset, more, speed, delicate=True
+    )

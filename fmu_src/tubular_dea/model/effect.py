@@ -34,8 +34,10 @@ class Effect:
     mass), the tangent at `off` does not see it: `strengths` are distances from `off` at which the chord is taken
     beside it. `trades` says how a parameter of the grid changes if a share of an effect is replaced by the whole
     effect: by this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has only one
-    form: a remaining residual has another cause. `channel` says where it acts, by the plant's own names; `recording`
-    that it is a fault of a monitor or sensor, not of the plant; `lasting` that what it changes outlasts a record.
+    form: a remaining residual has another cause. The finer form of a `delicate` one follows the noise of recorded
+    inputs (it wears friction down): it is tried only where the coarse one leaves more than noise. `channel` says where
+    it acts, by the plant's own names; `recording` that it is a fault of a monitor or sensor, not of the plant;
+    `lasting` that what it changes outlasts a record.
     `levels` are parameters that a state has to pass, or the effect is another one: a stop that always holds is a
     spring. `curve` is how reports show the effect alone: "x over y" or "x", the definition x over an input or state y
     that it depends on (default: what `alone` finds in the declaration).
@@ -56,6 +58,7 @@ class Effect:
     exact: bool = False
     recording: bool = False
     lasting: bool = False
+    delicate: bool = False
     documentation: str = ""
     curve: str = ""
     levels: Mapping[str, str] = field(default_factory=dict)

@@ -17,9 +17,6 @@ from .settle import iterated
 # Set by judgement: very strong evidence, and a bound on the cost. Check: `pytest tests/test_revision.py`,
 # `python -m blind.score --pairs 20 --seed 1000`
 FINER_GAIN = 10.0  # [log evidence] that a finer form must bring
-# Set by measurement: where the coarse form leaves noise alone, a slew rate that falls with the wall brought 73 (without
-# it the damper was a third too large), and a friction that noise of the inputs would wear down 20 and 35.
-FINER_BESIDE_NOISE = 50.0  # [log evidence] that it must bring there
 MOST_FINER = 4  # [1] rivals that are refined with the choice
 PROMISING = 0.7  # [1] share of the choice's gain that a rival may lose whose finer form is tried
 EXCHANGED = 2  # [1] earlier rivals that are tried in place of an effect
@@ -146,11 +143,11 @@ def _refine(found: Search, tell: Progress) -> None:
     """Use finer forms of the chosen effects where the recordings support them; then of promising rivals too."""
     coarse = found.chosen
     for name in coarse.ids:
-        if not found.study.catalogue[name].refine or name in found.chosen.refined:
+        effect = found.study.catalogue[name]
+        if not effect.refine or name in found.chosen.refined or (effect.delicate and clean(coarse.lack_of_fit)):
             continue
-        least = FINER_BESIDE_NOISE if clean(coarse.lack_of_fit) else FINER_GAIN
         finer = _finer(found.study, found.chosen, (name,), tell)
-        if finer and finer.evidence > found.chosen.evidence + least and not denied(found.chosen, finer):
+        if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
             found.chosen = finer
     _refine_rivals(found, coarse, tell)
 

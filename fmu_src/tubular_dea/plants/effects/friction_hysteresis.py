@@ -49,6 +49,7 @@ EFFECT = Effect(
     PARAMETERS,
     off={"friction_pressure": 0.0},
     refine=("friction_onset",),
+    delicate=True,
     typical={"friction_pressure": 150.0, "friction_travel": 0.01, "friction_onset": 0.95},
     shapes={"friction_travel": (2e-3, 1e-2, 5e-2)},
 )
