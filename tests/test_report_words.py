@@ -116,7 +116,7 @@ def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
 
 
 def test_files_with_far_larger_errors_than_the_others_are_named() -> None:
-    """Nine samples of one file were "a significant residual", and two files in which a layer was lost charge traps."""
+    """Nine samples of one file were "a significant residual"; nothing said that it was that file."""
     found = SimpleNamespace(study=SimpleNamespace(plant=PLANT))
 
     def said(*errors: float) -> list[str]:

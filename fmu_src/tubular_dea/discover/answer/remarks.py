@@ -24,7 +24,7 @@ from .oscillations import Oscillation
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
-ODD = 1.4  # [1] times the usual error of a file from which on one is odd: a layer lost in two of five files made 1.5
+ODD = 1.4  # [1] times the usual error of a file from which on one is odd: nine samples that a laser lost made 4
 FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they differ in what was done
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 

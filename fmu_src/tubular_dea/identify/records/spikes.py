@@ -46,12 +46,15 @@ def spikes(values: np.ndarray) -> np.ndarray:
 def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]:
     """The places of the samples of each lapse in a record (n,), which may have gaps, under inputs (n,) each."""
     there = np.flatnonzero(np.isfinite(values))
-    read, abrupt = values[there], _abrupt(inputs, values.size)
+    read = values[there]
     if there.size < FEWEST_SEEN:
         return []
     least, found, after = _least(read), [], 0
     jumps = np.flatnonzero(np.abs(read[2:] - read[:-2]) > least)  # from a sample to the second one after it
-    for first in jumps if jumps.size <= SPIKY * there.size else ():
+    if not 0 < jumps.size <= SPIKY * there.size:
+        return []
+    abrupt = _abrupt(inputs, values.size)
+    for first in jumps:
         if first < max(after, BESIDE_LAPSE - 1):
             continue
         for last in jumps[(jumps >= first + 2) & (jumps <= first + LONGEST)]:
@@ -72,9 +75,8 @@ def _between(read: np.ndarray, first: int, last: int, least: float) -> np.ndarra
     """The places after `first` and before `last` if what is read there is off what is read up to and from these on."""
     beside = np.concatenate([read[first - BESIDE_LAPSE + 1 : first + 1], read[last : last + BESIDE_LAPSE]])
     off, spread = np.abs(read[first + 1 : last] - np.median(beside)), float(np.ptp(beside))
-    if beside.size < 2 * BESIDE_LAPSE or off[1:-1].min() <= max(
-        least, OFF_OTHERS * spread
-    ):  # the ends may be on the way
+    inside = off[1:-1]  # the ends may be on the way
+    if beside.size < 2 * BESIDE_LAPSE or inside.min() <= max(least, OFF_OTHERS * spread):
         return None
     return first + 1 + np.flatnonzero(off > spread)
 
