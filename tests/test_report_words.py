@@ -138,6 +138,9 @@ def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
         in_short._confidence(SimpleNamespace(verdict="no_effect", strained=("C_3",), chosen=made_up.option()))
         == in_short.HIDING
     )
+    outcome = {"effects": [], "verdict": "no_effect", "noise": {"sensors": {}}}
+    (one,) = in_short._found(SimpleNamespace(strained=("C_3",)), outcome)
+    assert "seen to be missing, but C_3 would be implausible" in one
 
     assert said("no_effect", None) == in_short.CONFIDENCE["no_effect"]
     assert "zero drifts slowly" in said("no_effect", ("ramp", 5e-6))

@@ -49,6 +49,7 @@ LOUDER = (
 )
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
+NOT_SEEN = "No effect of the catalogue is seen to be missing, but {strained} would be implausible."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
@@ -168,7 +169,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """What is missing in the model, effect by effect."""
-    said = [] if outcome["effects"] else [NOTHING if outcome["verdict"] == "no_effect" else UNKNOWN]
+    said = [] if outcome["effects"] else [_nothing(found) if outcome["verdict"] == "no_effect" else UNKNOWN]
     for entry in outcome["effects"]:
         effect = found.study.catalogue[entry["id"]]
         sizes = size_words(effect, entry, found.study.plant.model)
@@ -179,6 +180,11 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         for wave in oscillating(outcome)
     ]
     return said
+
+
+def _nothing(found: Discovery) -> str:
+    """That no effect is missing, or that something may hide in implausible parameters."""
+    return NOT_SEEN.format(strained=" and ".join(found.strained)) if found.strained else NOTHING
 
 
 def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:

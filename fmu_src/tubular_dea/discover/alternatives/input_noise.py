@@ -66,6 +66,7 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains, ids
     if not unsure:
         return study
     answers = study.response(ids, study.pieces).possible(values)
+    left = _left_over_blocks(study, answers)
     for name in unsure:
         known = study.monitor_noise
         if any(remembers(p, name) for p in study.pieces):
@@ -73,8 +74,8 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains, ids
             study = replace(study, monitor_noise=known | {name: told})
             continue
         tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
-        changes = not _follows(study, name, gains, answers)
-        costs = [_block_misfit(replace(study, monitor_noise=one), gains, answers, changes) for one in tried]
+        changes = not _follows(study, name, gains, left)
+        costs = [_block_misfit(replace(study, monitor_noise=one), gains, left, changes) for one in tried]
         study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
     return study
 
@@ -112,44 +113,52 @@ def _fastest(study: Study, name: str) -> float:
     return float(np.median([p.driven.noise[name] for p in study.pieces]))
 
 
-def _block_misfit(study: Study, gains: Gains, answers: Sequence[np.ndarray | None], changes: bool) -> float:
+def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
+    """What answers of the model leave of each record, whitened by the sensor's noise and averaged over blocks (B,);
+    None of what is held out or has no answer."""
+    return [
+        None
+        if piece.held_out or answer is None
+        else block_means(
+            whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise), [piece]
+        )
+        for piece, answer in zip(study.pieces, answers, strict=True)
+    ]
+
+
+def _block_misfit(study: Study, gains: Gains, residuals: Sequence[np.ndarray | None], changes: bool) -> float:
     """Minus twice the log likelihood of the training's residual, averaged over blocks, or of its changes from block to
     block, with the study's noise."""
     found = 0.0
-    for piece, answer, weight in zip(study.pieces, answers, weights(study, gains), strict=True):
-        if piece.held_out or answer is None:
+    for piece, left, weight in zip(study.pieces, residuals, weights(study, gains), strict=True):
+        if left is None:
             continue
         variance = over_blocks(expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2)
-        left = block_means(_left(study, piece, answer), [piece])
+        squares = np.diff(left) ** 2 if changes else left**2
         if changes:
-            left, variance = np.diff(left), variance[1:] + variance[:-1]
-        found += float(np.sum(left**2 / variance + np.log(variance)))
+            variance = variance[1:] + variance[:-1]
+        found += float(np.sum(squares / variance + np.log(variance)))
     return found
 
 
-def _left(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
-    """What an answer of the model leaves of a record (N,), whitened by the sensor's noise."""
-    return whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise)
-
-
-def _follows(study: Study, name: str, gains: Gains, answers: Sequence[np.ndarray | None]) -> bool:
+def _follows(study: Study, name: str, gains: Gains, residuals: Sequence[np.ndarray | None]) -> bool:
     """Whether the residual follows what moves a monitor slowly, as it does where that is its noise.
 
     What is done to the plant moves it, too: how it bends from block to block is compared, and rare bends are left out.
     Where usual ones are more than noise can be, nothing is told, and it may.
     """
-    lines, moved, left = [], [], []
-    for number, (piece, answer) in enumerate(zip(study.pieces, answers, strict=True)):
-        if piece.held_out or answer is None:
+    lines, moved, bends = [], [], []
+    for number, (piece, left) in enumerate(zip(study.pieces, residuals, strict=True)):
+        if left is None:
             continue
         line = np.concatenate([piece.case.protocol.at(r.times)[name] for r in piece.case.readings])
         scaled = whitened(piece.case, gains[name][number] * (line - line.mean()), study.noise)
         lines.append(np.diff(over_blocks(line), 2))
         moved.append(np.diff(block_means(scaled, [piece]), 2))
-        left.append(np.diff(block_means(_left(study, piece, answer), [piece]), 2))
+        bends.append(np.diff(left, 2))
     if not lines:
         return True
-    bent, x, y = (np.concatenate(each) for each in (lines, moved, left))
+    bent, x, y = (np.concatenate(each) for each in (lines, moved, bends))
     usual = GAUSSIAN_MAD * float(np.median(np.abs(bent))) if bent.size else 0.0
     kept = np.abs(bent) < ASIDE * usual
     squares = float(x[kept] @ x[kept])
