@@ -26,6 +26,7 @@ from tubular_dea.model.units import in_words, three, with_ends
 from tubular_dea.plants.effects import with_effects
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
+from tubular_dea.recordings.table import either
 from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
 from tubular_dea.report.parts import parameter_row
@@ -352,6 +353,17 @@ def test_what_explains_less_well_is_said_to() -> None:
     assert alike == "It may equally be slew, which explains the recordings as well."
     assert "it may also be creep (1." in worse and "what lag leaves" in worse
     assert in_short._in_its_place(found, {"id": "lag", "equivalent": []}) == []
+
+
+def test_of_many_that_explain_as_well_a_few_are_listed() -> None:
+    """A buck converter's second effect had twenty others in its place, and the headline named them all."""
+    names = [f"law{n}" for n in range(9)]
+    search = SimpleNamespace(rivals=[made_up.option(name, excess=0) for name in names])
+    found = SimpleNamespace(chosen=made_up.option("lead", excess=0), search=search, repeated=False)
+    alike, told = in_short._in_its_place(found, {"id": "lead", "equivalent": names})
+    assert "law0, law1, law2, law3 and 5 more, which explain the recordings as well" in alike
+    assert told == "So these recordings hardly tell what it is."
+    assert either(names) == "law0 or law1 or law2 or law3 or one of 5 more" and either(names[:2]) == "law0 or law1"
 
 
 def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,3 +84,8 @@ def shortened(text: str, longest: int = 40) -> str:
 def some(texts: Sequence[str], most: int = 12) -> str:
     """A list for a message, cut where it is long."""
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
+def either(texts: Sequence[str], most: int = 4) -> str:
+    """Alternatives for a message, cut where they are many."""
+    return " or ".join([*texts[:most], *([f"one of {len(texts) - most} more"] if len(texts) > most else [])])

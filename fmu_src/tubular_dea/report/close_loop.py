@@ -15,9 +15,9 @@ from ..discover.search.law_uncertainty import LAW
 from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
-from ..recordings.table import some
+from ..recordings.table import either, some
 from .effects import determined, effects
-from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
+from .in_short import FEW, LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -71,7 +71,7 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     """The verdict of a discovery and its result.json in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
     names = " and ".join(named(found, i) for i in found.chosen.ids)
-    alike = {name: " or ".join(group) for name, group in found.equivalent.items() if group}
+    alike = {name: either(group) for name, group in found.equivalent.items() if group}
     one = len(found.chosen.ids) == 1
     others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
@@ -139,7 +139,7 @@ def _error_line(
 def _one_of(found: Discovery, effect: str) -> str:
     """An effect, or the set of those that cannot be distinguished from it."""
     others = found.equivalent.get(effect, [])
-    return f"one of {summary(found, effect)}, {', '.join(others)}" if others else summary(found, effect)
+    return f"one of {summary(found, effect)}, {some(others, FEW)}" if others else summary(found, effect)
 
 
 def summary(found: Discovery, effect: str) -> str:

@@ -13,6 +13,7 @@ from ..discover.options.acceptance import noise_alone
 from ..discover.options.residuals import FAR
 from ..model.effect import Effect
 from ..model.units import in_words
+from ..recordings.table import some
 from .effects import size_words
 from .page import Page
 from .parts import AFTER, BEFORE, RECORD
@@ -56,6 +57,7 @@ SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its 
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
+FEW = 4  # effects that may be there in place of one that are listed: the page lists all of them below its summary
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
 STRONGEST = f"even {MOST_USUAL:.0f} times as strong as usual"
@@ -194,14 +196,16 @@ def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
     if alike:
         well = "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
         explain = "explains" if len(alike) == 1 else "explain"
-        said.append(f"It may equally be {', '.join(alike)}, which {explain} the recordings {well}.")
+        said.append(f"It may equally be {some(alike, FEW)}, which {explain} the recordings {well}.")
     worse = [f"{other} ({times:.2f} times)" for other, times in left.items() if times >= SLIGHTLY]
     if worse:
         also = "also " if alike else ""
         said.append(
-            f"With a law that is slightly different, it may {also}be {', '.join(worse)}: what {entry['id']} leaves is "
+            f"With a law that is slightly different, it may {also}be {some(worse, FEW)}: what {entry['id']} leaves is "
             "left so many times by that."
         )
+    if len(left) > FEW:
+        said.append("So these recordings hardly tell what it is.")
     return said
 
 

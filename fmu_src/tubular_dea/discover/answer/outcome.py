@@ -15,6 +15,7 @@ from ...identify.study.nuisances import with_nuisances, zero_spread
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ...model.declare import Model
+from ...recordings.table import either
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
 from ..experiments.next_experiment import DIFFER, Proposal, at_channel, kind
@@ -302,7 +303,7 @@ def advice(found: Discovery) -> str:
 def _apart(found: Discovery) -> str:
     """Which experiment tells the named effects from others, or that there is none."""
     proposal = found.proposal
-    alike = [f"{name} from {' or '.join(others)}" for name, others in found.equivalent.items() if others]
+    alike = [f"{name} from {either(others)}" for name, others in found.equivalent.items() if others]
     names = " and ".join(alike or found.chosen.ids)
     if proposal is None or proposal.deviations < DIFFER or _times(found, proposal) > OFTEN:
         if found.verdict == "ambiguous":
