@@ -111,9 +111,31 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
 def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
     pieces = [SimpleNamespace(source=f"file {i}") for i in range(9)]
     for verdict, ratio, little in (("no_effect", 2.37, True), ("no_effect", 1.1, False), ("effect_found", 2.37, False)):
-        named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio))
+        named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio, z_slow=0.0, z_total=0.0))
         said = remarks.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
         assert ("2.4 times the noise" in said) == little
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(quiet: bool) -> None:
+    """A heat exchanger that others measured: the noise was taken from the misfit, a delay was there, and the page said
+    that nothing is missing and the residual no larger than noise."""
+    state = SimpleNamespace(ratio=1.1, z_slow=11.8, z_total=2.3, coloured=6.25)
+    pieces, noise = (
+        [SimpleNamespace(source=f"file {i}") for i in range(9)],
+        {"temperature": SimpleNamespace(quiet=quiet)},
+    )
+    found = SimpleNamespace(
+        verdict="no_effect",
+        named=SimpleNamespace(lack_of_fit=state),
+        study=SimpleNamespace(pieces=pieces, noise=noise),
+        strained=(),
+        wandering=None,
+    )
+    said = remarks.thin(found)
+    assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
+    assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
+    assert (in_short._nothing(found) == in_short.NOTHING) == quiet and said in in_short._nothing(found)
 
 
 def test_files_with_far_larger_errors_than_the_others_are_named() -> None:
@@ -133,7 +155,9 @@ def test_files_with_far_larger_errors_than_the_others_are_named() -> None:
 
 def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
     def said(verdict: str, wandering: tuple[str, float] | None) -> str:
-        return in_short._confidence(SimpleNamespace(verdict=verdict, wandering=wandering, strained=()))
+        return in_short._confidence(
+            SimpleNamespace(verdict=verdict, wandering=wandering, strained=(), named=made_up.option())
+        )
 
     assert (
         in_short._confidence(SimpleNamespace(verdict="no_effect", strained=("C_3",), chosen=made_up.option()))

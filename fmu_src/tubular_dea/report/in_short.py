@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.answer.outcome import beyond_noise
+from ..discover.answer.remarks import loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import noise_alone
 from ..discover.options.residuals import FAR
@@ -45,12 +46,12 @@ DRIFTS = (
 )
 LOUDER = (
     "The residual is larger than the noise that could be told, but no part of the recordings is quiet: either "
-    "something is missing, or the noise is larger and its errors last longer. A second of rest in each file would "
+    "something is missing, or the noise is larger and its errors last longer. Some rest in each file would "
     "tell, or its size under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
 )
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
-NOT_SEEN = "No effect of the catalogue is seen to be missing, but {strained} would be implausible."
+NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
 UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
@@ -92,7 +93,9 @@ def _confidence(found: Discovery) -> str:
         return LOUDER
     if found.strained:
         return STRAINED if found.chosen.ids else HIDING
-    return DRIFTS if found.verdict == "no_effect" and found.wandering else CONFIDENCE[found.verdict]
+    if found.verdict == "no_effect" and found.wandering:
+        return DRIFTS
+    return LOUDER if loud(found) else CONFIDENCE[found.verdict]
 
 
 def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
@@ -185,8 +188,9 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
 
 
 def _nothing(found: Discovery) -> str:
-    """That no effect is missing, or that something may hide in implausible parameters."""
-    return NOT_SEEN.format(strained=" and ".join(found.strained)) if found.strained else NOTHING
+    """That no effect is missing, or why something may hide: implausible parameters, or noise that nothing tells."""
+    but = f"{' and '.join(found.strained)} would be implausible" if found.strained else loud(found)
+    return NOT_SEEN.format(but=but) if but else NOTHING
 
 
 def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:

@@ -56,7 +56,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_coloured(found),
     ]
     little = thin(found)
-    return [*said, f"The result is based on little data: {little}."] if little else said
+    return [*said, f"The result is based on little data: {little}."] if little and not loud(found) else said
 
 
 def counted_backwards(found: Discovery) -> list[str]:
@@ -267,7 +267,19 @@ def thin(found: Discovery) -> str:
     ratio = found.named.lack_of_fit.ratio
     if found.verdict == "no_effect" and ratio > PREDICTED:
         return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
-    return ""
+    return loud(found)
+
+
+def loud(found: Discovery) -> str:
+    """Why it is open whether a residual beside which nothing is named is noise, where no stretch is quiet; "" where it
+    is not."""
+    if found.verdict != "no_effect" or clean(found.named.lack_of_fit):
+        return ""
+    if all(noise.quiet for noise in found.study.noise.values()):
+        return ""
+    state = found.named.lack_of_fit
+    times = f"{state.coloured**0.5:.1f} times that of the noise that could be told"
+    return f"no stretch is quiet, and the slow part of the residual is {times}"
 
 
 def still(found: Discovery) -> str:
