@@ -13,6 +13,7 @@ from tubular_dea.discover.scores.parameters import unusual
 from tubular_dea.emit.python import compile_python
 from tubular_dea.kernel import Kernel
 from tubular_dea.laws import Balance, Coefficient, Path, effects_at, seconds
+from tubular_dea.laws._scales import at_first
 from tubular_dea.laws.places import laws
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError, Model
@@ -395,6 +396,22 @@ def test_the_force_of_what_is_moved_takes_work_where_a_part_of_its_play_is_negat
     loop = 0.2 * 100.0 * 4 * 1e-3 * (0.01 - 1e-3)  # a parallelogram: twice its half height times its width
     assert work(-0.2) == pytest.approx(loop, rel=0.05)
     assert work(0.2) == pytest.approx(-loop, rel=0.05)
+
+
+def test_an_unknown_start_of_a_temperature_is_its_usual_value() -> None:
+    """A heater that others measured: a dependence counted from 160 K, half of what is usual, and the heat transfer, as
+    the plant's parameter there, was known to eleven decades."""
+    build = Build("Heater", "A heated board", "A lump.")
+    rate = build.parameter("rate", "1/s", 0.006, minimum=0)
+    air, full = build.parameter("air", "K", 296.0, minimum=250), build.parameter("full", "m", 2.0)
+    board = build.state("board", "K", start="free", nominal=320.0, minimum=200.0)
+    level = build.state("level", "m", start="free", nominal=2.0, minimum=1.0)
+    build.derivative(board, rate * (air - board))
+    build.derivative(level, rate * (full - level))
+    build.output("reading", "K", board)
+    model = build.model()
+    assert model.quantity("board_start").value == at_first(model, "board") == 320.0
+    assert model.quantity("level_start").value == 2.0
 
 
 def test_a_dependence_on_a_temperature_counts_from_its_usual_value() -> None:

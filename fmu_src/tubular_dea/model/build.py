@@ -129,8 +129,8 @@ class Build:
         """A state; `derivative` gives its rate, `nominal` is its usual largest value in `unit`.
 
         `start` is a number, an expression of parameters and inputs, "free" (an unknown of every recording) or "shared"
-        (one unknown for all recordings): both declare the parameter `<name>_start`, which fits find. The equations end
-        at `minimum`.
+        (one unknown for all recordings): both declare the parameter `<name>_start`, which fits find. Before that it is
+        half of `nominal` above `minimum`, but of a temperature in kelvin all of it. The equations end at `minimum`.
         """
         q = self._quantity(name, unit, description or name, minimum=minimum, nominal=nominal, display_unit=display_unit)
         if isinstance(start, str):
@@ -139,12 +139,12 @@ class Build:
                     f"{_here()}: state {name!r}: start: expected a number, an expression, 'free' or "
                     f"'shared' but was given {start!r}"
                 )
-            above = max(0.0, minimum or 0.0)
+            half = max(0.0, minimum or 0.0) + 0.5 * nominal
             unknown = self._quantity(
                 f"{name}_start",
                 unit,
                 f"{description or name} at the start",
-                value=above + 0.5 * nominal if minimum is not None else 0.5 * nominal,
+                value=nominal if unit == "K" else half,  # no half of a temperature that counts from absolute zero
                 nominal=nominal,
                 minimum=minimum,
                 display_unit=display_unit,
