@@ -111,7 +111,7 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
 def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
     pieces = [SimpleNamespace(source=f"file {i}") for i in range(9)]
     for verdict, ratio, little in (("no_effect", 2.37, True), ("no_effect", 1.1, False), ("effect_found", 2.37, False)):
-        named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio, z_slow=0.0, z_total=0.0))
+        named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio))
         said = remarks.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
         assert ("2.4 times the noise" in said) == little
 
@@ -132,7 +132,7 @@ def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(
         strained=(),
         wandering=None,
     )
-    said = remarks.thin(found)
+    said = remarks.loud(found)
     assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
     assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
     assert (in_short._nothing(found) == in_short.NOTHING) == quiet and said in in_short._nothing(found)
@@ -399,6 +399,7 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
             SimpleNamespace(
                 verdict=word if strained else "ambiguous",
                 chosen=one,
+                named=one,
                 base=one,
                 study=study,
                 equivalent=equivalent,
@@ -434,6 +435,7 @@ def test_nothing_is_missing_only_where_nothing_else_is_told(
     found = SimpleNamespace(
         verdict="no_effect",
         chosen=one,
+        named=one,
         base=one,
         study=study,
         equivalent={},

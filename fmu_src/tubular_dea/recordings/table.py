@@ -10,6 +10,8 @@ import numpy as np
 
 from ..errors import UserError
 
+FEW = 4  # alternatives that a message lists; pages and result.json hold all of them
+
 
 class ReadError(UserError, ValueError):
     """A file that cannot be read; the text names file, line and column, what was expected and what came."""
@@ -86,6 +88,7 @@ def some(texts: Sequence[str], most: int = 12) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
-def either(texts: Sequence[str], most: int = 4) -> str:
+def either(texts: Sequence[str], most: int = FEW) -> str:
     """Alternatives for a message, cut where they are many."""
-    return " or ".join([*texts[:most], *([f"one of {len(texts) - most} more"] if len(texts) > most else [])])
+    more = [f"one of {len(texts) - most} more"] if len(texts) > most else []
+    return " or ".join([*texts[:most], *more])

@@ -8,16 +8,16 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import counted_backwards, implausible_zero, still, thin, unexplained_output
+from ..discover.answer.remarks import counted_backwards, implausible_zero, loud, still, thin, unexplained_output
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.search.law_uncertainty import LAW
 from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
-from ..recordings.table import either, some
+from ..recordings.table import FEW, either, some
 from .effects import determined, effects
-from .in_short import FEW, LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
+from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -82,8 +82,9 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     if found.verdict == "no_effect" and waves:
         lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
         return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
-    if found.verdict == "no_effect" and thin(found):
-        return f"nothing is seen to be missing, but these recordings prove little: {thin(found)}."
+    little = found.verdict == "no_effect" and (thin(found) or loud(found))
+    if little:
+        return f"nothing is seen to be missing, but these recordings prove little: {little}."
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)

@@ -14,7 +14,7 @@ from ..discover.options.acceptance import noise_alone
 from ..discover.options.residuals import FAR
 from ..model.effect import Effect
 from ..model.units import in_words
-from ..recordings.table import some
+from ..recordings.table import FEW, some
 from .effects import size_words
 from .page import Page
 from .parts import AFTER, BEFORE, RECORD
@@ -58,7 +58,6 @@ SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its 
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
-FEW = 4  # effects that may be there in place of one that are listed: the page lists all of them below its summary
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
 STRONGEST = f"even {MOST_USUAL:.0f} times as strong as usual"

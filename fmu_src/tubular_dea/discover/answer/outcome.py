@@ -288,11 +288,12 @@ def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
     why, proposal = IMPLAUSIBLE if found.strained else WHY[found.verdict], found.proposal
     little = found.verdict == "no_effect" and (remarks.thin(found) or remarks.still(found))
-    if little and remarks.loud(found):
-        return f"{why}, but {little}: record some rest in each file, or state the noise under [noise] in bench.toml."
     if little:
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
+    unsure = remarks.loud(found)
+    if unsure:
+        return f"{why}, but {unsure}: record some rest in each file, or state the noise under [noise] in bench.toml."
     if found.verdict == "no_effect" and found.strained:
         return f"{why}: look at the geometry and at the units, and record an experiment of another kind."
     if found.verdict == "no_effect":

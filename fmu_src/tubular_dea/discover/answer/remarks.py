@@ -18,6 +18,7 @@ from ...model.units import factor, in_words
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
 from ..options.options import Option
+from ..options.residuals import LackOfFit
 from ..scores.parameters import at_bounds, implausible
 from .oscillations import Oscillation
 
@@ -56,7 +57,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_coloured(found),
     ]
     little = thin(found)
-    return [*said, f"The result is based on little data: {little}."] if little and not loud(found) else said
+    return [*said, f"The result is based on little data: {little}."] if little else said
 
 
 def counted_backwards(found: Discovery) -> list[str]:
@@ -267,19 +268,25 @@ def thin(found: Discovery) -> str:
     ratio = found.named.lack_of_fit.ratio
     if found.verdict == "no_effect" and ratio > PREDICTED:
         return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
-    return loud(found)
+    return ""
 
 
 def loud(found: Discovery) -> str:
     """Why it is open whether a residual beside which nothing is named is noise, where no stretch is quiet; "" where it
     is not."""
-    if found.verdict != "no_effect" or clean(found.named.lack_of_fit):
+    if found.verdict != "no_effect" or clean(found.named.lack_of_fit) or _quiet(found):
         return ""
-    if all(noise.quiet for noise in found.study.noise.values()):
-        return ""
-    state = found.named.lack_of_fit
-    times = f"{state.coloured**0.5:.1f} times that of the noise that could be told"
-    return f"no stretch is quiet, and the slow part of the residual is {times}"
+    return f"no stretch is quiet, and {_slow_part(found.named.lack_of_fit, 'could be told')}"
+
+
+def _quiet(found: Discovery) -> bool:
+    """Whether quiet stretches tell the noise of every output."""
+    return all(noise.quiet for noise in found.study.noise.values())
+
+
+def _slow_part(state: LackOfFit, told: str) -> str:
+    """How the slow part of a residual compares with the noise that was `told`."""
+    return f"the slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that {told}"
 
 
 def still(found: Discovery) -> str:
@@ -410,9 +417,10 @@ def _coloured(found: Discovery) -> list[str]:
     state = found.named.lack_of_fit
     if clean(state) or not noise_alone(state):
         return []
-    quiet = all(noise.quiet for noise in found.study.noise.values())
+    quiet = _quiet(found)
     told = (
         "quiet stretches tell. It may be noise that is slower than these stretches last" if quiet else "could be told"
     )
     also = "or a weak effect: record longer ones, in which nothing moves" if quiet else "as no stretch is quiet"
-    return [f"The slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that {told}, {also}."]
+    part = _slow_part(state, told)
+    return [f"{part[0].upper()}{part[1:]}, {also}."]
