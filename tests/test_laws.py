@@ -242,7 +242,8 @@ def test_off_is_the_base_over_time(plant: str, place: int) -> None:
     assert np.max(np.abs(run(plant, place, shaped) - base)) < 1e-7 * np.max(np.abs(base))
 
 
-SHOWING = [c for c in LAWS if not (c[0] == "tanks" and named(c).startswith("rectification"))]  # nothing negative there
+POSITIVE = ("rectification", "one_way")  # laws of what is negative, which nothing in the tanks is
+SHOWING = [c for c in LAWS if not (c[0] == "tanks" and named(c).startswith(POSITIVE))]
 
 
 @pytest.mark.parametrize("case", SHOWING, ids=named)
@@ -291,6 +292,27 @@ def test_c_and_python_agree(plant: str, place: int) -> None:
         theirs = python.derivatives(0.0, tuple(x), us, (0.0,) * len(us), p, ())
         ours = kernel.derivatives(x, np.array(list(u.values())), values)
         assert ours == pytest.approx(np.array(theirs), rel=1e-9, abs=1e-12)
+
+
+def test_a_diode_keeps_the_current_of_a_coil_at_zero() -> None:
+    """Between pushes the source would draw the coil below zero; then the current waits there, and rises from there."""
+    m = Build("Coil", "A coil at a source")
+    source = m.input("source", "V", nominal=10)
+    coil, r = m.parameter("coil", "H", 1e-2), m.parameter("r", "ohm", 2.0)
+    i = m.state("i", "A", nominal=5)
+    m.derivative(i, (source - r * i) / coil)
+    m.output("current", "A", i)
+    (effect,) = (e for e in effects_at(m.model(), Balance("i")) if e.id == "one_way(i)")
+    kernel = Kernel(effect(m.model()))
+    drive = Protocol.of([0, 0.02, 0.02, 0.06, 0.06, 0.08], source=[10, 10, -10, -10, 10, 10])
+    times = np.linspace(0, 0.08, 401)
+    free, held = (kernel.simulate(drive, times, {"i_one_way_part": p}, tolerance=1e-9)["current"] for p in (0.0, 1.0))
+    corner = 1e-3 * 5
+    assert free.min() < -4.9
+    assert -1.001 * corner < held.min() < 0
+    up = 5 * (1 - np.exp(-0.02 * 2 / 1e-2))
+    assert held[times <= 0.02][-1] == pytest.approx(up, abs=1e-7)  # above the level nothing acts
+    assert held[-1] == pytest.approx(up, abs=corner)
 
 
 def test_a_law_goes_by_the_plants_own_names() -> None:

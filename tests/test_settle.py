@@ -51,7 +51,7 @@ def test_a_model_without_an_answer_at_the_declared_values_stays_as_it_settled(mo
         raise KernelError("the trajectory ended")
 
     monkeypatch.setattr(settle, "declared_values", lambda plant, fitted: {})
-    monkeypatch.setattr(settle, "_as_read", lambda work, ids: work)
+    monkeypatch.setattr(settle, "as_read", lambda work, ids: work)
     monkeypatch.setattr(settle, "adjusted", none)
     one = option("lag")
     assert settle._begun_as_declared(cast(Study, SimpleNamespace(plant=None)), one) == []

@@ -424,11 +424,17 @@ class BalanceSite(Site):
         """The displacement; in a store, the level itself."""
         return self.displaced or self.quantity
 
+    def rest(self, model: Model) -> tuple[Model, sympy.Symbol]:
+        """The model, and what the balance gives so far, under a name of its own."""
+        derivative, whole = _derivative(model, self.place.name)
+        q = Quantity(self.name("rest"), self.rate_unit, f"Rate of {self.words} without it", nominal=self.rate_size)
+        given = model.expression(whole) if whole else derivative
+        return model.extend(definitions=[Definition(q, given)], before=whole), q.symbol
+
     def added(self, model: Model, term: sympy.Expr, state: str = "", part: str = "term") -> Model:
         """The model with a term in the balance of `state` (default: the place's own)."""
         state = state or self.place.name
-        derivative = next(s.derivative for s in model.states if s.quantity.name == state)
-        whole = str(derivative) if derivative in [d.quantity.symbol for d in model.definitions] else None
+        derivative, whole = _derivative(model, state)
         unit = combined((model.quantity(state).unit, 1), ("s", -1))
         q = Quantity(
             self.name(part),
@@ -440,6 +446,12 @@ class BalanceSite(Site):
         if whole:
             return model.replace(whole, model.expression(whole) + q.symbol)
         return model.drive(state, derivative + q.symbol)
+
+
+def _derivative(model: Model, state: str) -> tuple[sympy.Expr, str | None]:
+    """The derivative of a state, and the name of the definition that stands for it."""
+    derivative = next(s.derivative for s in model.states if s.quantity.name == state)
+    return derivative, str(derivative) if derivative in [d.quantity.symbol for d in model.definitions] else None
 
 
 AnySite = SignalSite | BalanceSite

@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ...identify.fitting.compiled import Ids
-from ...identify.fitting.fit import Fit, described
+from ...identify.fitting.fit import Fit
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
-from ...kernel import KernelError
 from ..alternatives.forms import explained_by_form
 from ..alternatives.rounding import explained_by_rounding
 from ..alternatives.wander import explained_by_wandering
@@ -22,6 +21,7 @@ from ..scores.bootstrap import NullScores, null_scores
 from ..scores.parameters import lost, unusual
 from ..scores.power import Guess, guesses, needed
 from .equivalence import CHANCE, error_reach
+from .settle import fit_as_declared
 
 # Set by judgement: what is refitted costs seconds, what is not cannot win.
 # Check: `pytest tests/test_rounds.py tests/test_acceptance.py`,
@@ -245,10 +245,8 @@ def _as_declared(study: Study, chosen: Option) -> list[_Start]:
     """
     if chosen.ids or not far(chosen) or not lost(study.plant, chosen.fitted):
         return []
-    problem = study.problem((), chosen.fitted.free, {})
-    try:
-        fitted = described(problem, problem.scaled(study.plant.model.parameter_values()))
-    except KernelError:  # no answer there
+    fitted = fit_as_declared(study, chosen.fitted)
+    if fitted is None:
         return []
     return [_Start(fitted, bank.scores(bank.candidates(study, fitted), fitted.residual, fitted.jacobian))]
 

@@ -13,6 +13,7 @@ from ..options.acceptance import clean, far, last_undenied
 from ..options.options import Option, fitted_option, option
 from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start_values
 from ..scores import bank
+from .declared import with_declared_starts
 from .equivalence import CHANCE, error_reach
 from .revision import Search, revise
 from .rounds import Progress, Round, decided, take_round
@@ -64,6 +65,8 @@ def forward_selection(
             break
         known = next((r.options for r in earlier if r.present == found.chosen.ids), [])
         step = take_round(found.study, base, found.chosen, numeric, seed, tell, known)
+        if not number:
+            step = with_declared_starts(found, step, tell)
         deeper = _better_base(study, found, step.options)
         if deeper is not None:
             return forward_selection(study, deeper, numeric, seed, tell, [step])

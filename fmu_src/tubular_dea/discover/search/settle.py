@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ...identify.fitting.compiled import Ids
-from ...identify.fitting.fit import AGREE
+from ...identify.fitting.fit import AGREE, Fit, described
 from ...identify.study.adjust import MOST_SETTLES, adjusted
 from ...identify.study.study import Study
 from ...kernel import KernelError
@@ -31,12 +31,21 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     return min(tried, key=lambda settled: settled[1].misfit)
 
 
-def _as_read(study: Study, ids: Ids) -> Study:
+def as_read(study: Study, ids: Ids) -> Study:
     """The study without the starts that were estimated: they belong to other parameters."""
     declared = study.plant.model.parameter_values()
     first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
     cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
     return replace(study, pieces=[replace(p, case=case) for p, case in zip(study.pieces, cases, strict=True)])
+
+
+def fit_as_declared(study: Study, fitted: Fit) -> Fit | None:
+    """The base at its declared values, with its residual and columns there; None where it has no answer."""
+    problem = study.problem((), fitted.free, {})
+    try:
+        return described(problem, problem.scaled(study.plant.model.parameter_values()))
+    except KernelError:
+        return None
 
 
 def _begun_as_declared(study: Study, one: Option) -> list[tuple[Study, Option]]:
@@ -45,7 +54,7 @@ def _begun_as_declared(study: Study, one: Option) -> list[tuple[Study, Option]]:
     declared = declared_values(study.plant, one.fitted)
     values = one.fitted.values | declared
     try:
-        begun = adjusted(_as_read(study, one.ids), one.ids, values, one.fitted.free, started=False)
+        begun = adjusted(as_read(study, one.ids), one.ids, values, one.fitted.free, started=False)
     except KernelError:
         return []
     return _begun(begun, one, declared)

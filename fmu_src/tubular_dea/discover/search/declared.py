@@ -1,0 +1,68 @@
+"""The first round begun once more at the declared values, with starts of the records that belong to these.
+
+Where starts are unknown, a base that lacks something may end far from the plant, and the starts with it: the current of
+a coil behind a diode was twenty times too large at all of them. From there no fit with the diode comes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ...identify.study.adjust import adjusted
+from ...identify.study.study import Study
+from ...identify.threads import side_by_side
+from ...kernel import KernelError
+from ..options.acceptance import far
+from ..options.options import Option, fitted_option
+from ..options.refit import start_values
+from ..scores import bank
+from ..scores.parameters import declared_values, lost
+from .revision import Search
+from .rounds import ALL_REFITS, FAINT_SCORE, Progress, Round, decided
+from .settle import as_read, fit_as_declared, own_nuisances
+
+
+def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
+    """The first round with what scores best at the declared values begun there, if its base is far from the plant and
+    from these and starts were estimated with it. The search goes on with the best one's own numbers."""
+    base, study = found.base, found.study
+    started = any(study.unknown((), p) for p in study.pieces)
+    if not (started and step.options and far(base) and lost(study.plant, base.fitted)):
+        return step
+    tell("the same from the declared values")
+    try:
+        tried = _begun(study, base, [o.ids[0] for o in step.options])
+    except KernelError:  # the model has no answer at its declared values
+        return step
+    best = {o.ids: (study, o) for o in step.options}
+    for own, one in tried:
+        if one.ids not in best or one.evidence > best[one.ids][1].evidence:
+            best[one.ids] = own, one
+    both = sorted(best.values(), key=lambda s: -s[1].evidence)
+    if both[0][0] is study:
+        return step
+    found.study = both[0][0]
+    return decided(found.study, base, found.chosen, replace(step, options=[o for _, o in both]))
+
+
+def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study, Option]]:
+    """The `known` candidates and those that score best at the declared values, with records' own numbers as these make
+    them likely, begun where their scores say they are; each with its study."""
+    values = declared_values(study.plant, base.fitted)
+    anew = adjusted(as_read(study, ()), (), values, base.fitted.free, started=False)
+    there = fit_as_declared(anew, base.fitted)
+    if there is None:
+        return []
+    ranked = bank.best_of_each(bank.scores(bank.candidates(anew, there), there.residual, there.jacobian))
+    least = FAINT_SCORE * ranked[0].statistic
+    best = [s for i, s in enumerate(ranked) if s.id in known or (i < ALL_REFITS and s.statistic > least)]
+    study.compiled.gather((), [s.id for s in best])
+
+    def begin(score: bank.Score) -> tuple[Study, Option] | None:
+        start = start_values(there, score)
+        own = adjusted(anew, (score.id,), start, base.fitted.free, started=False)
+        one = fitted_option(own, (score.id,), start, ())
+        return None if one is None else own_nuisances(own, one)
+
+    return [s for s in side_by_side(begin, best) if s is not None]
