@@ -13,7 +13,7 @@ from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ...kernel import KernelError
-from ..options.acceptance import far
+from ..options.acceptance import clean, far
 from ..options.options import Option, fitted_option
 from ..options.refit import start_values
 from ..scores import bank
@@ -25,10 +25,12 @@ from .settle import as_read, fit_as_declared, own_nuisances
 
 def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     """The first round with what scores best at the declared values begun there, if its base is far from the plant and
-    from these and starts were estimated with it. The search goes on with the best one's own numbers."""
+    from these, starts were estimated with it, and nothing that begins there leaves noise alone. The search goes on with
+    the best one's own numbers."""
     base, study = found.base, found.study
     started = any(study.unknown((), p) for p in study.pieces)
-    if not (started and step.options and far(base) and lost(study.plant, base.fitted)):
+    explained = not step.options or clean(step.options[0].lack_of_fit)
+    if explained or not (started and far(base) and lost(study.plant, base.fitted)):
         return step
     tell("the same from the declared values")
     try:
