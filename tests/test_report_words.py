@@ -506,6 +506,14 @@ def test_a_small_remainder_is_told_with_its_size() -> None:
     assert what_is_left("partly_explained", small, 18.6) == []  # the verdict tells it
 
 
+def test_a_remainder_of_held_out_experiments_alone_is_said_to_be_theirs() -> None:
+    left = {"rms": 541e-6, "unit": "m", "share": 0.42}
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT))
+    assert close_loop._left_words(found, left | {"held_out": False}) == "541 um rms, 42% of what was not noise"
+    said = close_loop._left_words(found, left | {"held_out": True})
+    assert said == "541 um rms on held-out experiments, 42% of what was not noise there"
+
+
 def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:
     quiet = made_up.option(z_slow=2.5)
     assert what_is_left("no_effect", quiet, 2.8) == []

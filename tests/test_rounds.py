@@ -257,6 +257,15 @@ def test_beyond_its_grid_the_gain_of_a_lag_grows_with_a_power_of_its_length() ->
     assert crossing(1.0, 2 * np.log(0.5)) == pytest.approx(0.5)  # but with the square at least
     assert crossing(9.0, 4 * np.log(0.5)) == pytest.approx(0.5)  # and the fourth power at most
     assert crossing(1.0, np.log(4.0) + 2 * np.log(2.0)) == pytest.approx(8.0)  # above, with the square
+    nothing_at_last = power._crossing(np.log([1.0, 2.0, 4.0]), np.array([-690.0, 3.0, -690.0]), 5.0)
+    assert np.exp(nothing_at_last) == pytest.approx(2.0 * np.e)  # from where most is scored
+
+
+def test_what_no_size_shows_has_no_detection_limit() -> None:
+    search = power._SizeSearch(power.Guess(SimpleNamespace(id="one"), {}, "size", 1.0, 1.0), [1.0])
+    while len(search.scores) < power.SIMULATED:
+        search.scored(0.0, 45.2, taken=False)
+    assert search.limit(45.2) is None
 
 
 def test_experiments_are_held_out_anew_where_those_held_out_do_not_show_what_the_others_do(

@@ -75,7 +75,7 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     one = len(found.chosen.ids) == 1
     others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
-    what = "" if left is None else f"{_size(found, left['rms'])} rms, {percent(left['share'])} of what was not noise"
+    what = "" if left is None else _left_words(found, left)
     if found.verdict == "no_effect" and found.wandering:
         return "no effect is certain: a slowly drifting zero of the sensor explains what the model does not."
     waves = oscillating(outcome)
@@ -88,6 +88,12 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
     return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
+
+
+def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:
+    """A significant residual in words: its size, and its share."""
+    where, there = (" on held-out experiments", " there") if left["held_out"] else ("", "")
+    return f"{_size(found, left['rms'])} rms{where}, {percent(left['share'])} of what was not noise{there}"
 
 
 def _nearest(found: Discovery) -> str:

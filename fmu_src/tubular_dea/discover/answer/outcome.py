@@ -28,6 +28,7 @@ from ..scores.parameters import implausible, switched_on
 from ..search import equivalence, second_output
 from . import remarks
 from .oscillations import Oscillation, oscillations
+from .own_records import own_records
 
 WHY = {
     "no_effect": "At this level of noise nothing is missing",
@@ -75,6 +76,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "undetermined": chosen.fitted.undetermined(),
         "noise": _noise(found, waves),
         "held_out": [p.name for p in study.held_out],
+        "records": own_records(found),
         "ranking": ranking(found),
     }
 
@@ -114,17 +116,19 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
 
 
 def remainder(found: Discovery) -> dict[str, Any] | None:
-    """The significant residual where not everything is explained: its size, share and channel."""
+    """The significant residual where not everything is explained: its size, share and channel, and whether it is that
+    of the held-out experiments alone."""
     if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return None
     state = found.named.lack_of_fit
     if found.shifted and noise_alone(state):
         shift = found.shifted
         unit = _unit(found, shift.output)
-        return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found)}
+        return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found), "held_out": False}
     if found.missed and noise_alone(state) and not found.named.ids:
         own = _unit(found, found.missed.output)
-        return {"rms": found.missed.value, "unit": own, "share": 1.0, "channel": channel(found)}
+        left = found.missed.value
+        return {"rms": left, "unit": own, "share": 1.0, "channel": channel(found), "held_out": False}
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
@@ -133,6 +137,7 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         "unit": _unit(found, found.study.plant.outputs[0].name),
         "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
         "channel": channel(found),
+        "held_out": False,
     }
 
 
@@ -155,7 +160,13 @@ def _unpredicted(found: Discovery) -> dict[str, Any]:
 
     left = beyond(found.named_study, found.named)
     share = left / max(beyond(found.search.base_study, found.base), 1e-300)
-    return {"rms": left**0.5, "unit": _unit(found, first), "share": min(1.0, share), "channel": channel(found)}
+    return {
+        "rms": left**0.5,
+        "unit": _unit(found, first),
+        "share": min(1.0, share),
+        "channel": channel(found),
+        "held_out": True,
+    }
 
 
 def channel(found: Discovery) -> str | None:

@@ -171,11 +171,14 @@ class _SizeSearch:
         unchanged = len(self.scores) > 1 and abs(last - before) < UNCHANGED * before
         return least / NEARLY <= last <= least * NEARLY or (last > least and unchanged)
 
-    def limit(self, least: float) -> float:
-        """Where `least` is scored; beside a jump of the score the smallest effect that was seen."""
+    def limit(self, least: float) -> float | None:
+        """Where `least` is scored; beside a jump of the score the smallest effect that was seen. None where none of the
+        simulated sizes was, and the last of them changed nothing."""
         if self.settled(least):
             return _extrapolated(self.sizes, self.scores, least, self.guess.growth)
         seen, unseen = _between(self.sizes, self.scores, least, self.guess.growth)
+        if seen is None and self.scores and self.scores[-1] <= 0:
+            return None
         return seen if seen is not None and unseen is not None and not self.ended else self.sizes[-1]
 
 
@@ -270,7 +273,9 @@ def _length(
 
 
 def _crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Where y, which rises over x, reaches `level`; extrapolated linearly beyond the first and last points."""
+    """Where y, which rises over x to its largest, reaches `level`; extrapolated linearly before the first point and
+    from the largest on."""
+    x, y = x[: int(np.argmax(y)) + 1], y[: int(np.argmax(y)) + 1]
     above = np.flatnonzero(y >= level)
     if not above.size:
         return float(x[-1] + (level - y[-1]) / SLOWEST_GAIN)
