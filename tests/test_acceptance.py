@@ -265,6 +265,9 @@ def test_an_interval_is_open_where_a_search_ended_at_a_bound(
     )
     assert parameters.at_bounds(lag, fitted) == ({"lag": side} if side else {})
     assert acceptance.size_interval(lag, fitted, "lag") == pytest.approx(ends)
+    if side == 0 and value == 1.0:  # the same of a part by which the effect is told from nothing
+        sized = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[given])
+        assert acceptance.size_interval(sized, fitted, "lag") == pytest.approx((np.exp(-0.196), 1.0))
     strength = SimpleNamespace(**vars(lag) | {"off": {"lag": value}})  # where it is off is where it may end
     assert parameters.at_bounds(strength, fitted) == {}
 

@@ -84,7 +84,7 @@ def test_a_search_from_a_base_that_ran_away_begins_at_the_declared_values_too(tm
     found = Search(base, base, away, away)
     step = with_declared_starts(found, Round((), [], NullScores(np.zeros(1)), 30.0, [there], False, ""), print)
     best = step.options[0]
-    assert step.accepted
+    assert step.accepted and "begun at the declared values" in step.reason
     assert best.ids == ("one_way(i)",) and clean(best.lack_of_fit)
     assert {n: best.fitted.values[n] for n in TRUE} == pytest.approx(TRUE, rel=0.05)
     assert found.study is not away  # the search goes on with its starts

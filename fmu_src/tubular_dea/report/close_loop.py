@@ -36,6 +36,7 @@ TESTS = {  # of the residual's averages over 0.1 s, each in standard deviations 
     "whiteness": "whiteness (Ljung and Box, in standard deviations)",
     "widening": "factor by which this widens standard errors (Newey and West)",
 }
+NEGLIGIBLE = 1e-3  # of the sensor's noise: what monitors add is not told as a number
 SHOWN = 8  # scores of a round that are drawn
 
 
@@ -191,11 +192,12 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     where = "in the quietest parts of the recordings" if first.quiet else "between the events, as no part is quiet"
     if first.repeated:
         where = "from what one repetition (beat) of the residual does not share with the others, as no part is quiet"
+    counts = noise["from_monitors"] > NEGLIGIBLE * noise["rms"]
     told = "as bench.toml states it" if stated(found) else f"estimated {where}"
     page.text(
         f"1. The sensor's noise, {told}: {_size(found, noise['rms'])}, correlation "
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
-        f"{_size(found, noise['from_monitors'])}."
+        f"{_size(found, noise['from_monitors']) if counts else 'nothing that counts'}."
     )
     page.text(
         f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "

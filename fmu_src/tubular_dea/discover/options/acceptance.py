@@ -169,7 +169,8 @@ def _inside_interval(effect: Effect, fitted: Fit, name: str) -> tuple[float, flo
     if above <= 0:
         return low, high
     factor = float(np.exp(min(NORMAL_95 * fitted.stderr[name] / above, UNKNOWN_SIZE)))
-    return off + above / factor, off + above * factor
+    most = np.inf if quantity.maximum is None else quantity.maximum  # a part is no more than the whole
+    return off + above / factor, min(off + above * factor, most)
 
 
 def bounded_away(effect: Effect, fitted: Fit) -> bool:

@@ -45,7 +45,8 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     if both[0][0] is study:
         return step
     found.study = both[0][0]
-    return decided(found.study, base, found.chosen, replace(step, options=[o for _, o in both]))
+    again = decided(found.study, base, found.chosen, replace(step, options=[o for _, o in both]))
+    return replace(again, reason=f"{again.reason}, begun at the declared values with starts of its own")
 
 
 def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study, Option]]:
