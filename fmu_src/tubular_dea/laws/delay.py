@@ -29,6 +29,8 @@ def law(at: SignalSite) -> Effect | None:
     if at.is_late:
         return None
     most = LONGEST * at.seconds
+    # A held input steps at samples: the tangent at no delay sees it come later alone, and not that it came before.
+    sides = (1, -1) if at.may_be_late and at.place.name in at.held else (1,)
     delay = at.knob(
         "",
         "s",
@@ -37,7 +39,7 @@ def law(at: SignalSite) -> Effect | None:
         -most if at.may_be_late else 0.0,
         most,
         off=0.0,
-        strengths=[strong * at.seconds for strong in STRENGTHS],
+        strengths=[side * strong * at.seconds for side in sides for strong in STRENGTHS],
     )
 
     def apply(model: Model) -> Model:

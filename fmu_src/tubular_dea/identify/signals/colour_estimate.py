@@ -122,7 +122,8 @@ def coloured(quiet: Sequence[Stretches], step: float) -> ColourEstimate:
 
 
 def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:
-    """The stretches but the one that stands out most from noise of a colour."""
+    """The stretches but the one that stands out most from noise of a colour, and those too short to tell anything."""
+    quiet = [g for g in quiet if g.freedom > 0]
     _, variance = _restricted(quiet, colour_at)
     squares = [np.sum(g.rest(colour_at(g.step)) ** 2, axis=0) / variance for g in quiet]
     each = [g.freedom / s.size for g, s in zip(quiet, squares, strict=True)]
