@@ -31,6 +31,16 @@ from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
 from tubular_dea.report.parts import parameter_row
 
+hidden_by_noise = remarks.hidden_by_noise
+
+
+@pytest.fixture(autouse=True)
+def signals_beyond_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What these tests make up has no records: they count as moving by far more than noise."""
+    for room in (remarks, in_short):
+        monkeypatch.setattr(room, "hidden_by_noise", lambda found: "")
+
+
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect")
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
@@ -136,6 +146,25 @@ def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(
     assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
     assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
     assert (in_short._nothing(found) == in_short.NOTHING) == quiet and said in in_short._nothing(found)
+
+
+@pytest.mark.parametrize(("weight", "said"), [(1.0, False), (0.1, True)])
+def test_records_in_which_noise_may_be_all_that_moves_prove_little(
+    monkeypatch: pytest.MonkeyPatch, weight: float, said: bool
+) -> None:
+    """A stream's discharge under daily rain, whose jitter was taken for noise: "nothing" at a fit of 26 %."""
+    swings = np.sin(np.linspace(0, 20, 400))
+    parts = (slice(0, 400),)
+    case = SimpleNamespace(readings=[SimpleNamespace(output="discharge")], parts=lambda: parts)
+    piece = SimpleNamespace(record=5.0 + swings, weight=np.full(400, weight), case=case)
+    study = SimpleNamespace(pieces=[piece], noise={"discharge": SimpleNamespace(slow=0.1)})
+    found = SimpleNamespace(verdict="no_effect", strained=(), wandering=None, study=study)
+    found.named = made_up.option(excess=-50.0, z_slow=-0.9)
+    for room in (remarks, in_short):
+        monkeypatch.setattr(room, "hidden_by_noise", hidden_by_noise)
+    why = "what noise may make of discharge, the inputs' too, is 1.4 times as large as all that it does"
+    assert remarks.loud(found) == (why if said else "")
+    assert in_short._confidence(found) == (in_short.DROWNED if said else in_short.CONFIDENCE["no_effect"])
 
 
 def test_files_with_far_larger_errors_than_the_others_are_named() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.answer.outcome import beyond_noise
-from ..discover.answer.remarks import loud
+from ..discover.answer.remarks import hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import noise_alone
 from ..discover.options.residuals import FAR
@@ -48,6 +48,11 @@ LOUDER = (
     "The residual is larger than the noise that could be told, but no part of the recordings is quiet: either "
     "something is missing, or the noise is larger and its errors last longer. Some rest in each file would "
     "tell, or its size under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
+)
+DROWNED = (
+    "The residual is no larger than what the noise of sensors and inputs may cause, but so is most of what the records "
+    "show: a model is hardly tested by them. If an input is known better than that, state its noise under [noise] in "
+    "bench.toml."
 )
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
@@ -94,6 +99,8 @@ def _confidence(found: Discovery) -> str:
         return STRAINED if found.chosen.ids else HIDING
     if found.verdict == "no_effect" and found.wandering:
         return DRIFTS
+    if found.verdict == "no_effect" and hidden_by_noise(found):
+        return DROWNED
     return LOUDER if loud(found) else CONFIDENCE[found.verdict]
 
 

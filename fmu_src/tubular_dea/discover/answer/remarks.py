@@ -15,6 +15,7 @@ from ...identify.study.study import Piece, Study
 from ...model.declare import Quantity
 from ...model.effect import Effect
 from ...model.units import factor, in_words
+from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
 from ..options.options import Option
@@ -27,6 +28,7 @@ FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
 ODD = 1.4  # [1] times the usual error of a file from which on one is odd: nine samples that a laser lost made 4
 FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they differ in what was done
+DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
@@ -272,11 +274,30 @@ def thin(found: Discovery) -> str:
 
 
 def loud(found: Discovery) -> str:
-    """Why it is open whether a residual beside which nothing is named is noise, where no stretch is quiet; "" where it
-    is not."""
-    if found.verdict != "no_effect" or clean(found.named.lack_of_fit) or _quiet(found):
+    """Why it is open whether a residual beside which nothing is named is noise: no stretch is quiet, or noise may be
+    all that there is; "" where it is not."""
+    if found.verdict != "no_effect":
+        return ""
+    if drowned := hidden_by_noise(found):
+        return drowned
+    if clean(found.named.lack_of_fit) or _quiet(found):
         return ""
     return f"no stretch is quiet, and {_slow_part(found.named.lack_of_fit, 'could be told')}"
+
+
+def hidden_by_noise(found: Discovery) -> str:
+    """Which output hardly moves by more than its noise and that of the inputs, with their edges, allow; "" for none."""
+    for name, allowed in allowed_rms(found.study).items():
+        read = [
+            p.record[part]
+            for p in found.study.pieces
+            for reading, part in zip(p.case.readings, p.case.parts(), strict=True)
+            if reading.output == name
+        ]
+        share = allowed / max(float(np.std(np.concatenate(read))), 1e-300)
+        if share > DROWNED:
+            return f"what noise may make of {name}, the inputs' too, is {share:.2g} times as large as all that it does"
+    return ""
 
 
 def _quiet(found: Discovery) -> bool:
