@@ -420,14 +420,14 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     spiked["pump [V]"] = np.where(np.arange(401) == 100, 1e9, spiked["pump [V]"])
     (spike,) = unusual.findings(read_recordings(more | {"d": spiked}, tank))
     assert spike == (
-        "d: pump is 1e+09 V at 5 s, far from the others (1 sample): is it a spike? If so, leave its cell empty"
+        "d: pump is 1e+09 V in sample 101, far from the others (1 sample): is it a spike? If so, leave its cell empty"
     )
     commanded = replace(read_recordings(more | {"d": spiked}, tank), noise={"pump": 0.0})
     assert unusual.findings(commanded) == []
     twice = table(2.0)
     twice["reading [m]"] = np.where(np.isin(np.arange(401), [100, 101]), 1e9, twice["reading [m]"])
     assert unusual.findings(read_recordings(more | {"d": twice}, tank))[0].startswith(
-        "d: reading is 1e+09 m at 5 s, far from the others (2 samples)"
+        "d: reading is 1e+09 m in sample 101, far from the others (2 samples)"
     )
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])

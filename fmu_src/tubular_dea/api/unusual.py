@@ -9,6 +9,7 @@ import numpy as np
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import noise_level
+from ..model.declare import Quantity
 from ..model.units import converted
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
@@ -57,14 +58,20 @@ def _spikes(recordings: Recordings) -> Iterator[str]:
             if name in e.inputs:
                 alone = np.union1d(alone, spikes(values))
             if alone.size:
-                first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
-                quantity = recordings.plant.quantity(name)
-                unit = quantity.display_unit or quantity.unit
-                read = f"{converted(values[first], quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
-                yield (
-                    f"{e.name}: {name} is {read} at {e.time[first] - e.time[0]:.4g} s, far from the "
-                    f"others ({times}): is it a spike? If so, leave its cell empty"
-                )
+                yield _stands_alone(e, recordings.plant.quantity(name), values, alone)
+
+
+def _stands_alone(e: Experiment, quantity: Quantity, values: np.ndarray, alone: np.ndarray) -> str:
+    """What is said of samples that stand `alone`, in the unit of the file and with the line of the first."""
+    first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
+    shown = quantity.display_unit or quantity.unit
+    unit = e.source.units.get(quantity.name, shown) if e.source else shown
+    read = f"{converted(values[first], quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
+    where = f"in {e.source.row} {e.lines[first]}" if e.source else f"at {e.time[first] - e.time[0]:.4g} s"
+    return (
+        f"{e.name}: {quantity.name} is {read} {where}, far from the others ({times}): is it a spike? If so, leave its "
+        "cell empty"
+    )
 
 
 def _unlike(recordings: Recordings) -> Iterator[str]:

@@ -42,6 +42,7 @@ class Source:
     """How a file was understood: its `format`, the column of every signal (`heading [unit]`), those not used, remarks.
 
     `missing` counts the cells of each signal that hold no number; `units` are those of the file's columns, by signal.
+    `row` is what `lines` of the experiment count: lines, or samples of a file without any.
     """
 
     path: Path
@@ -51,6 +52,7 @@ class Source:
     remarks: tuple[str, ...]
     missing: dict[str, int]
     units: dict[str, str]
+    row: str
 
 
 @dataclass(frozen=True)
@@ -394,7 +396,7 @@ def _source(table: Table, columns: Mapping[str, Assigned], remarks: Sequence[str
     shown = {name: _shown(a) for name, a in columns.items()}
     missing = {name: a.column.missing for name, a in columns.items() if a.column.missing}
     units, said = {name: a.unit for name, a in columns.items() if a.unit}, (*table.remarks, *remarks)
-    return Source(table.path, table.format, shown, tuple(unused(table, columns)), said, missing, units)
+    return Source(table.path, table.format, shown, tuple(unused(table, columns)), said, missing, units, table.row)
 
 
 def _shown(a: Assigned) -> str:
