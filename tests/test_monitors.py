@@ -15,7 +15,15 @@ from tubular_dea.identify.inputs.edges import Edge
 from tubular_dea.identify.inputs.trigger import triggered
 from tubular_dea.identify.records.data import DataError, Experiment
 from tubular_dea.identify.signals import monitors
-from tubular_dea.identify.signals.monitors import NO_MEMORY, level, memory, noise_level, polyline
+from tubular_dea.identify.signals.monitors import (
+    LARGEST,
+    NO_MEMORY,
+    changes_by_itself,
+    level,
+    memory,
+    noise_level,
+    polyline,
+)
 from tubular_dea.identify.signals.slow import level_at_rest, slow_level
 from tubular_dea.plants.plant import Input
 
@@ -445,3 +453,15 @@ def test_noise_with_a_memory_shows_at_rest_before_a_signal_moves(slow: float, ti
     assert level_at_rest([400 * np.sin(2 * np.pi * time)], 1.0, 50) == 0.0
     ramps = [0.05 * np.arange(800) + np.random.default_rng(seed).standard_normal(800) for seed in range(3)]
     assert level_at_rest(ramps, 1.0, 50) == pytest.approx(1.0, abs=0.3)  # it moves slowly from the first sample on
+
+
+def test_daily_rain_is_no_noise_of_a_gauge() -> None:
+    """Between dry days every day is another amount; a monitor that reads exactly 0 while it is off still has noise."""
+    random = np.random.default_rng(8)
+    rain = np.where(np.arange(365) % 30 < 15, 0.0, random.exponential(1.0, 365))
+    rain[10::60] = 20.0
+    assert noise_level(rain) < LARGEST * rain.max()  # the median hardly sees it
+    assert changes_by_itself(rain)
+    on = np.arange(4000) % 200 < 150
+    assert not changes_by_itself(np.where(on, 3e3 + 5 * random.standard_normal(4000), 0.0))
+    assert not changes_by_itself(np.where(on, 3e3, 0.0))

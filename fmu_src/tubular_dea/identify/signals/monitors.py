@@ -69,6 +69,7 @@ LAGS = 20  # [1] times a lag that a record lasts at least for differences over i
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
 FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
+MOSTLY_NEW = 0.5  # [1] share of samples that differ from the one before, where the others say nothing of noise
 LARGEST = 0.02  # [1] of its largest value: noise of a monitor, at most
 COLOURED = 1.3  # [1] times its differences' variance from which on noise counts as coloured
 MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
@@ -125,8 +126,10 @@ def thirds(values: np.ndarray, lag: int) -> np.ndarray:
 
 def changes_by_itself(values: np.ndarray) -> bool:
     """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
-    as rain or a heating."""
-    return noise_level(values) > LARGEST * float(np.abs(values).max(initial=0.0))
+    as rain or a heating; or at most samples, between exact repeats, such as dry days."""
+    new = np.append(True, np.diff(values) != 0)
+    changing = values[new] if np.mean(new) > MOSTLY_NEW else values
+    return noise_level(changing) > LARGEST * float(np.abs(values).max(initial=0.0))
 
 
 def memory(values: np.ndarray) -> tuple[float, float] | None:
