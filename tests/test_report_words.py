@@ -373,7 +373,7 @@ def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() 
     (sentence,) = said(15.8e-6, 20e-6)
     assert "the noise of pressure drives" in sentence
     (sentence,) = said(15.8e-6, 20e-6, added=3e-6)
-    assert "near edges of the inputs" in sentence
+    assert "where inputs change" in sentence
     assert said(12.1e-6, 20e-6) == said(15.8e-6, 12e-6) == said(15.8e-6, 20e-6, "unexplained") == []
 
 

@@ -1,4 +1,4 @@
-"""A store that overflows above a level; a part of the overflow goes to the store below.
+"""A store that loses what is above a level (a rim, a relief valve, a thermostat); a part may go to the store below.
 
 ::
 
@@ -41,7 +41,7 @@ def law(at: BalanceSite) -> Effect | None:
     overflow = at.knob(
         "overflow",
         "1/s",
-        f"Rate at which {at.words} runs over",
+        f"Rate at which {at.words} is lost above it",
         0.5 * usual,
         0.0,
         1e3 * usual,
@@ -56,8 +56,9 @@ def law(at: BalanceSite) -> Effect | None:
         return _lost(at, model, overflow.symbol, level.symbol)
 
     levels = {level.quantity.name: at.quantity.name}
+    summary = f"A store loses what is above a level: {at.words}"
     if below is None:
-        return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", lose, overflow, level, levels=levels)
+        return at.effect(summary, "Schoukens 2017", lose, overflow, level, levels=levels)
     full = below.nominal / n
     caught = at.knob(
         "caught", at.per((below.unit, 1), (at.unit, -1)), f"What {below.name} gains of it", 0.5 * full, 0.0, 10 * full
@@ -67,7 +68,7 @@ def law(at: BalanceSite) -> Effect | None:
         model = lose(model)
         return at.added(model, -caught.symbol * model[at.name("term")], below.name, "gain")
 
-    return at.effect(f"A store overflows: {at.words}", "Schoukens 2017", share, overflow, level, caught, levels=levels)
+    return at.effect(summary, "Schoukens 2017", share, overflow, level, caught, levels=levels)
 
 
 def _lost(at: BalanceSite, model: Model, overflow: sympy.Symbol, level: sympy.Symbol) -> Model:

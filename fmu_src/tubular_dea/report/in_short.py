@@ -135,7 +135,7 @@ def _driven(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         return []
     if noise["from_monitors"] ** 2 < MOST_OF * (error**2 - noise["rms"] ** 2):
         return [
-            "The error is larger than the sensor's noise because of samples near edges of the inputs: what an input "
+            "The error is larger than the sensor's noise because of samples where inputs change: what an input "
             "did between two samples is not known there, so these count less."
         ]
     return [
