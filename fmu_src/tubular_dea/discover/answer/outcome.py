@@ -122,23 +122,21 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return None
     state = found.named.lack_of_fit
     if found.shifted and noise_alone(state):
-        shift = found.shifted
-        unit = _unit(found, shift.output)
-        return {"rms": abs(shift.value), "unit": unit, "share": 1.0, "channel": channel(found), "held_out": False}
+        return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
     if found.missed and noise_alone(state) and not found.named.ids:
-        own = _unit(found, found.missed.output)
-        left = found.missed.value
-        return {"rms": left, "unit": own, "share": 1.0, "channel": channel(found), "held_out": False}
+        return _left(found, found.missed.output, found.missed.value, 1.0)
     if found.named.ids and noise_alone(state):
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
-    return {
-        "rms": beyond_noise(state, error, floor(found.study, error["rmse"])),
-        "unit": _unit(found, found.study.plant.outputs[0].name),
-        "share": min(1.0, _unexplained(found.named_study, found.named) / _at_first(found)),
-        "channel": channel(found),
-        "held_out": False,
-    }
+    left = beyond_noise(state, error, floor(found.study, error["rmse"]))
+    share = _unexplained(found.named_study, found.named) / _at_first(found)
+    return _left(found, found.study.plant.outputs[0].name, left, share)
+
+
+def _left(found: Discovery, output: str, rms: float, share: float, held_out: bool = False) -> dict[str, Any]:
+    """What is left of an output (SI, rms), and its share of what was not noise."""
+    unit = _unit(found, output)
+    return {"rms": rms, "unit": unit, "share": min(1.0, share), "channel": channel(found), "held_out": held_out}
 
 
 def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> float:
@@ -160,13 +158,7 @@ def _unpredicted(found: Discovery) -> dict[str, Any]:
 
     left = beyond(found.named_study, found.named)
     share = left / max(beyond(found.search.base_study, found.base), 1e-300)
-    return {
-        "rms": left**0.5,
-        "unit": _unit(found, first),
-        "share": min(1.0, share),
-        "channel": channel(found),
-        "held_out": True,
-    }
+    return _left(found, first, left**0.5, share, held_out=True)
 
 
 def channel(found: Discovery) -> str | None:
