@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import rel_entr
 
 from ..threads import one_blas_thread
 from . import hum as hums
@@ -41,6 +42,9 @@ MOST_LINES = 12  # [1] lines that are looked for
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
 ANOTHER = 50.0  # [squared standard deviations] by which what is before the first events tells of another noise
+
+# Set by theory: hardly any reading repeats then. Check: `pytest tests/test_noise.py -k encoder`
+MOST_CHANGES = 0.99  # [1] share of samples at which readings in steps change, at most
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -218,16 +222,32 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
 def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise:
     """Noise as it is before anything happens, where enough stretches show there that it has less of a memory: the rest
     is what the plant does."""
-    if found.correlation <= 0 or freedom(still) < SOME_FREEDOM:
+    if found.correlation <= 0:
+        return found
+    if _left(still) < usual_resolution(records) ** 2:
+        return _hidden_by_steps(records, found, still)
+    if freedom(still) < SOME_FREEDOM:
         return found
     lines = [*found.hum, *found.lines]
     told = _told(records, [s.without(lines) for s in still], True, True, found.faster)
-    if told.rms < usual_resolution(records):  # coarse steps hide noise where nothing moves
-        return found
     told = replace(told, hum=found.hum, lines=found.lines)
     rests = [s.without(lines) for s in whole_rests(records)]
     worse = 2 * (unlikely(rests, found.colour, found.rms**2) - unlikely(rests, told.colour, told.rms**2))
     return told if told.quiet and told.slow < found.slow and worse > ANOTHER else found
+
+
+def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> Noise:
+    """Noise of readings in coarse steps, which hide it at rest: as it is there, without a memory that nothing shows, if
+    readings change there less often than noise as `found` would make them."""
+    changed = np.concatenate([np.abs(np.diff(s.values, axis=0)).ravel() for s in whole_rests(records)])
+    seen = float(np.mean(changed > 0.5 * usual_resolution(records)))
+    change = found.rms * float(np.sqrt(2 * (1 - found.correlation)))  # of readings, which rounding is part of
+    expected = min((change / usual_resolution(records)) ** 2, MOST_CHANGES)
+    worse = 2 * changed.size * float(rel_entr(seen, expected) + rel_entr(1 - seen, 1 - expected))
+    if seen >= expected or worse < ANOTHER:
+        return found
+    rms, told = float(np.sqrt(_left(still))), float(freedom(still))
+    return Noise(rms, 0.0, told, found.hum, found.lines, found.step, faster=found.faster)
 
 
 def _before_events(records: Records) -> list[Stretches]:
