@@ -465,3 +465,17 @@ def test_daily_rain_is_no_noise_of_a_gauge() -> None:
     on = np.arange(4000) % 200 < 150
     assert not changes_by_itself(np.where(on, 3e3 + 5 * random.standard_normal(4000), 0.0))
     assert not changes_by_itself(np.where(on, 3e3, 0.0))
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+def test_an_input_that_is_exactly_nothing_all_night_has_no_noise(clamped: bool) -> None:
+    """Light behind clouds moves at every sample: by day 2 kW of it passed for noise. Of noise that is cut off at
+    nothing, every other reading by night is above."""
+    random, time = np.random.default_rng(5), 900.0 * np.arange(96)
+    listed = []
+    for _ in range(5):
+        light = 9e4 * np.maximum(-np.cos(2 * np.pi * time / 86400), 0) * random.uniform(0.3, 1.0, time.size)
+        noise = 500.0 * random.standard_normal(time.size)
+        listed.append(recorded(time, "power", np.maximum(light + noise, 0) if clamped else light))
+    levels = [d.noise["power"] for d in drives(listed, [Input("power", band_limited=True)])]
+    assert np.all(np.array(levels) > 300) if clamped else np.all(np.array(levels) < 20)

@@ -17,8 +17,11 @@ from ..signals.hum import MAINS, within
 from ..signals.kinks import kinked, untold
 from ..signals.monitors import (
     COLOURED,
+    ENOUGH_REST,
     NO_MEMORY,
+    QUIET,
     Polyline,
+    at_rest,
     changes_by_itself,
     coarseness,
     curved,
@@ -278,6 +281,9 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     it is one is told by the record in which it is largest. A command (0) is what stands in the file.
     """
     records = [e.inputs[signal.name] for e in experiments]
+    step = min((c for values in records if (c := coarseness(values)) > 0), default=0.0)
+    if not signal.held and not step and sum(at_rest(values) for values in records) >= ENOUGH_REST:
+        return [QUIET * float(np.ptp(values)) for values in records]
     if signal.band_limited:
         return [noise_floor(values) for values in records]
     largest = max(records, key=lambda values: float(np.abs(values).max()))
@@ -285,7 +291,6 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     if (signal.held or not remembers) and there and changes_by_itself(largest):
         return [0.0] * len(records)
     kept = _middle([memory(values) for values in records]) if signal.linear else NO_MEMORY
-    step = min((c for values in records if (c := coarseness(values)) > 0), default=0.0)
     return [level(values, kept, step) for values in records]
 
 

@@ -76,12 +76,17 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 FIRST_ORDER = 4  # [1] order of the differences that tell noise from a signal, at least
 MOST_ORDER = 10  # [1] and at most
 
+# Set by judgement: of a clamped monitor at its end every other reading differs. Check: `pytest tests/test_monitors.py -k night`
+SAME_READINGS = 8  # [samples] of a run of equal readings that is no chance,
+ENOUGH_REST = 30  # [samples] and in such runs together, from which on they tell that a monitor has no noise
+
 # Set by judgement. Check: `pytest tests/test_monitors.py::test_a_coarse_monitor tests/test_data.py`,
 # `python -m blind.score --nulls 12 --conventions bits --seed 1000`
 COARSEST = 0.03  # [1] of its span: a larger smallest step is a switching, no monitor's resolution
 SMALL_STEPS = 5.5  # [1] times the smallest step up to which others are looked at: are these
 ROUNDLY = 0.1  # [1] whole numbers of it, to within so much,
 MOST_STEPS = 0.9  # [1] in more than such a share of them? A fast wave has a smallest step by chance
+FEW_TO_TELL = 3  # [1] of them at least
 FEW_STEPS = 2.0  # [1] steps of a monitor, below which its noise shows as toggling between readings
 SWITCHED = 5.0  # [standard deviations] beyond which such a change is a switching
 QUIET = 1e-4  # [1] of its span: noise below which a record comes from a computer or a set point
@@ -130,6 +135,14 @@ def changes_by_itself(values: np.ndarray) -> bool:
     new = np.append(True, np.diff(values) != 0)
     changing = values[new] if np.mean(new) > MOSTLY_NEW else values
     return noise_level(changing) > LARGEST * float(np.abs(values).max(initial=0.0))
+
+
+def at_rest(values: np.ndarray) -> int:
+    """How many samples repeat the one before exactly, in runs of some length: there a monitor shows that it has no
+    noise. A run from the first sample on may be filled up, before a recorder was triggered."""
+    ends = np.flatnonzero(np.append(np.diff(values) != 0, True)) + 1
+    runs = np.diff(ends)  # without the first one
+    return int(runs[runs >= SAME_READINGS].sum())
 
 
 def memory(values: np.ndarray) -> tuple[float, float] | None:
@@ -235,14 +248,15 @@ def long_run(left: np.ndarray) -> float:
 
 
 def coarseness(values: np.ndarray) -> float:
-    """A monitor's resolution; 0 where the smallest step is a switching, or others are not that many times as large."""
+    """A monitor's resolution; 0 where the smallest step is a switching, or others are not that many times as large.
+    Readings that repeat tell nothing of it, nor does the smallest step of itself."""
     step = resolution(values)
     if not 0 < step < COARSEST * float(np.ptp(values)):
         return 0.0
     times = np.abs(np.diff(values)) / step
-    times = times[times <= SMALL_STEPS]
+    times = np.sort(times[(times > 0) & (times <= SMALL_STEPS)])[1:]
     whole = np.abs(times - np.round(times)) < ROUNDLY
-    return step if np.mean(whole) > MOST_STEPS else 0.0
+    return step if whole.size >= FEW_TO_TELL and np.mean(whole) > MOST_STEPS else 0.0
 
 
 def polyline(time: np.ndarray, values: np.ndarray, noise: float, starts: np.ndarray | None = None) -> Polyline:
