@@ -526,6 +526,17 @@ def test_the_last_sample_of_a_record_is_no_spike() -> None:
     assert spikes(np.where(np.arange(200) == 100, 21.0, room)).tolist() == [100]
 
 
+def test_the_answer_to_a_day_of_rain_is_no_spike() -> None:
+    random, days = np.random.default_rng(4), np.arange(400)
+    rain = np.where(random.uniform(size=400) < 0.3, random.exponential(2.0, 400), 0.0)
+    rain[[100, 300]] = 60.0
+    stream = 1.0 + 0.01 * random.standard_normal(400)
+    stream[[101, 301]] += 8.0
+    assert spikes(stream).tolist() == [101, 301] and not spikes(stream, [rain]).size
+    assert spikes(stream + 8.0 * (days == 200), [rain]).tolist() == [200]
+    assert spikes(stream, [np.where(days > 99, 1.0, 0.0)]).tolist() == [101, 301]  # an edge is no pulse
+
+
 def two_signals() -> Plant:
     """A force F and a frequency f; a position and a pressure, of which one may rest."""
     m = Build("Two")

@@ -113,7 +113,9 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
     errors = {"rmse": 15e-6, "held_out_rmse": 60e-6, "unit": "m"}
     named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97))
     found = SimpleNamespace(study=None, named=named, verdict="no_effect")
-    assert "; that is 0.97 times what all noise makes" in close_loop._moved_by_monitors(found, errors)
+    assert "; weighted as in the fit, that is 0.97 times what all noise makes" in close_loop._moved_by_monitors(
+        found, errors
+    )
     assert close_loop._moved_by_monitors(SimpleNamespace(study=None, named=named, verdict="unexplained"), errors) == ""
     assert close_loop._moved_by_monitors(found, errors | {"held_out_rmse": 16e-6}) == ""
 

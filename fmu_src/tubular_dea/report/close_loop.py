@@ -120,14 +120,15 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
 
 
 def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
-    """How an error beyond the sensor's noise compares with what the monitors may cause too, sample by sample."""
+    """How an error beyond the sensor's noise compares with what the monitors may cause too."""
     noise, largest = floor(found.study, after["rmse"]), max(after["rmse"] or 0.0, after["held_out_rmse"] or 0.0)
     if largest < TOO_NOISY * noise:
         return ""
     ratio = found.named.lack_of_fit.ratio
     if found.verdict == "unexplained" and ratio < 1:  # by its size alone it may be noise, and what tells is its course
         return ""
-    return f"; that is {ratio:.2f} times what all noise makes together, that of the inputs and of their edges too"
+    weighted = f"weighted as in the fit, that is {ratio:.2f} times what all noise makes together"
+    return f"; {weighted}, that of the inputs and of their edges too"
 
 
 def _error_line(

@@ -352,7 +352,7 @@ def _standing_out(
     inputs: Mapping[str, np.ndarray],
 ) -> tuple[np.ndarray, list[str]]:
     """Which samples of an output (n,) no plant makes, and what is said of them; `units`: SI, and that of the file."""
-    alone, said = spikes(read), []
+    alone, said = spikes(read, inputs.values()), []
     gone = np.isin(np.arange(read.size), alone)
     written = converted(read, *units)
     if alone.size:

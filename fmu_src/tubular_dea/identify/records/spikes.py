@@ -2,6 +2,7 @@
 
 A sample is a spike if it is off the median of itself and the two on either side (Hampel, J. Am. Stat. Assoc. 69 (1974)
 383) by far more than noise, and by far more than these four differ among each other: an edge makes them differ.
+Where an input was there and back just before, as rain may be for a day, it is the plant.
 
 Several in a row are a lapse of the sensor if they are as far off what stands before and after them, come and go within
 two samples, and no input moves abruptly meanwhile or shortly before: a pulse of an input would do the same.
@@ -13,13 +14,15 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..signals.monitors import noise_level, resolution
+from ..signals.monitors import changes_by_itself, noise_level, resolution
 
 # Set by judgement: of a million samples of noise none is so far off. Check: `pytest tests/test_recordings.py -k spike`
 OFF_NOISE = 12.0  # [standard deviations] of the noise by which a spike is off
 FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
+NEAR = 5  # [samples] that each one is compared with: itself and two on either side
+ANSWER_LASTS = 3  # [samples] from which an input is there and back on, in which a plant answers that is there and back
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
 
 # Set by judgement: of the sets of the bench and of five laboratories, the one with a lapse alone has one so.
@@ -30,17 +33,32 @@ FEW_LAPSES = 5  # [1] lapses of a record: with more, it is the plant that moves 
 ABRUPT_PART = 0.01  # [1] share of its span by which the slope of an input changes at a sample, to be abrupt there
 
 
-def spikes(values: np.ndarray) -> np.ndarray:
-    """The places of single samples that stand out of a record (n,), which may have gaps."""
+def spikes(values: np.ndarray, inputs: Iterable[np.ndarray] = ()) -> np.ndarray:
+    """The places of single samples that stand out of a record (n,), which may have gaps, under inputs (n,) each."""
     there = np.flatnonzero(np.isfinite(values))
     if there.size < FEWEST_SEEN:
         return there[:0]
     middle = (np.arange(there.size) >= 2) & (np.arange(there.size) < there.size - 2)  # the others have one side only
-    near = np.lib.stride_tricks.sliding_window_view(np.pad(values[there], 2, mode="reflect"), 5)
-    beside = near[:, [0, 1, 3, 4]]
-    off = np.abs(near[:, 2] - np.median(near, axis=1))
+    off, beside = _off_beside(values[there])
     found = middle & (off > _least(values[there])) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
+    if found.any():
+        found &= ~_pulsed(inputs, values.size)[there]
     return there[found] if np.count_nonzero(found) <= SPIKY * there.size else there[:0]
+
+
+def _off_beside(read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far samples (n,) are off the median of themselves and the two on either side, and these four (n, 4)."""
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(read, 2, mode="reflect"), NEAR)
+    return np.abs(read - np.median(near, axis=1)), near[:, [0, 1, 3, 4]]
+
+
+def _pulsed(inputs: Iterable[np.ndarray], size: int) -> np.ndarray:
+    """At which samples, and at the few after them, an input is there and back by a share of its span; (n,) of bool."""
+    found = np.zeros(size, dtype=bool)
+    for values in inputs:
+        noise = 0.0 if changes_by_itself(values) else noise_level(values)
+        found |= _off_beside(values)[0] > max(OFF_NOISE * noise, ABRUPT_PART * float(np.ptp(values)))
+    return np.convolve(found, np.ones(ANSWER_LASTS), mode="full")[:size] > 0
 
 
 def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]:

@@ -76,7 +76,8 @@ MOST_CORRELATED = 0.98  # [1] correlation of neighbouring samples, at most
 FIRST_ORDER = 4  # [1] order of the differences that tell noise from a signal, at least
 MOST_ORDER = 10  # [1] and at most
 
-# Set by judgement: of a clamped monitor at its end every other reading differs. Check: `pytest tests/test_monitors.py -k night`
+# Set by judgement: of a clamped monitor at its end every other reading differs.
+# Check: `pytest tests/test_monitors.py -k night`
 SAME_READINGS = 8  # [samples] of a run of equal readings that is no chance,
 ENOUGH_REST = 30  # [samples] and in such runs together, from which on they tell that a monitor has no noise
 
