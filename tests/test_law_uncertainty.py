@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tubular_dea.discover import judgement
+from tubular_dea.discover.options import acceptance
 from tubular_dea.discover.options.acceptance import EARNS
 from tubular_dea.discover.search.law_uncertainty import still_there, with_law, with_rivals
 from tubular_dea.identify.fitting.fit import Fit, described
@@ -89,21 +92,44 @@ def test_equals_count_with_their_spread() -> None:
     assert both.stderr["eps_field"] == pytest.approx(best.stderr["eps_field"], rel=1e-3)
 
 
+LAG = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+
+
+def of_a_lag(covariance: np.ndarray) -> Fit:
+    """A fit of a base and of a lag of -0.035."""
+    values, free = np.array([1.0, -0.035]), [Free("base", 1.0), Free("lag", 1.0)]
+    told = dict(zip(("base", "lag"), values.tolist(), strict=True))
+    stderr = dict(zip(told, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    return Fit(told, values, 0.0, np.empty(0), np.empty((0, 2)), covariance, free, stderr, True)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """An option with a lag."""
+
+    fitted: Fit
+    ids: tuple[str, ...] = ("lag",)
+
+
+@pytest.mark.parametrize("gain", [80.0, 1e4])
+def test_far_from_the_plant_a_size_that_gains_much_is_there(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive that is never negative: the centre of its saturation and the range made up for each other, to +-1000 V,
+    though the law explained nearly all. What it gains is weighed against the misfit."""
+    study = SimpleNamespace(catalogue={"lag": LAG}, plant=None, training=[], problem=lambda *of: None)
+    monkeypatch.setattr(judgement.acceptance, "far", lambda option: True)
+    monkeypatch.setattr(judgement.residuals, "slow_variance", lambda fitted, pieces: 9.0)
+    monkeypatch.setattr(judgement, "ordered_fit", lambda plant, problem, fitted: fitted)
+    one = Chosen(of_a_lag(np.diag([1e-6, 7.0**2])))
+    told = judgement._described(study, one, [], {"lag": gain}).fitted
+    there = gain / 9 > EARNS
+    assert told.stderr["lag"] == pytest.approx(0.035 / EARNS**0.5 if there else 21.0)
+    assert acceptance.bounded_away(LAG, told) == there
+    assert told.stderr["base"] == pytest.approx(3e-3)
+
+
 def test_another_law_makes_no_effect_vanish() -> None:
     """A size of 44 standard errors stays off zero however much another form of its law would change it."""
-    lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
-    study = SimpleNamespace(catalogue={"lag": lag})
-    narrow = Fit(
-        {"base": 1.0, "lag": -0.035},
-        np.array([1.0, -0.035]),
-        0.0,
-        np.empty(0),
-        np.empty((0, 2)),
-        np.diag([1e-6, 0.0008**2]),
-        [Free("base", 1.0), Free("lag", 1.0)],
-        {"base": 1e-3, "lag": 0.0008},
-        True,
-    )
+    study, narrow = SimpleNamespace(catalogue={"lag": LAG}), of_a_lag(np.diag([1e-6, 0.0008**2]))
     wide = narrow.with_covariance(np.diag([4e-6, 0.0208**2]))
     kept = still_there(study, ("lag",), narrow, wide, {})
     assert kept.stderr["lag"] == pytest.approx(-kept.values["lag"] / EARNS**0.5)  # off is as unlikely as chance allows

@@ -45,7 +45,6 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/patients/recorded_beat.py: _one_beat": ({60}, "seconds of a minute"),
     "identify/patients/recorded_beat.py: _upstrokes": ({60}, "seconds of a minute"),
     "identify/records/bench_file.py: _amount": ({1e300}, "what a float can hold, nearly"),
-    "identify/records/spikes.py: spikes": ({5}, "a sample and two on either side"),
     "identify/signals/colour.py: theta": ({4}, "a quadratic equation"),
     "identify/signals/monitors.py: thirds": ({3}, "a third difference"),
     "identify/signals/monitors.py: seen": ({30}, "third differences of an autoregression"),

@@ -95,7 +95,9 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     problem, fitted = in_order(option)
     if acceptance.far(option):  # the misfit, not noise or another law, determines the uncertainty
         slow = residuals.slow_variance(fitted, work.training)
-        return replace(option, fitted=fitted.with_covariance(fitted.covariance * slow))
+        wide = fitted.with_covariance(fitted.covariance * slow)
+        weighed = {name: gain / slow for name, gain in gains.items()}
+        return replace(option, fitted=still_there(work, option.ids, wide, wide, weighed))
     wider = with_monitor_noise(problem, fitted, work.training, work.monitor_noise)
     wider = common_nuisances(work, zeros=True).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])

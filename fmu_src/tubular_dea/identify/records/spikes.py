@@ -21,7 +21,7 @@ OFF_NOISE = 12.0  # [standard deviations] of the noise by which a spike is off
 FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
-NEAR = 5  # [samples] that each one is compared with: itself and two on either side
+MEDIAN_OF = 5  # [samples] that each one is compared with: itself and two on either side
 ANSWER_LASTS = 3  # [samples] from which an input is there and back on, in which a plant answers that is there and back
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
 
@@ -48,7 +48,7 @@ def spikes(values: np.ndarray, inputs: Iterable[np.ndarray] = ()) -> np.ndarray:
 
 def _off_beside(read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far samples (n,) are off the median of themselves and the two on either side, and these four (n, 4)."""
-    near = np.lib.stride_tricks.sliding_window_view(np.pad(read, 2, mode="reflect"), NEAR)
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(read, 2, mode="reflect"), MEDIAN_OF)
     return np.abs(read - np.median(near, axis=1)), near[:, [0, 1, 3, 4]]
 
 
