@@ -241,7 +241,8 @@ def _as_declared(found: Discovery) -> list[str]:
     fixed = [p.quantity for p in found.study.plant.model.parameters if not p.tunable and not p.start]
     known = found.study.plant.model.parameter_values() | found.recordings.geometry
     values = [f"{q.name} = {_told(known[q.name], q)}" for q in fixed if known[q.name]]
-    return [f"Taken as declared, and not fitted: {', '.join(values)}. One of them may be wrong."] if values else []
+    may = "One of them may be wrong, unless it only scales others, which are fitted."
+    return [f"Taken as declared, and not fitted: {', '.join(values)}. {may}"] if values else []
 
 
 def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
