@@ -554,11 +554,15 @@ def test_slow_noise_asks_for_larger_gains_where_its_colour_is_unknown() -> None:
     assert acceptance.accept(BASE, before, best, 40.0)[0]
     slow = replace(best, lack_of_fit=replace(best.lack_of_fit, coloured=30.0))
     assert "less than chance can (1200.0)" in acceptance.accept(BASE, before, slow, 40.0)[1]
-    state = before.lack_of_fit
-    assert not acceptance.noise_alone(replace(state, z_total=3.0))
-    assert acceptance.noise_alone(replace(state, z_total=3.0, coloured=9.0))
-    assert not acceptance.noise_alone(replace(state, z_total=3.0, coloured=1.1 * misfit.MOST_COLOURED))
-    assert not acceptance.noise_alone(replace(state, z_total=5.0, coloured=9.0))
+
+    def alone(one: Option, total: float = 3.0, coloured: float = 1.0) -> bool:
+        state = replace(before.lack_of_fit, z_total=total, coloured=coloured)
+        return acceptance.noise_alone(replace(one, lack_of_fit=state))
+
+    assert not alone(BASE) and alone(BASE, coloured=9.0)
+    assert not alone(BASE, coloured=1.1 * misfit.MOST_COLOURED) and not alone(BASE, total=5.0, coloured=9.0)
+    assert alone(best, coloured=0.9 * acceptance.SLOW_BESIDE_EFFECTS)
+    assert not alone(best, coloured=9.0)  # a store that goes no lower than a level, in records that go lower
 
 
 def test_one_that_leaves_noise_alone_has_shown_its_form() -> None:

@@ -366,7 +366,7 @@ def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() 
 
     def said(rmse: float, allowed: float, verdict: str = "no_effect", added: float = 10e-6) -> list[str]:
         study = SimpleNamespace(plant=PLANT)
-        named = SimpleNamespace(lack_of_fit=made_up.option(z_slow=0.0).lack_of_fit)
+        named = SimpleNamespace(ids=(), lack_of_fit=made_up.option(z_slow=0.0).lack_of_fit)
         sensors = {PLANT.outputs[0].name: {"rms": 12e-6, "allowed": allowed, "from_monitors": added}}
         monitors = {"pressure": {"rms": 125.0}, "voltage": {"rms": 0.0}}
         outcome = {"noise": {"sensors": sensors, "monitors": monitors}, "error": {"after": {"rmse": rmse}}}

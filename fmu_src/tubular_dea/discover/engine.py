@@ -117,6 +117,7 @@ def discover(
             f"{recordings.plant.name}: nothing may be missing, as it has no places: expected places=[...] in its "
             "declaration (identify only fits its parameters)"
         )
+    held_out = None if held_out is None else recordings.with_parts(held_out)
     fitted_with = [e for e in recordings.experiments if e.name not in (held_out or ())]
     if not fitted_with:
         raise ArgumentError("hold_out", ": all experiments are held out; name fewer, so that some are left to fit")

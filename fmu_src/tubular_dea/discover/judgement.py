@@ -127,7 +127,7 @@ def decide(
     state, before = found.chosen.lack_of_fit, found.base.lack_of_fit
     if shifted:
         return "partly_explained" if found.chosen.ids and acceptance.earned(found.base, found.chosen) else "unexplained"
-    alone = acceptance.noise_alone(state)
+    alone = acceptance.noise_alone(found.chosen)
     noise = wanders or alone
     if not found.chosen.ids:
         most = acceptance.PREDICTED if alone else acceptance.ALMOST_RATIO

@@ -109,7 +109,7 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     state, error, noise = found.named.lack_of_fit, outcome["error"], outcome["noise_floor"]
     if found.verdict in ("unexplained", "partly_explained") or found.wandering:
         return []
-    if not noise_alone(state):
+    if not noise_alone(found.named):
         after = beyond_noise(state, error["after"], noise)
         before = beyond_noise(found.base.lack_of_fit, error["recalibrated"], noise)
         small, of = (in_words(size, error["after"]["unit"]) for size in (after, before))
@@ -128,7 +128,7 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
 def _driven(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """Why the error is more than the sensor's noise where nothing else is missing."""
     noise, error = outcome["noise"]["sensors"][found.study.plant.outputs[0].name], outcome["error"]["after"]["rmse"]
-    if found.verdict in ("unexplained", "partly_explained") or not noise_alone(found.named.lack_of_fit):
+    if found.verdict in ("unexplained", "partly_explained") or not noise_alone(found.named):
         return []
     noisy = [name for name, monitor in outcome["noise"]["monitors"].items() if monitor["rms"] > 0]
     if not noisy or error is None or min(error, noise["allowed"]) < MORE * noise["rms"]:

@@ -162,7 +162,7 @@ class Understanding:
         if said:
             yield ""
         for remark in dict.fromkeys(r for _, r in said):  # once for all files that it is said of
-            yield f"{some([file for file, r in said if r == remark], 4)}: {remark}"
+            yield f"{some([*dict.fromkeys(file for file, r in said if r == remark)], 4)}: {remark}"
 
     def picture(self) -> bytes:
         """`drawing` as PNG."""

@@ -121,11 +121,11 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return None
     state = found.named.lack_of_fit
-    if found.shifted and noise_alone(state):
+    if found.shifted and noise_alone(found.named):
         return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
-    if found.missed and noise_alone(state) and not found.named.ids:
+    if found.missed and noise_alone(found.named) and not found.named.ids:
         return _left(found, found.missed.output, found.missed.value, 1.0)
-    if found.named.ids and noise_alone(state):
+    if found.named.ids and noise_alone(found.named):
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
     left = beyond_noise(state, error, floor(found.study, error["rmse"]))
@@ -177,7 +177,7 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
     if found.shifted:
         own = _own_channel(found, found.shifted.output)
         return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
-    if found.missed and noise_alone(found.base.lack_of_fit):
+    if found.missed and noise_alone(found.base):
         own = _own_channel(found, found.missed.output)
         return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
     known = found.study.plant.own_channels

@@ -376,7 +376,7 @@ def _in_a_row(found: Discovery) -> list[str]:
 
 def _spread(found: Discovery) -> list[str]:
     """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
-    said, lacks = [], not noise_alone(found.named.lack_of_fit)
+    said, lacks = [], not noise_alone(found.named)
     for name in found.study.spread:
         told_before = found.shifted is not None and found.shifted.output == name
         if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
@@ -437,7 +437,7 @@ def _wandering(found: Discovery) -> list[str]:
 def _coloured(found: Discovery) -> list[str]:
     """A remark where the residual is noise only if noise is slow, which no record shows."""
     state = found.named.lack_of_fit
-    if clean(state) or not noise_alone(state):
+    if clean(state) or not noise_alone(found.named):
         return []
     quiet = _quiet(found)
     told = (

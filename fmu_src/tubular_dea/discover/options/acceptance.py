@@ -59,6 +59,10 @@ DENIED_PART = 0.05  # [1] share of an effect's gain that the held-out experiment
 PARTLY = 0.5  # [1] share of what is not noise: effects that explain less are not named where a remainder stays,
 PREDICTS = 0.5  # [1] unless they explain this share of what held-out experiments have beyond noise
 
+# Set by judgement: the measured temperature of a photovoltaic module kept 11.4 with a law that its records contradict.
+# Check: `pytest tests/test_acceptance.py -k slow_noise`, `python -m blind.score --nulls 12 --singles 2 --seed 1000`
+SLOW_BESIDE_EFFECTS = 4.0  # [1] times the variance of white noise that slow noise may have beside effects
+
 # Set by convention: a range of twenty decades and more is none. Check: `pytest tests/test_acceptance.py -k interval`
 UNKNOWN_SIZE = 50.0  # [1] logarithm of an interval's end over its middle, at most
 
@@ -84,8 +88,12 @@ def clean(state: LackOfFit) -> bool:
     return state.z_slow < SLOW_CHANCE and state.z_total < CLEAN_TOTAL
 
 
-def noise_alone(state: LackOfFit) -> bool:
-    """Whether the residual may be noise alone: where no stretch shows slow noise, noise with a colour too."""
+def noise_alone(option: Option) -> bool:
+    """Whether the residual may be noise alone: where no stretch shows slow noise, noise with a colour too, but beside
+    effects less of it, as another law or another effect would leave the same."""
+    state = option.lack_of_fit
+    if option.ids and state.coloured > SLOW_BESIDE_EFFECTS:
+        return clean(state)
     return clean(state) or coloured_noise(state.coloured, state.z_total)
 
 

@@ -20,7 +20,7 @@ from ...recordings import Column, NoTableError, ReadError, Table, is_recording, 
 from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
-from . import checks
+from . import checks, gaps
 from .bench_file import BenchFile, read_bench, without_noise
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .lost import is_mark, lost_samples
@@ -63,7 +63,7 @@ class Experiment:
     the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
     starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
     where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
-    understood.
+    understood. `part_of` names the whole of which it is what comes before or after a long gap (`gaps`).
     """
 
     name: str
@@ -77,6 +77,7 @@ class Experiment:
     begins: float | None = None
     follows: str = ""
     source: Source | None = None
+    part_of: str = ""
 
     def seen(self, output: str) -> np.ndarray:
         """Where an output was recorded, shape (n,); all False if it is not in the file."""
@@ -119,6 +120,10 @@ class Recordings:
             experiment = own[experiment.follows]
         return experiment
 
+    def with_parts(self, names: Sequence[str]) -> list[str]:
+        """The names of experiments, and of all parts of those that were cut at gaps."""
+        return [*names, *(e.name for e in self.experiments if e.part_of in names and e.name not in names)]
+
     @property
     def fitted_outputs(self) -> list[Output]:
         """The outputs that take part in fits: recorded in some file, and not driven by the rate of an input."""
@@ -138,7 +143,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     for path in files:
         try:
             read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, said.commanded)
-            experiments.append(_placed(read_one, said, plant))
+            experiments += gaps.whole(_placed(read_one, said, plant), plant)
         except NoTableError:
             if path.suffix.lower() not in NOTES:
                 raise
@@ -162,7 +167,8 @@ def of_tables(
     said = said or BenchFile()
     chosen = said.columns | choices(columns, plant)
     named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, said.commanded) for t in tables}
-    experiments = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
+    placed = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
+    experiments = [part for e in placed for part in gaps.whole(e, plant)]
     return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
 
 

@@ -226,14 +226,14 @@ def _may_be_off(plant: Plant, name: str) -> bool:
 def loosened(model: Model) -> Model:
     """The model with a parameter for every state by which it may be off at the start, 0 by default.
 
-    The unknown of an equilibrium curve has none: it follows from the first inputs. States that have one keep it.
+    The unknown of an equilibrium curve has none: it follows from the first inputs; nor has a state whose start is an
+    unknown of every record anyway. States that have one keep it.
     """
-    unknown = model.curve.unknown if model.curve else None
-    known = {p.quantity.name for p in model.parameters}
+    known, sought = {p.quantity.name for p in model.parameters}, unknowns(model)
     states, parameters = [], []
     for state in model.states:
         q = state.quantity
-        if q.name == unknown or off_name(q.name) in known:
+        if off_name(q.name) in known or off_name(q.name) not in sought:
             states.append(state)
             continue
         off = Quantity(off_name(q.name), q.unit, f"By how much {q.name} is off at the start", 0.0, nominal=q.nominal)
@@ -251,4 +251,6 @@ def off_name(state: str) -> str:
 def unknowns(model: Model) -> dict[str, float]:
     """The parameters of an unknown start, with their usual sizes (SI)."""
     curve = model.curve.unknown if model.curve else None
-    return {off_name(s.quantity.name): s.quantity.nominal for s in model.states if s.quantity.name != curve}
+    free = {p.quantity.symbol for p in model.parameters if p.start == "each"}
+    off = [s.quantity for s in model.states if s.quantity.name != curve and s.start not in free]
+    return {off_name(q.name): q.nominal for q in off}

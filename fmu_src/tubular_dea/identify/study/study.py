@@ -226,7 +226,7 @@ def study(
     plant, experiments = recordings.plant, recordings.experiments
     drives = all_drives(experiments, plant.inputs, recordings.noise, plant.model.remembers)
     drives = zeroed(experiments, drives, plant, effects)
-    names = choose_held_out(recordings) if held_out is None else list(held_out)
+    names = choose_held_out(recordings) if held_out is None else recordings.with_parts(held_out)
     known = [e.name for e in recordings.experiments]
     for name in names:
         if name not in known:

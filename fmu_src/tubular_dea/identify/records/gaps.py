@@ -1,0 +1,98 @@
+"""Long gaps in a record: where an input moves about them, nobody knows what it did meanwhile, nor where the plant is
+after that. What comes after such a gap is an experiment of its own, whose start is unknown.
+
+Across a gap a held input keeps its last value: a heater that happened to be at its largest before 15 hours were lost
+heated on, and a saturation of the heater explained why the room stayed cooler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...plants.plant import Input, Plant
+from ..signals.monitors import LARGEST, noise_level
+from .start import UNKNOWN
+
+if TYPE_CHECKING:
+    from .data import Experiment
+
+# Set by judgement: where an input switches in a brief gap, the instant is found. Check: `pytest tests/test_gaps.py`
+MISSING = 8.0  # [samples] that are missing in a long gap, at least
+ABOUT = 4  # [1] times as many samples as that, on either side, that tell how an input moves there
+OF_SPAN = 0.05  # [1] share of its span by which an input is elsewhere after as long, to be unknown in the gap,
+OF_NOISE = 5.0  # [standard deviations] of its noise, and by so many
+
+
+def whole(experiment: Experiment, plant: Plant) -> list[Experiment]:
+    """The experiment, or its parts before, between and after long gaps about which an input moves, each long enough.
+
+    One whose place among others bench.toml tells ([order]) is left as it is: these follow all of it.
+    """
+    time = experiment.time
+    if not plant.model.remembers or experiment.begins is not None:
+        return [experiment]
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    long = np.flatnonzero(steps > (MISSING + 0.5) * usual)  # the last samples before
+    lost = {int(at): round(float(steps[at]) / usual) - 1 for at in long}
+    moving = {at: names for at, n in lost.items() if (names := _moving(experiment, plant.inputs, at, n))}
+    cuts = [0, *(at + 1 for at in moving), time.size]
+    parts = [slice(a, b) for a, b in zip(cuts, cuts[1:], strict=False) if b - a >= plant.least_samples]
+    if len(cuts) == 2 or not parts:
+        return [experiment]
+    said = [_said(experiment, at, lost[at], names) for at, names in moving.items()]
+    if (short := time.size - sum(p.stop - p.start for p in parts)) > 0:
+        said.append(f"{short} samples between gaps are too few to be fitted, and left out")
+    source = experiment.source and replace(experiment.source, remarks=(*experiment.source.remarks, *said))
+    first = replace(experiment, source=source)
+    return [_part(first, part, number) for number, part in enumerate(parts)]
+
+
+def _moving(experiment: Experiment, inputs: Sequence[Input], at: int, lost: int) -> list[str]:
+    """The inputs that move about a gap after sample `at`, in which so many samples are missing."""
+    found = []
+    for signal in inputs:
+        values = experiment.inputs[signal.name]
+        near = values[max(at + 1 - ABOUT * lost, 0) : at + 1], values[at + 1 : at + 1 + ABOUT * lost]
+        moved = np.concatenate([_elsewhere(v, lost, signal.held) for v in near])
+        noise = min(noise_level(values), LARGEST * float(np.abs(values).max()))  # more may be the signal itself
+        least = max(OF_SPAN * float(np.ptp(values)), OF_NOISE * noise)
+        if moved.size and float(np.sqrt(np.mean(moved**2))) > least:
+            found.append(signal.name)
+    return found
+
+
+def _elsewhere(values: np.ndarray, lost: int, held: bool) -> np.ndarray:
+    """By how much values (n,) are off, in the middle of so many samples, what they were before or the line across."""
+    lost = min(lost, max(values.size // 2, 1))
+    middle, before = values[lost // 2 : values.size - lost + lost // 2], values[: values.size - lost]
+    return middle - (before if held else 0.5 * (before + values[lost:]))
+
+
+def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
+    """What is said of a gap after sample `at`, in which so many are missing."""
+    row = experiment.source.row if experiment.source else "sample"
+    move = f"{' and '.join(names)} move{'s' if len(names) == 1 else ''}"
+    return (
+        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {move}: what comes after them is an "
+        "experiment of its own, whose start is unknown"
+    )
+
+
+def _part(experiment: Experiment, part: slice, number: int) -> Experiment:
+    """A part of an experiment; the first keeps its name, and if it is at its begin its start."""
+    cut = replace(
+        experiment,
+        name=f"{experiment.name}_part{number + 1}" if number else experiment.name,
+        time=experiment.time[part],
+        inputs={n: v[part] for n, v in experiment.inputs.items()},
+        outputs={n: v[part] for n, v in experiment.outputs.items()},
+        lines=experiment.lines[part],
+        trigger=None if experiment.trigger is None else experiment.trigger[part],
+        part_of=experiment.name,
+    )
+    return cut if part.start == 0 else replace(cut, start=UNKNOWN, start_said=True)

@@ -1,0 +1,86 @@
+"""Long gaps in a record: what comes after one is an experiment of its own where an input moves meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tubular_dea import RecordingSet, read_recordings
+from tubular_dea.identify.study.study import study
+from tubular_dea.plants import Build, Input, Output, Plant
+
+TIME = np.arange(400.0)
+RANDOM = np.random.default_rng(11)
+STAIRS = 100.0 * RANDOM.uniform(size=400)
+RARELY = np.where(TIME > 300, 100.0, 0.0)
+SMOOTH = 50.0 + 0.1 * TIME
+
+
+def room(remembers: bool = True, **kind: bool) -> Plant:
+    """A heated room, or a heater's surface that follows at once."""
+    m = Build("Room")
+    heat, gain = m.input("heat", "W", nominal=100.0), m.parameter("gain", "K/W", 0.01)
+    if remembers:
+        T = m.state("T", "K", start="free", nominal=1.0)
+        m.derivative(T, (gain * heat - T) / m.parameter("tau", "s", 30.0))
+    m.output("reading", "K", T if remembers else gain * heat, nominal=1.0)
+    return Plant(m.model(), [Input("heat", **(kind or {"held": True}))], [Output("reading")])
+
+
+def record(heat: np.ndarray, *lost: tuple[int, int]) -> dict[str, np.ndarray]:
+    """A record of the room without the samples from the first to before the second of each pair."""
+    kept = np.ones(TIME.size, dtype=bool)
+    for first, last in lost:
+        kept[first:last] = False
+    response = np.convolve(0.01 * heat, np.exp(-TIME / 30) / 30)[: TIME.size]
+    noisy = response + 1e-3 * np.random.default_rng(2).standard_normal(TIME.size)
+    return {"time [s]": TIME[kept], "heat [W]": heat[kept], "reading [K]": noisy[kept]}
+
+
+def parts(found: RecordingSet) -> list[tuple[str, int]]:
+    return [(e.name, e.time.size) for e in found.experiments]
+
+
+def test_what_comes_after_a_long_gap_is_an_experiment_of_its_own() -> None:
+    found = read_recordings({"a": record(STAIRS, (150, 165)), "b": record(STAIRS)}, room())
+    assert parts(found) == [("a", 150), ("a_part2", 235), ("b", 400)]
+    assert found.starts == {"a": "rested", "a_part2": "unknown", "b": "rested"}
+    (said,) = (r for r in found.remarks() if "missing" in r)
+    assert "15 samples are missing after sample 150, while heat moves" in said and "start is unknown" in said
+    work = study(found, ["a"])
+    assert [p.name for p in work.held_out] == ["a", "a_part2"]  # both are kept aside
+    assert [*work.unknown((), work.pieces[1])] == ["T_start"]  # as every record has one
+
+
+@pytest.mark.parametrize(
+    "whole",
+    [
+        lambda: read_recordings({"a": record(STAIRS, (150, 156))}, room()),  # brief
+        lambda: read_recordings({"a": record(RARELY, (150, 165))}, room()),  # nothing moves about it
+        lambda: read_recordings({"a": record(SMOOTH, (150, 165))}, room(held=False)),  # the line across it is right
+        lambda: read_recordings({"a": record(STAIRS, (150, 165))}, room(remembers=False)),
+    ],
+)
+def test_a_gap_at_which_nothing_is_unknown_is_none(whole: Callable[[], RecordingSet]) -> None:
+    found = whole()
+    assert [e.name for e in found.experiments] == ["a"] and not [r for r in found.remarks() if "missing" in r]
+
+
+def test_parts_that_are_too_short_are_left_out_and_said() -> None:
+    found = read_recordings({"a": record(STAIRS, (5, 20), (150, 165))}, room())
+    assert parts(found) == [("a", 130), ("a_part2", 235)]
+    assert found.starts["a"] == "unknown"
+    assert any("5 samples between gaps are too few" in r for r in found.remarks())
+
+
+def test_a_state_that_starts_at_a_known_value_does_not_after_a_gap() -> None:
+    m = Build("Tank")
+    flow, h = m.input("flow", "m3/s", nominal=100.0), m.state("h", "m", start=0.0, nominal=1.0)
+    m.derivative(h, m.parameter("gain", "1/m2", 3e-4) * flow - h / m.parameter("tau", "s", 30.0))
+    m.output("reading", "m", h)
+    tank = Plant(m.model(), [Input("flow", held=True)], [Output("reading")])
+    columns = dict(zip(("time [s]", "flow [m3/s]", "reading [m]"), record(STAIRS, (150, 165)).values(), strict=True))
+    work = study(read_recordings({"a": columns, "b": columns}, tank))
+    assert [[*work.unknown((), p)] for p in work.pieces] == [[], ["h_off_at_start"]] * 2
