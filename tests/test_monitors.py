@@ -462,6 +462,9 @@ def test_daily_rain_is_no_noise_of_a_gauge() -> None:
     rain[10::60] = 20.0
     assert noise_level(rain) < LARGEST * rain.max()  # the median hardly sees it
     assert changes_by_itself(rain)
+    day = (np.arange(160) % 24 > 7) & (np.arange(160) % 24 < 19)
+    heating = np.where(day, 2.628 * random.integers(8, 40, 160), 0.0)  # hourly, as a meter counts it; off by night
+    assert changes_by_itself(heating) and changes_by_itself(np.where(np.arange(160) < 100, 0.0, heating))
     on = np.arange(4000) % 200 < 150
     assert not changes_by_itself(np.where(on, 3e3 + 5 * random.standard_normal(4000), 0.0))
     assert not changes_by_itself(np.where(on, 3e3, 0.0))

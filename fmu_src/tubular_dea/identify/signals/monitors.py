@@ -132,18 +132,26 @@ def thirds(values: np.ndarray, lag: int) -> np.ndarray:
 
 def changes_by_itself(values: np.ndarray) -> bool:
     """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
-    as rain or a heating; or at most samples, between exact repeats, such as dry days."""
-    new = np.append(True, np.diff(values) != 0)
-    changing = values[new] if np.mean(new) > MOSTLY_NEW else values
+    as rain or a heating; or at most samples, between exact repeats, such as dry days, and longer rests, such as nights.
+    """
+    begins, lasts = _runs(values)
+    brief = lasts < SAME_READINGS
+    mostly_new = np.count_nonzero(brief) > MOSTLY_NEW * float(lasts[brief].sum())
+    changing = values[begins[brief]] if mostly_new else values
     return noise_level(changing) > LARGEST * float(np.abs(values).max(initial=0.0))
 
 
 def at_rest(values: np.ndarray) -> int:
     """How many samples repeat the one before exactly, in runs of some length: there a monitor shows that it has no
     noise. A run from the first sample on may be filled up, before a recorder was triggered."""
-    ends = np.flatnonzero(np.append(np.diff(values) != 0, True)) + 1
-    runs = np.diff(ends)  # without the first one
-    return int(runs[runs >= SAME_READINGS].sum())
+    lasts = _runs(values)[1][1:]
+    return int(lasts[lasts >= SAME_READINGS].sum())
+
+
+def _runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where runs of equal readings begin (k,), and how many samples they last (k,)."""
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0))
+    return begins, np.diff(np.append(begins, values.size))
 
 
 def memory(values: np.ndarray) -> tuple[float, float] | None:
