@@ -429,6 +429,14 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     assert unusual.findings(read_recordings(more | {"d": twice}, tank))[0].startswith(
         "d: reading is 1e+09 m in sample 101, far from the others (2 samples)"
     )
+    stuck = table(2.0)
+    stuck["reading [m]"] = np.where(abs(np.arange(401) - 120) < 20, stuck["reading [m]"][101], stuck["reading [m]"])
+    (said,) = unusual.findings(read_recordings(more | {"d": stuck}, tank))
+    assert said.startswith("d: reading is 0.") and said.endswith(
+        " m in all 39 samples from sample 102 on, while pump moves: is the sensor stuck? If so, leave these cells empty"
+    )
+    ended = {**table(2.0), "reading [m]": np.minimum(table(2.0)["reading [m]"], 0.08)}  # the sensor's largest reading
+    assert unusual.findings(read_recordings(more | {"d": ended}, tank)) == []
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
     (gaps,) = unusual.findings(read_recordings({"a": half, "b": table(1.0)}, tank))

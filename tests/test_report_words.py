@@ -101,6 +101,10 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
         declared
         == "The model as declared, without any refit, predicts the held-out experiments with an error of 15.2 um."
     )
+    found.named = SimpleNamespace(ids=("lag",), lack_of_fit=SimpleNamespace(ratio=1.0))
+    worse = errors | {"held_out_rmse": 22e-6}
+    _, larger, *_ = close_loop.error_lines(found, told | {"after": worse, "published": worse})
+    assert larger.startswith("The error on the held-out experiments is larger with the named effects than without")
     found.turned = Backwards(("measured_displacement",), 0.06)
     _, sign, *_ = close_loop.error_lines(found, told)
     assert sign.startswith("radius seems to be counted the other way: with its sign changed") and "misses 6%" in sign
@@ -112,11 +116,12 @@ def test_an_error_beyond_the_sensors_noise_is_compared_with_what_the_inputs_allo
     monkeypatch.setattr(close_loop, "floor", lambda study, error: 15e-6)
     errors = {"rmse": 15e-6, "held_out_rmse": 60e-6, "unit": "m"}
     named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=0.97))
-    found = SimpleNamespace(study=None, named=named, verdict="no_effect")
+    study = SimpleNamespace(plant=PLANT)
+    found = SimpleNamespace(study=study, named=named, verdict="no_effect")
     assert "; weighted as in the fit, that is 0.97 times what all noise makes" in close_loop._moved_by_monitors(
         found, errors
     )
-    assert close_loop._moved_by_monitors(SimpleNamespace(study=None, named=named, verdict="unexplained"), errors) == ""
+    assert close_loop._moved_by_monitors(SimpleNamespace(study=study, named=named, verdict="unexplained"), errors) == ""
     assert close_loop._moved_by_monitors(found, errors | {"held_out_rmse": 16e-6}) == ""
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
-from ..identify.signals.monitors import noise_level
+from ..identify.signals.monitors import equal_runs, noise_level
 from ..model.declare import Quantity
 from ..model.units import converted
 
@@ -19,12 +19,15 @@ STRUCTURE = 20.0  # [1] times the noise that a small signal spans, to be one
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
 OTHERS = 2  # [files] in which a signal moves too, for one to be unlike them
 SPIKES, BEYOND = 3, 100.0  # [samples] and [1] times what all others come to: samples that stand alone
+STUCK, STUCK_BESIDE = 20, 4  # [samples] and [1] times any other run: readings that repeat, of a sensor that is stuck,
+MOVED_SHARE = 0.05  # [1] of its span by which an input moves meanwhile
 GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    return [*_spikes(recordings), *_sizes(recordings), *_unlike(recordings), *_gaps(recordings), *_copies(recordings)]
+    each = (_spikes, _sizes, _unlike, _gaps, _stuck, _copies)
+    return [said for one in each for said in one(recordings)]
 
 
 def _sizes(recordings: Recordings) -> Iterator[str]:
@@ -64,14 +67,22 @@ def _spikes(recordings: Recordings) -> Iterator[str]:
 def _stands_alone(e: Experiment, quantity: Quantity, values: np.ndarray, alone: np.ndarray) -> str:
     """What is said of samples that stand `alone`, in the unit of the file and with the line of the first."""
     first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
+    return (
+        f"{e.name}: {quantity.name} is {_in_file(e, quantity, values[first])} {_where(e, first)}, far from the others "
+        f"({times}): is it a spike? If so, leave its cell empty"
+    )
+
+
+def _in_file(e: Experiment, quantity: Quantity, value: float) -> str:
+    """A value (SI) in the unit of the file."""
     shown = quantity.display_unit or quantity.unit
     unit = e.source.units.get(quantity.name, shown) if e.source else shown
-    read = f"{converted(values[first], quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
-    where = f"in {e.source.row} {e.lines[first]}" if e.source else f"at {e.time[first] - e.time[0]:.4g} s"
-    return (
-        f"{e.name}: {quantity.name} is {read} {where}, far from the others ({times}): is it a spike? If so, leave its "
-        "cell empty"
-    )
+    return f"{converted(value, quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
+
+
+def _where(e: Experiment, sample: int) -> str:
+    """Where a sample stands."""
+    return f"in {e.source.row} {e.lines[sample]}" if e.source else f"at {e.time[sample] - e.time[0]:.4g} s"
 
 
 def _unlike(recordings: Recordings) -> Iterator[str]:
@@ -123,6 +134,34 @@ def _gaps(recordings: Recordings) -> Iterator[str]:
             empty = int(np.count_nonzero(~np.isfinite(values)))
             if empty > GAPS * values.size:
                 yield f"{e.name}: {empty} of {values.size} samples of {name} hold no number, and are left out"
+
+
+def _stuck(recordings: Recordings) -> Iterator[str]:
+    """Outputs that repeat one reading for long, and no other one, while an input moves: a sensor that is stuck; at the
+    end of what it reads, it may be at its limit."""
+    for e in recordings.experiments:
+        for name, values in ((n, v[np.isfinite(v)]) for n, v in e.outputs.items()):
+            where = np.flatnonzero(np.isfinite(e.outputs[name]))
+            begins, lasts = equal_runs(values)
+            longest = int(np.argmax(lasts))
+            first, count = int(begins[longest]), int(lasts[longest])
+            others = int(np.delete(lasts, longest).max(initial=1))
+            if count < max(STUCK, STUCK_BESIDE * others) or values[first] in (values.min(), values.max()):
+                continue
+            held = slice(int(where[first]), int(where[first + count - 1]) + 1)
+            moved = [n for n, v in e.inputs.items() if np.ptp(v[held]) > MOVED_SHARE * np.ptp(v)]
+            if moved:
+                yield _stands_still(e, recordings.plant.quantity(name), values[first], held, moved)
+
+
+def _stands_still(e: Experiment, quantity: Quantity, value: float, held: slice, moved: Sequence[str]) -> str:
+    """What is said of samples that all hold one value, while inputs moved."""
+    move = f"{' and '.join(moved)} move{'s' if len(moved) == 1 else ''}"
+    begins = _where(e, held.start).split(" ", 1)[1]
+    return (
+        f"{e.name}: {quantity.name} is {_in_file(e, quantity, value)} in all {held.stop - held.start} samples from "
+        f"{begins} on, while {move}: is the sensor stuck? If so, leave these cells empty"
+    )
 
 
 def _copies(recordings: Recordings) -> Iterator[str]:

@@ -17,7 +17,7 @@ from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_words
 from ..recordings.table import FEW, either, some
 from .effects import determined, effects
-from .in_short import LEFT, WHITE, better_as_declared, in_short, least, not_seen, oscillating, stated
+from .in_short import LEFT, WHITE, about_held_out, in_short, least, may_be_louder, not_seen, oscillating, stated
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -88,7 +88,9 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
         return f"nothing is seen to be missing, but these recordings prove little: {little}."
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
-    return WORDS[found.verdict].format(names=names, others=others, nearest=_nearest(found), remainder=what)
+    lacks = "seems to lack" if may_be_louder(found) else "lacks"
+    words = WORDS[found.verdict].replace("lacks", lacks)
+    return words.format(names=names, others=others, nearest=_nearest(found), remainder=what)
 
 
 def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:
@@ -116,7 +118,7 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     few = [f"these recordings prove little: {little}"] if little and found.verdict != "no_effect" else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
     beside = [*counted_backwards(found), *implausible_zero(found), *unexplained_output(found)]
-    return [*said, *better_as_declared(found, errors), *beside, *few]
+    return [*said, *about_held_out(found, errors), *beside, *few]
 
 
 def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
@@ -128,7 +130,8 @@ def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
     if found.verdict == "unexplained" and ratio < 1:  # by its size alone it may be noise, and what tells is its course
         return ""
     weighted = f"weighted as in the fit, that is {ratio:.2f} times what all noise makes together"
-    return f"; {weighted}, that of the inputs and of their edges too"
+    inputs = ", that of the inputs and of their edges too" if found.study.plant.inputs else ""
+    return f"; {weighted}{inputs}"
 
 
 def _error_line(

@@ -57,10 +57,11 @@ DROWNED = (
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
-UNKNOWN = "Something is missing, but none of the effects that were tried explains it, so none is named."
+UNKNOWN = "Something {is_} missing, but none of the effects that were tried explains it, so none is named."
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
+WORSE = 1.1  # times the error on held-out experiments without effects that it is with them, to be said
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
 SHOWN = 3  # effects that could not be seen
 ANY_SIZE = "any size"
@@ -91,9 +92,19 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.answers((question, texts) for question, texts in questions if texts)
 
 
+def _unknown(found: Discovery) -> str:
+    """That something is missing, or seems to be."""
+    return UNKNOWN.format(is_="seems to be" if may_be_louder(found) else "is")
+
+
+def may_be_louder(found: Discovery) -> bool:
+    """Whether what nothing explains may be noise that is larger than could be told."""
+    return found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR
+
+
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
-    if found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR:
+    if may_be_louder(found):
         return LOUDER
     if found.strained:
         return STRAINED if found.chosen.ids else HIDING
@@ -180,7 +191,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """What is missing in the model, effect by effect."""
-    said = [] if outcome["effects"] else [_nothing(found) if outcome["verdict"] == "no_effect" else UNKNOWN]
+    said = [] if outcome["effects"] else [_nothing(found) if outcome["verdict"] == "no_effect" else _unknown(found)]
     for entry in outcome["effects"]:
         effect = found.study.catalogue[entry["id"]]
         sizes = size_words(effect, entry, found.study.plant.model)
@@ -246,20 +257,29 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     first = found.study.plant.outputs[0].headings[0].replace("_", " ")
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
-    declared = " ".join(better_as_declared(found, outcome["error"]))
+    declared = " ".join(about_held_out(found, outcome["error"]))
     return bars("errors", entries), (
         f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
         f"{least(found)} {declared}".strip()
     )
 
 
-def better_as_declared(found: Discovery, errors: dict[str, Any]) -> list[str]:
-    """That the model as declared predicts the held-out experiments better than refitted, if so."""
-    declared, refitted = errors["published"]["held_out_rmse"], errors["recalibrated"]["held_out_rmse"]
-    if declared is None or refitted is None or declared >= refitted:
-        return []
-    size = in_words(declared, errors["published"]["unit"])
-    return [f"The model as declared, without any refit, predicts the held-out experiments with an error of {size}."]
+def about_held_out(found: Discovery, errors: dict[str, Any]) -> list[str]:
+    """What is odd about the errors on held-out experiments: the model as declared predicts them better than refitted,
+    or effects make them larger."""
+    declared, refitted, after = (errors[n]["held_out_rmse"] for n in ("published", "recalibrated", "after"))
+    said = []
+    if declared is not None and refitted is not None and declared < refitted:
+        size = in_words(declared, errors["published"]["unit"])
+        said.append(
+            f"The model as declared, without any refit, predicts the held-out experiments with an error of {size}."
+        )
+    if after is not None and refitted is not None and after > WORSE * refitted:
+        said.append(
+            "The error on the held-out experiments is larger with the named effects than without: it is smaller only "
+            "if samples at which the inputs' noise acts count less. Do not rely on these names."
+        )
+    return said
 
 
 def _noise_known(found: Discovery) -> bool:

@@ -327,8 +327,8 @@ def _partly(found: Discovery) -> list[str]:
     if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return []
     return [
-        "The intervals of parameters hold if nothing else is missing. Something is: the parameters may compensate "
-        "for it, and their true values may be outside."
+        "The intervals of parameters hold if nothing else is missing. For what is, the parameters may compensate, and "
+        "their true values may be outside."
     ]
 
 

@@ -160,6 +160,8 @@ def kind(plant: Plant) -> str:
     """Which experiments are feasible, in words."""
     if plant.experiments is not None:
         return f"of those declared for the {plant.name}"
+    if not plant.inputs:
+        return "without an input"
     return f"of steps and sweeps of {' and '.join(s.name for s in plant.inputs)} within the recorded range"
 
 

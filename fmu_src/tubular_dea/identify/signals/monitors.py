@@ -134,7 +134,7 @@ def changes_by_itself(values: np.ndarray) -> bool:
     """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
     as rain or a heating; or at most samples, between exact repeats, such as dry days, and longer rests, such as nights.
     """
-    begins, lasts = _runs(values)
+    begins, lasts = equal_runs(values)
     brief = lasts < SAME_READINGS
     mostly_new = np.count_nonzero(brief) > MOSTLY_NEW * float(lasts[brief].sum())
     changing = values[begins[brief]] if mostly_new else values
@@ -144,11 +144,11 @@ def changes_by_itself(values: np.ndarray) -> bool:
 def at_rest(values: np.ndarray) -> int:
     """How many samples repeat the one before exactly, in runs of some length: there a monitor shows that it has no
     noise. A run from the first sample on may be filled up, before a recorder was triggered."""
-    lasts = _runs(values)[1][1:]
+    lasts = equal_runs(values)[1][1:]
     return int(lasts[lasts >= SAME_READINGS].sum())
 
 
-def _runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def equal_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where runs of equal readings begin (k,), and how many samples they last (k,)."""
     begins = np.flatnonzero(np.append(True, np.diff(values) != 0))
     return begins, np.diff(np.append(begins, values.size))
