@@ -115,7 +115,10 @@ class Chosen:
 def test_far_from_the_plant_a_size_that_gains_much_is_there(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A drive that is never negative: the centre of its saturation and the range made up for each other, to +-1000 V,
     though the law explained nearly all. What it gains is weighed against the misfit."""
-    study = SimpleNamespace(catalogue={"lag": LAG}, plant=None, training=[], problem=lambda *of: None)
+    problem = SimpleNamespace(records=[])
+    study = SimpleNamespace(catalogue={"lag": LAG}, plant=None, training=[], problem=lambda *of: problem)
+    wide = lambda fitted, sizes, least: fitted.with_covariance(fitted.covariance * least**2)  # noqa: E731
+    monkeypatch.setattr(judgement, "with_coarse_residuals", wide)
     monkeypatch.setattr(judgement.acceptance, "far", lambda option: True)
     monkeypatch.setattr(judgement.residuals, "slow_variance", lambda fitted, pieces: 9.0)
     monkeypatch.setattr(judgement, "ordered_fit", lambda plant, problem, fitted: fitted)

@@ -138,8 +138,9 @@ def _fall(problem: Problem, best: Fit, i: int, side: int, steps: float) -> float
     return float(np.sqrt(max(excess, 0.0)))
 
 
-def with_coarse_residuals(best: Fit, sizes: list[int]) -> Fit:
-    """The fit with standard errors that are not less than what the scores of stretches of its records tell.
+def with_coarse_residuals(best: Fit, sizes: list[int], least: float = 1.0) -> Fit:
+    """The fit with standard errors that are not less than what the scores of stretches of its records tell, nor than
+    `least` times as large.
 
     `sizes` are the numbers of rows of each record.
     """
@@ -148,5 +149,5 @@ def with_coarse_residuals(best: Fit, sizes: list[int]) -> Fit:
     scores = np.array([best.jacobian[p].T @ best.residual[p] for p in parts])
     known = inverse(best.jacobian.T @ best.jacobian)
     told = known @ (scores.T @ scores) @ known
-    wider = np.sqrt(np.maximum(np.diag(told) / np.diag(known), 1.0))
+    wider = np.sqrt(np.maximum(np.diag(told) / np.diag(known), least**2))
     return best.with_covariance(best.covariance * np.outer(wider, wider))
