@@ -9,6 +9,7 @@ import pytest
 
 from tubular_dea import RecordingSet, read_recordings
 from tubular_dea.identify.study.study import study
+from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants import Build, Input, Output, Plant
 
 TIME = np.arange(400.0)
@@ -84,3 +85,14 @@ def test_a_state_that_starts_at_a_known_value_does_not_after_a_gap() -> None:
     columns = dict(zip(("time [s]", "flow [m3/s]", "reading [m]"), record(STAIRS, (150, 165)).values(), strict=True))
     work = study(read_recordings({"a": columns, "b": columns}, tank))
     assert [[*work.unknown((), p)] for p in work.pieces] == [[], ["h_off_at_start"]] * 2
+
+
+def test_a_meters_value_is_the_mean_over_the_time_before_it() -> None:
+    heat = np.repeat(STAIRS[:40], 10)
+    metered = np.append(0.0, heat[:-1])  # written at the end of every second
+    told = read_recordings({"a": record(metered)}, room(held=True, mean=True))
+    (piece,) = {p.source: p for p in study(told).pieces}.values()
+    between = TIME[:-1] + 0.5
+    np.testing.assert_allclose(piece.driven.protocol.at(between)["heat"], heat[:-1])
+    with pytest.raises(DeclarationError, match=r"Input\('heat'\): expected held=True beside mean=True"):
+        Input("heat", mean=True)

@@ -38,11 +38,12 @@ class Input:
     """A recorded signal that drives the model; `name` is the model's input.
 
     Between samples it is `held` (a set point, or a switch), linear (the default), or `band_limited` (an analogue signal
-    behind a filter). A recording whose largest value (SI) is not between `least` and `most` was labelled with a
-    wrong unit: `mislabelled` says what it then is, below and above. `zero` is the usual size of a monitor's own zero
-    error (SI; 0: there is none); those found may differ between files by up to three times as much, and errors are
-    told without them. `channel` is the name in reports of effects on its path into the plant. `direct`
-    says whether an output follows it at once; None: as the plant's model has it.
+    behind a filter). What a meter or a weather station writes is the `mean` over the time since the sample before: a
+    held input then has each value up to its time, not from there on. A recording whose largest value (SI) is not
+    between `least` and `most` was labelled with a wrong unit: `mislabelled` says what it then is, below and above.
+    `zero` is the usual size of a monitor's own zero error (SI; 0: there is none); those found may differ between files
+    by up to three times as much, and errors are told without them. `channel` is the name in reports of effects on its
+    path into the plant. `direct` says whether an output follows it at once; None: as the plant's model has it.
     """
 
     name: str
@@ -54,8 +55,14 @@ class Input:
     zero: float = 0.0
     channel: str = ""
     direct: bool | None = None
+    mean: bool = False
 
     def __post_init__(self) -> None:
+        if self.mean and not self.held:
+            raise DeclarationError(
+                f"Input({self.name!r}): expected held=True beside mean=True, as a mean says nothing of the course; or "
+                "leave out mean"
+            )
         if self.held and self.band_limited:
             raise DeclarationError(
                 f"Input({self.name!r}): expected held or band_limited but was given both; held is for set points and "

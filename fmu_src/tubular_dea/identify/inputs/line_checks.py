@@ -83,8 +83,8 @@ def check_sampling(experiment: Experiment, name: str, noise: float, stated: bool
         f"{experiment.name}, column {name!r}: sampled at {rate:.3g} Hz it moves so fast that between samples it is "
         f"unknown by {unknown:.3g} (rms, SI units), beside a noise of {noise:.3g}; expected a rate that follows it: "
         f"record at {np.ceil(np.sqrt(unknown / allowed)) * rate:.3g} Hz, or say how these records are to be read: in "
-        "your own plant's declaration the input held=True (each value holds until the next; of a mean over the time "
-        f"before it, write down when that began){curves}, or, if what is fast is noise, "
+        "your own plant's declaration the input held=True (each value holds until the next; with mean=True, it is "
+        f"the mean over the time before, as of a meter){curves}, or, if what is fast is noise, "
         f"`{name} = {np.sqrt(missed / 1.5):.2g}` under [noise] in bench.toml (a number is in SI units): "
         "what that moves is not missed then, and hides effects of its size"
     )

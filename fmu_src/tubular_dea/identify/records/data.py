@@ -256,7 +256,8 @@ def experiment_of(
     values, lines = {name: a.values[taken.kept] for name, a in columns.items()}, table.lines[taken.kept]
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
-    inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
+    filled = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
+    inputs = {s.name: np.append(v[1:], v[-1]) if s.mean else v for s in plant.inputs for v in [filled[s.name]]}
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
