@@ -157,7 +157,8 @@ class Understanding:
         said = [(e.source.path.name, r) for e in self.recordings.experiments if e.source for r in _remarks_of(e.source)]
         for experiment, driven in zip(self.recordings.experiments, self.drives, strict=True):
             if left := int(np.count_nonzero(~driven.tells(experiment.time))):
-                words = f"{left} samples not fitted: an input moved too fast there for its samples to tell how"
+                fast = " and ".join(driven.untold)
+                words = f"{left} samples not fitted: {fast} moved too fast there for its samples to tell how"
                 said.append((experiment.name, words))
         if said:
             yield ""

@@ -87,7 +87,7 @@ class Drive:
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
     are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
     are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
-    In the spans `untold` (k, 2) [s] samples do not tell how a continuous input moved.
+    In the spans `untold` (k, 2) [s], by name, samples do not tell how a continuous input moved.
     Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name), and of
     those that a computer sent on its own clock, `room` by how much earlier or later that was.
     """
@@ -105,11 +105,12 @@ class Drive:
     step: float = 0.0
     begun: Mapping[str, float] = field(default_factory=dict)
     room: Mapping[str, float] = field(default_factory=dict)
-    untold: np.ndarray = field(default_factory=lambda: np.empty((0, 2)), repr=False)
+    untold: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def tells(self, times: np.ndarray) -> np.ndarray:
         """Whether it is known at `times` (n,) [s] what the inputs did just before, (n,)."""
-        begun, ended = (np.searchsorted(np.sort(ends), times) for ends in self.untold.T)
+        spans = np.concatenate([np.empty((0, 2)), *self.untold.values()])
+        begun, ended = (np.searchsorted(np.sort(ends), times) for ends in spans.T)
         return np.asarray(begun == ended)
 
     def begun_later(self, name: str, by: float) -> Drive:
@@ -216,7 +217,7 @@ def drive(
         rises={n: d.rise for n, d in drawn.items() if d.rise is not None},
         step=usual_step(experiment.time),
         room={n: d.room for n, d in drawn.items() if d.room > 0},
-        untold=np.concatenate([np.empty((0, 2)), *(d.untold for d in drawn.values())]),
+        untold={n: d.untold for n, d in drawn.items() if d.untold.size},
     )
 
 
