@@ -63,7 +63,8 @@ SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its 
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
 WORSE = 1.1  # times the error on held-out experiments without effects that it is with them, to be said
 WHITE = 3.0  # standard deviations of the whiteness of noise, of which noise has more in one of 700 recordings
-SHOWN = 3  # effects that could not be seen
+SHOWN = 3  # effects that could not be seen, with their limits,
+LISTED = 6  # and those listed that could not be at any usual size
 ANY_SIZE = "any size"
 MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told: it assumes that the model is linear
 STRONGEST = f"even {MOST_USUAL:.0f} times as strong as usual"
@@ -342,9 +343,9 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         seen = "Stronger ones would have been seen; the table below lists all effects."
     texts = [f"{said}. {seen}"] if said else []
     if far:
-        texts.append(f"{', '.join(far)}, {STRONGEST}.")
+        texts.append(f"{some(far, LISTED)}, {STRONGEST}.")
     if none:
-        texts.append(f"{', '.join(none)} at any size: the model's own parameters compensate for it.")
+        texts.append(f"{some(none, LISTED)} at any size: the model's own parameters compensate for it.")
     return texts
 
 
