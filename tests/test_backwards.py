@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tubular_dea import read_recordings
 from tubular_dea.discover import engine, recalibration
+from tubular_dea.discover.alternatives import backwards as backwards_module
 from tubular_dea.discover.alternatives.backwards import Backwards, backwards
 from tubular_dea.plants import Build, Input, Output, Path, Plant
 
@@ -46,3 +49,15 @@ def test_an_output_counted_the_other_way_is_found_once_the_plant_is_refitted(wro
     assert (told and told.outputs) == (wrong or None)
     if told:
         assert isinstance(told, Backwards) and told.left < 0.1
+
+
+def test_slow_noise_that_is_all_a_record_shows_is_no_missing_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice a search was repeated with signs changed, for ten minutes: 16 um of slow noise weigh as 110 white ones."""
+    record, whole = np.sin(np.linspace(0, 60, 4000)), slice(0, 4000)
+    case = SimpleNamespace(readings=[SimpleNamespace(output="speed")], parts=lambda: (whole,))
+    piece = SimpleNamespace(record=record, weight=np.ones(4000), case=case)
+    study = SimpleNamespace(training=[piece], noise={"speed": SimpleNamespace(slow=1.0)})
+
+    monkeypatch.setattr(backwards_module, "_cost", lambda *of: 100.0)
+    assert backwards(study, study, SimpleNamespace(cost=4100.0), lambda other: None) is None  # it leaves noise
+    assert backwards(study, study, SimpleNamespace(cost=6000.0), lambda other: None).outputs == ("speed",)

@@ -164,7 +164,7 @@ def test_records_in_which_noise_may_be_all_that_moves_prove_little(
     parts = (slice(0, 400),)
     case = SimpleNamespace(readings=[SimpleNamespace(output="discharge")], parts=lambda: parts)
     piece = SimpleNamespace(record=5.0 + swings, weight=np.full(400, weight), case=case)
-    study = SimpleNamespace(pieces=[piece], noise={"discharge": SimpleNamespace(slow=0.1)})
+    study = SimpleNamespace(pieces=[piece], noise={"discharge": SimpleNamespace(slow=0.1, rms=0.1)})
     found = SimpleNamespace(verdict="no_effect", strained=(), wandering=None, study=study)
     found.named = made_up.option(excess=-50.0, z_slow=-0.9)
     for room in (remarks, in_short):
@@ -172,6 +172,9 @@ def test_records_in_which_noise_may_be_all_that_moves_prove_little(
     why = "what noise may make of discharge, the inputs' too, is 1.4 times as large as all that it does"
     assert remarks.loud(found) == (why if said else "")
     assert in_short._confidence(found) == (in_short.DROWNED if said else in_short.CONFIDENCE["no_effect"])
+    case.readings, piece.weight = [SimpleNamespace(output="discharge")], np.ones(400)
+    study.noise["discharge"] = SimpleNamespace(slow=2.0, rms=0.2)  # a sensor's slow noise is no larger than its rms
+    assert hidden_by_noise(found) == ""
 
 
 def test_files_with_far_larger_errors_than_the_others_are_named() -> None:

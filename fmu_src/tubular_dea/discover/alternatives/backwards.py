@@ -44,13 +44,14 @@ def backwards(prepared: Study, work: Study, fitted: Fit, refit: Callable[[Study]
 
 
 def _missed(study: Study, fitted: Fit) -> float:
-    """The share that a fit of the base misses of what its training records move by (rms), with numbers of their own."""
-    moved = 0.0
+    """The share that a fit of the base misses of what its training records move by (rms), with numbers of their own,
+    beyond noise: where that is slow, records hardly move by more than it."""
+    moved, noise = 0.0, sum(p.record.size for p in study.training)
     for piece in study.training:
         for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
             record = piece.record[rows] - piece.record[rows].mean()
             moved += float(np.sum((record * piece.weight[rows] / study.noise[reading.output].slow) ** 2))
-    return float(np.sqrt(fitted.cost / moved)) if moved > 0 else 0.0
+    return float(np.sqrt(max(fitted.cost - noise, 0.0) / moved)) if moved > 0 else 0.0
 
 
 def _cost(prepared: Study, outputs: Collection[str], refit: Callable[[Study], Fit]) -> float:
