@@ -295,9 +295,7 @@ def hidden_by_noise(found: Discovery) -> str:
             for reading, part in zip(p.case.readings, p.case.parts(), strict=True)
             if reading.output == name
         ]
-        noise = found.study.noise[
-            name
-        ]  # slow noise of a sensor may be large where it is averaged, and is as it is here
+        noise = found.study.noise[name]  # where it is slow, it weighs more on averages than it is large
         most = float(np.sqrt(noise.rms**2 + max(allowed**2 - noise.slow**2, 0.0)))
         share = most / max(float(np.std(np.concatenate(read))), 1e-300)
         if share > DROWNED:

@@ -239,7 +239,10 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
 def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> Noise:
     """Noise of readings in coarse steps, which hide it at rest: as it is there, without a memory that nothing shows, if
     readings change there less often than noise as `found` would make them."""
-    changed = np.concatenate([np.abs(np.diff(s.values, axis=0)).ravel() for s in whole_rests(records)])
+    rests = whole_rests(records)
+    if not rests:  # they have gaps
+        return found
+    changed = np.concatenate([np.abs(np.diff(s.values, axis=0)).ravel() for s in rests])
     seen = float(np.mean(changed > 0.5 * usual_resolution(records)))
     change = found.rms * float(np.sqrt(2 * (1 - found.correlation)))  # of readings, which rounding is part of
     expected = min((change / usual_resolution(records)) ** 2, MOST_CHANGES)
