@@ -69,6 +69,14 @@ def test_a_gap_at_which_nothing_is_unknown_is_none(whole: Callable[[], Recording
     assert [e.name for e in found.experiments] == ["a"] and not [r for r in found.remarks() if "missing" in r]
 
 
+def test_samples_that_are_rare_for_a_while_are_no_gaps() -> None:
+    """A recorder that writes fewer lines while nothing happens: after a switching, and before the next one."""
+    kept = np.unique(np.concatenate([np.arange(0, 120), np.arange(120, 280, 12), np.arange(280, 400)]))
+    heat = np.where((TIME > 90) & (TIME < 119) | (TIME > 285), 100.0, 0.0)
+    columns = {name: values[kept] for name, values in record(heat).items()}
+    assert parts(read_recordings({"a": columns}, room())) == [("a", kept.size)]
+
+
 def test_parts_that_are_too_short_are_left_out_and_said() -> None:
     found = read_recordings({"a": record(STAIRS, (5, 20), (150, 165))}, room())
     assert parts(found) == [("a", 130), ("a_part2", 235)]

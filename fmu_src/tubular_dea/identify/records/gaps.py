@@ -15,6 +15,7 @@ import numpy as np
 
 from ...plants.plant import Input, Plant
 from ..signals.monitors import LARGEST, noise_level
+from ..signals.quiet import steady
 from .start import UNKNOWN
 
 if TYPE_CHECKING:
@@ -37,7 +38,9 @@ def whole(experiment: Experiment, plant: Plant) -> list[Experiment]:
         return [experiment]
     steps = np.diff(time)
     usual = float(np.median(steps))
-    long = np.flatnonzero(steps > (MISSING + 0.5) * usual)  # the last samples before
+    even = np.pad(steady(time), 1, constant_values=True)
+    alone = even[:-2] & even[2:]  # not where samples are rare for a while, as a recorder may write them at rest
+    long = np.flatnonzero((steps > (MISSING + 0.5) * usual) & alone)  # the last samples before
     lost = {int(at): round(float(steps[at]) / usual) - 1 for at in long}
     moving = {at: names for at, n in lost.items() if (names := _moving(experiment, plant.inputs, at, n))}
     cuts = [0, *(at + 1 for at in moving), time.size]
