@@ -18,6 +18,7 @@ from tubular_dea.identify.signals import monitors
 from tubular_dea.identify.signals.monitors import (
     LARGEST,
     NO_MEMORY,
+    at_rest,
     changes_by_itself,
     level,
     memory,
@@ -482,3 +483,13 @@ def test_an_input_that_is_exactly_nothing_all_night_has_no_noise(clamped: bool) 
         listed.append(recorded(time, "power", np.maximum(light + noise, 0) if clamped else light))
     levels = [d.noise["power"] for d in drives(listed, [Input("power", band_limited=True)])]
     assert np.all(np.array(levels) > 300) if clamped else np.all(np.array(levels) < 20)
+
+
+def test_a_reading_that_is_repeated_where_samples_were_lost_is_no_rest() -> None:
+    random, time = np.random.default_rng(6), np.arange(6000) / 250
+    force = np.cumsum(random.standard_normal(6000)) + random.standard_normal(6000)
+    for lost in range(500, 6000, 500):
+        force[lost : lost + 12] = force[lost]
+    assert at_rest(force) < 20
+    still = np.where(time % 4 < 1, 0.0, force)
+    assert at_rest(still) == 1250  # but for the first run: it may be filled up

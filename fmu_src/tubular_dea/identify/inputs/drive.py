@@ -283,7 +283,9 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     """
     records = [e.inputs[signal.name] for e in experiments]
     step = min((c for values in records if (c := coarseness(values)) > 0), default=0.0)
-    if not signal.held and not step and sum(at_rest(values) for values in records) >= ENOUGH_REST:
+    kept = _middle([memory(values) for values in records]) if signal.linear else NO_MEMORY
+    untold = signal.band_limited or kept is None  # nothing but a bound is known of its noise, if it is not at rest
+    if untold and not step and sum(at_rest(values) for values in records) >= ENOUGH_REST:
         return [QUIET * float(np.ptp(values)) for values in records]
     if signal.band_limited:
         return [noise_floor(values) for values in records]
@@ -291,7 +293,6 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     there = float(np.abs(largest).max()) > signal.least  # else nothing but noise is in it
     if (signal.held or not remembers) and there and changes_by_itself(largest):
         return [0.0] * len(records)
-    kept = _middle([memory(values) for values in records]) if signal.linear else NO_MEMORY
     return [level(values, kept, step) for values in records]
 
 

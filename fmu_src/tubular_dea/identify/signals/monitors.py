@@ -142,10 +142,15 @@ def changes_by_itself(values: np.ndarray) -> bool:
 
 
 def at_rest(values: np.ndarray) -> int:
-    """How many samples repeat the one before exactly, in runs of some length: there a monitor shows that it has no
-    noise. A run from the first sample on may be filled up, before a recorder was triggered."""
-    lasts = equal_runs(values)[1][1:]
-    return int(lasts[lasts >= SAME_READINGS].sum())
+    """How many samples repeat one reading exactly, in runs of some length: there a monitor shows that it has no noise.
+
+    A run from the first sample on may be filled up, before a recorder was triggered; runs at other readings may be
+    those of lost samples.
+    """
+    begins, lasts = (each[1:] for each in equal_runs(values))
+    long = lasts >= SAME_READINGS
+    _, which = np.unique(values[begins[long]], return_inverse=True)
+    return int(np.bincount(which, lasts[long]).max(initial=0.0))
 
 
 def equal_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
