@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -174,32 +174,36 @@ class Understanding:
         plant, experiments, names = self.recordings.plant, self.recordings.experiments, self.signals
         figure = sized(figure, 4.2 * len(names), 0.6 + 1.25 * len(experiments))
         axes = figure.subplots(len(experiments), len(names), squeeze=False)
+        longest = max(float(np.ptp(e.time)) for e in experiments)
+        size, clock = next((s, u) for least, s, u in DURATIONS if longest >= least)
+        held = {s.name for s in plant.inputs if s.held}
         for number, (row, experiment, driven) in enumerate(zip(axes, experiments, self.drives, strict=True)):
             for column, (axis, name) in enumerate(zip(row, names, strict=True)):
                 quantity, unit = plant.quantity(name), self.unit(name)
                 values = experiment.inputs.get(name, experiment.outputs.get(name))
                 if values is not None:
                     axis.plot(
-                        experiment.time,
+                        experiment.time / size,
                         _shown(values, quantity, unit),
                         color=COLOURS[column % len(COLOURS)],
                         linewidth=0.8,
+                        drawstyle="steps-post" if name in held else "default",
                     )
-                _dressed(axis, f"{name} [{unit}]" if number == 0 else "", driven, name)
+                edges = [edge.time / size for edge in driven.edges if edge.input == name]
+                _dressed(axis, f"{name} [{unit}]" if number == 0 else "", edges)
             row[0].set_ylabel(experiment.name, rotation=0, ha="right", va="center", fontsize=8)
         for axis in axes[-1]:
-            axis.set_xlabel("time [s]", fontsize=8)
+            axis.set_xlabel(f"time [{clock}]", fontsize=8)
         return figure
 
 
-def _dressed(axis: Axes, title: str, driven: Drive, name: str) -> None:
+def _dressed(axis: Axes, title: str, edges: Iterable[float]) -> None:
     axis.grid(alpha=0.3)
     axis.tick_params(labelsize=7)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_title(title, fontsize=9)
-    for edge in driven.edges:
-        if edge.input == name:
-            axis.axvline(edge.time, color="0.6", linewidth=0.5, zorder=0)
+    for edge in edges:
+        axis.axvline(edge, color="0.6", linewidth=0.5, zorder=0)
 
 
 def _first(experiment: Experiment, quantity: Quantity, unit: str, name: str) -> str:
