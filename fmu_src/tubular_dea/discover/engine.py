@@ -122,7 +122,7 @@ def discover(
     if not fitted_with:
         raise ArgumentError("hold_out", ": all experiments are held out; name fewer, so that some are left to fit")
     read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
-    _check_enough(recordings, read, "samples")
+    _check_enough(recordings, read, "samples of the experiments that are not held out" if held_out else "samples")
     prepared, work, fitted = _begun(recordings, seed, held_out, tell)
     turned = backwards(prepared, work, fitted, lambda other: recalibrated(other, seed, False)[1])
     if turned is not None:
