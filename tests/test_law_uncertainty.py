@@ -117,7 +117,7 @@ def test_far_from_the_plant_a_size_that_gains_much_is_there(gain: float, monkeyp
     though the law explained nearly all. What it gains is weighed against the misfit."""
     problem = SimpleNamespace(records=[])
     study = SimpleNamespace(catalogue={"lag": LAG}, plant=None, training=[], problem=lambda *of: problem)
-    wide = lambda fitted, sizes, least: fitted.with_covariance(fitted.covariance * least**2)  # noqa: E731
+    wide = lambda fitted, sizes, least: fitted.with_covariance(fitted.covariance * least)  # noqa: E731
     monkeypatch.setattr(judgement, "with_coarse_residuals", wide)
     monkeypatch.setattr(judgement.acceptance, "far", lambda option: True)
     monkeypatch.setattr(judgement.residuals, "slow_variance", lambda fitted, pieces: 9.0)

@@ -11,6 +11,7 @@ from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
 from ..model.declare import Quantity
 from ..model.units import converted
+from ..recordings.table import moving
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
 # tests/test_recordings.py -k odd`
@@ -67,9 +68,10 @@ def _spikes(recordings: Recordings) -> Iterator[str]:
 def _stands_alone(e: Experiment, quantity: Quantity, values: np.ndarray, alone: np.ndarray) -> str:
     """What is said of samples that stand `alone`, in the unit of the file and with the line of the first."""
     first, times = int(alone[0]), f"{alone.size} sample{'s' if alone.size > 1 else ''}"
+    at = "in" if e.source else "at"
     return (
-        f"{e.name}: {quantity.name} is {_in_file(e, quantity, values[first])} {_where(e, first)}, far from the others "
-        f"({times}): is it a spike? If so, leave its cell empty"
+        f"{e.name}: {quantity.name} is {_in_file(e, quantity, values[first])} {at} {_place(e, first)}, far from the "
+        f"others ({times}): is it a spike? If so, leave its cell empty"
     )
 
 
@@ -80,9 +82,9 @@ def _in_file(e: Experiment, quantity: Quantity, value: float) -> str:
     return f"{converted(value, quantity.unit, unit):.4g} {unit}".removesuffix(" 1")
 
 
-def _where(e: Experiment, sample: int) -> str:
+def _place(e: Experiment, sample: int) -> str:
     """Where a sample stands."""
-    return f"in {e.source.row} {e.lines[sample]}" if e.source else f"at {e.time[sample] - e.time[0]:.4g} s"
+    return f"{e.source.row} {e.lines[sample]}" if e.source else f"{e.time[sample] - e.time[0]:.4g} s"
 
 
 def _unlike(recordings: Recordings) -> Iterator[str]:
@@ -156,11 +158,9 @@ def _stuck(recordings: Recordings) -> Iterator[str]:
 
 def _stands_still(e: Experiment, quantity: Quantity, value: float, held: slice, moved: Sequence[str]) -> str:
     """What is said of samples that all hold one value, while inputs moved."""
-    move = f"{' and '.join(moved)} move{'s' if len(moved) == 1 else ''}"
-    begins = _where(e, held.start).split(" ", 1)[1]
     return (
         f"{e.name}: {quantity.name} is {_in_file(e, quantity, value)} in all {held.stop - held.start} samples from "
-        f"{begins} on, while {move}: is the sensor stuck? If so, leave these cells empty"
+        f"{_place(e, held.start)} on, while {moving(moved)}: is the sensor stuck? If so, leave these cells empty"
     )
 
 

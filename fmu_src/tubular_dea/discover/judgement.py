@@ -67,7 +67,8 @@ def judge(found: Search, turned: bool) -> Judgement:
     shifted, missed = zeros.impossible(work, chosen), second_output.missed(work, chosen)
     word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, missed is not None, turned)
     if word == "unexplained":  # then the base is what is handed out, with intervals of its own
-        found.base = _described(found.base_study, found.base, [], {})
+        same = chosen is found.base and work is found.base_study
+        found.base = described if same else _described(found.base_study, found.base, [], {})
     strained = _strained(found, described) if word in ("no_effect", "effect_found", "ambiguous") else ()
     word = "partly_explained" if strained and described.ids else word  # without effects, one null of 33 had some, too
     return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, strained)
@@ -96,20 +97,21 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
         return problem, ordered_fit(work.plant, problem, one.fitted)
 
     problem, fitted = in_order(option)
+    sizes = [r.size for r in problem.records]
     if acceptance.far(option):  # the misfit, not noise or another law, determines the uncertainty
         slow = residuals.slow_variance(fitted, work.training)
-        wide = with_coarse_residuals(fitted, [r.size for r in problem.records], slow**0.5)
+        wide = with_coarse_residuals(fitted, sizes, slow)
         weighed = {name: gain / slow for name, gain in gains.items()}
         return replace(option, fitted=still_there(work, option.ids, wide, wide, weighed))
     wider = with_monitor_noise(problem, fitted, work.training, work.monitor_noise)
     wider = common_nuisances(work, zeros=True).widened(fitted, wider)
     wider = with_rivals(wider, [in_order(r)[1] for r in rivals])
     wider = with_law(work, problem, option.ids, wider)
-    least, sizes = option.lack_of_fit.by_chance**0.5, [r.size for r in problem.records]
+    chance = option.lack_of_fit.by_chance
     if acceptance.noise_alone(option):
-        wider = wider.with_covariance(wider.covariance * least**2)
+        wider = wider.with_covariance(wider.covariance * chance)
     else:
-        wider = with_coarse_residuals(wider, sizes, least)
+        wider = with_coarse_residuals(wider, sizes, chance)
     return replace(option, fitted=still_there(work, option.ids, fitted, wider, gains))
 
 

@@ -88,6 +88,11 @@ def some(texts: Sequence[str], most: int = 12) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
+def moving(names: Sequence[str]) -> str:
+    """That signals move."""
+    return f"{' and '.join(names)} move{'s' if len(names) == 1 else ''}"
+
+
 def either(texts: Sequence[str], most: int = FEW) -> str:
     """Alternatives for a message, cut where they are many."""
     more = [f"one of {len(texts) - most} more"] if len(texts) > most else []

@@ -28,7 +28,7 @@ WORDS = {
     "effect_found": "the model lacks {names}.",
     "ambiguous": "the model lacks {names}, or {others}: these recordings cannot distinguish them.",
     "partly_explained": "the model lacks {names}; a significant residual remains: {remainder}.",
-    "unexplained": "the model lacks something that no effect of the catalogue explains{nearest}.",
+    "unexplained": "the model {lacks} something that no effect of the catalogue explains{nearest}.",
 }
 STRAINED = "the model lacks {names}, or something that is in no catalogue: {strained} would be implausible with that."
 HIDING = "nothing is seen to be missing, but {strained} would be implausible: something may hide in it."
@@ -89,8 +89,8 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
     lacks = "seems to lack" if may_be_louder(found) else "lacks"
-    words = WORDS[found.verdict].replace("lacks", lacks)
-    return words.format(names=names, others=others, nearest=_nearest(found), remainder=what)
+    words = WORDS[found.verdict]
+    return words.format(names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks)
 
 
 def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:

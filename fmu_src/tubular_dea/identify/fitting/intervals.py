@@ -139,8 +139,8 @@ def _fall(problem: Problem, best: Fit, i: int, side: int, steps: float) -> float
 
 
 def with_coarse_residuals(best: Fit, sizes: list[int], least: float = 1.0) -> Fit:
-    """The fit with standard errors that are not less than what the scores of stretches of its records tell, nor than
-    `least` times as large.
+    """The fit with standard errors that are not less than what the scores of stretches of its records tell, nor their
+    variances less than `least` times as large.
 
     `sizes` are the numbers of rows of each record.
     """
@@ -149,5 +149,5 @@ def with_coarse_residuals(best: Fit, sizes: list[int], least: float = 1.0) -> Fi
     scores = np.array([best.jacobian[p].T @ best.residual[p] for p in parts])
     known = inverse(best.jacobian.T @ best.jacobian)
     told = known @ (scores.T @ scores) @ known
-    wider = np.sqrt(np.maximum(np.diag(told) / np.diag(known), least**2))
+    wider = np.sqrt(np.maximum(np.diag(told) / np.diag(known), least))
     return best.with_covariance(best.covariance * np.outer(wider, wider))

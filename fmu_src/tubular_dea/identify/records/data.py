@@ -143,7 +143,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     for path in files:
         try:
             read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, said.commanded)
-            experiments += gaps.whole(_placed(read_one, said, plant), plant)
+            experiments += gaps.cut(_placed(read_one, said, plant), plant)
         except NoTableError:
             if path.suffix.lower() not in NOTES:
                 raise
@@ -168,7 +168,7 @@ def of_tables(
     chosen = said.columns | choices(columns, plant)
     named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, said.commanded) for t in tables}
     placed = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
-    experiments = [part for e in placed for part in gaps.whole(e, plant)]
+    experiments = [part for e in placed for part in gaps.cut(e, plant)]
     return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
 
 
@@ -256,8 +256,7 @@ def experiment_of(
     values, lines = {name: a.values[taken.kept] for name, a in columns.items()}, table.lines[taken.kept]
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
-    filled = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
-    inputs = {s.name: np.append(v[1:], v[-1]) if s.mean else v for s in plant.inputs for v in [filled[s.name]]}
+    inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     known = plant.model.parameter_values() | dict(geometry or {})
@@ -424,13 +423,15 @@ def _switched(trigger: np.ndarray | None) -> np.ndarray | None:
 
 
 def _filled(path: Path, time: np.ndarray, values: np.ndarray, signal: Input) -> np.ndarray:
-    """An input with its gaps filled: by the last value where the signal is held, else by a straight line."""
+    """An input with its gaps filled: by the last value where the signal is held, else by a straight line; means from
+    the begin of their time on."""
     there = np.flatnonzero(np.isfinite(values))
     if there.size < max(2, values.size // 2):
         raise DataError(f"{path}, column {signal.name!r}: expected numbers but more than half of the lines have none")
     if signal.held:
         last = np.clip(np.searchsorted(there, np.arange(values.size), side="right") - 1, 0, None)
-        return values[there[last]]
+        held = values[there[last]]
+        return np.append(held[1:], held[-1]) if signal.mean else held
     return np.interp(time, time[there], values[there])
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...plants.plant import Input, Plant
+from ...recordings.table import moving
 from ..signals.monitors import LARGEST, noise_level
 from ..signals.quiet import steady
 from .start import UNKNOWN
@@ -28,7 +30,7 @@ OF_SPAN = 0.05  # [1] share of its span by which an input is elsewhere after as 
 OF_NOISE = 5.0  # [standard deviations] of its noise, and by so many
 
 
-def whole(experiment: Experiment, plant: Plant) -> list[Experiment]:
+def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
     """The experiment, or its parts before, between and after long gaps about which an input moves, each long enough.
 
     One whose place among others bench.toml tells ([order]) is left as it is: these follow all of it.
@@ -42,12 +44,12 @@ def whole(experiment: Experiment, plant: Plant) -> list[Experiment]:
     alone = even[:-2] & even[2:]  # not where samples are rare for a while, as a recorder may write them at rest
     long = np.flatnonzero((steps > (MISSING + 0.5) * usual) & alone)  # the last samples before
     lost = {int(at): round(float(steps[at]) / usual) - 1 for at in long}
-    moving = {at: names for at, n in lost.items() if (names := _moving(experiment, plant.inputs, at, n))}
-    cuts = [0, *(at + 1 for at in moving), time.size]
-    parts = [slice(a, b) for a, b in zip(cuts, cuts[1:], strict=False) if b - a >= plant.least_samples]
+    told = {at: names for at, n in lost.items() if (names := _moving(experiment, plant.inputs, at, n))}
+    cuts = [0, *(at + 1 for at in told), time.size]
+    parts = [slice(a, b) for a, b in pairwise(cuts) if b - a >= plant.least_samples]
     if len(cuts) == 2 or not parts:
         return [experiment]
-    said = [_said(experiment, at, lost[at], names) for at, names in moving.items()]
+    said = [_said(experiment, at, lost[at], names) for at, names in told.items()]
     if (short := time.size - sum(p.stop - p.start for p in parts)) > 0:
         said.append(f"{short} samples between gaps are too few to be fitted, and left out")
     source = experiment.source and replace(experiment.source, remarks=(*experiment.source.remarks, *said))
@@ -79,16 +81,15 @@ def _elsewhere(values: np.ndarray, lost: int, held: bool) -> np.ndarray:
 def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
     """What is said of a gap after sample `at`, in which so many are missing."""
     row = experiment.source.row if experiment.source else "sample"
-    move = f"{' and '.join(names)} move{'s' if len(names) == 1 else ''}"
     return (
-        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {move}: what comes after them is an "
+        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {moving(names)}: what comes after them is an "
         "experiment of its own, whose start is unknown"
     )
 
 
 def _part(experiment: Experiment, part: slice, number: int) -> Experiment:
     """A part of an experiment; the first keeps its name, and if it is at its begin its start."""
-    cut = replace(
+    found = replace(
         experiment,
         name=f"{experiment.name}_part{number + 1}" if number else experiment.name,
         time=experiment.time[part],
@@ -98,4 +99,4 @@ def _part(experiment: Experiment, part: slice, number: int) -> Experiment:
         trigger=None if experiment.trigger is None else experiment.trigger[part],
         part_of=experiment.name,
     )
-    return cut if part.start == 0 else replace(cut, start=UNKNOWN, start_said=True)
+    return found if part.start == 0 else replace(found, start=UNKNOWN, start_said=True)

@@ -242,15 +242,16 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
     rests = whole_rests(records)
     if not rests:  # they have gaps
         return found
+    step = usual_resolution(records)
     changed = np.concatenate([np.abs(np.diff(s.values, axis=0)).ravel() for s in rests])
-    seen = float(np.mean(changed > 0.5 * usual_resolution(records)))
+    seen = float(np.mean(changed > 0.5 * step))
     change = found.rms * float(np.sqrt(2 * (1 - found.correlation)))  # of readings, which rounding is part of
-    expected = min((change / usual_resolution(records)) ** 2, MOST_CHANGES)
+    expected = min((change / step) ** 2, MOST_CHANGES)
     worse = 2 * changed.size * float(rel_entr(seen, expected) + rel_entr(1 - seen, 1 - expected))
     if seen >= expected or worse < ANOTHER:
         return found
     rms, told = float(np.sqrt(_left(still))), float(freedom(still))
-    return Noise(rms, 0.0, told, found.hum, found.lines, found.step, faster=found.faster)
+    return Noise(rms, 0.0, told, found.hum, found.lines, found.step, white=1.0, faster=found.faster)
 
 
 def _before_events(records: Records) -> list[Stretches]:
