@@ -82,8 +82,8 @@ def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
     """What is said of a gap after sample `at`, in which so many are missing."""
     row = experiment.source.row if experiment.source else "sample"
     return (
-        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {moving(names)}: what comes after them is an "
-        "experiment of its own, whose start is unknown"
+        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {moving(names)}: what comes after "
+        "them is an experiment of its own, whose start is unknown"
     )
 
 
