@@ -313,7 +313,7 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
     pairs = {
         piece.name: (piece.record[part], answer[part])
         for piece, answer in zip(work.training, answers, strict=True)
-        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+        for reading, part in zip(piece.case.readings, piece.case.parts, strict=True)
         if reading.output == output
     }
     records, models = zip(*pairs.values(), strict=True)

@@ -16,14 +16,13 @@ class KernelError(UserError, RuntimeError):
     """A trajectory that could not be computed; the text says at which time and why."""
 
 
-def parameter_array(model: Model, given: Mapping[str, float]) -> np.ndarray:
-    """The values of all parameters in the model's order (SI units), those that are `given` by name in their place."""
-    quantities = {p.quantity.name: p.quantity for p in model.parameters}
+def parameter_array(model: str, parameters: Mapping[str, Quantity], given: Mapping[str, float]) -> np.ndarray:
+    """The values of all `parameters` of a model in their order (SI units), those that are `given` by name in place."""
     for name, value in given.items():
-        if name not in quantities:
-            raise KernelError(f"{model.name} has no parameter {name!r}{nearest(name, quantities)}")
-        check_value(quantities[name], value)
-    return np.array([float(given.get(name, q.value or 0.0)) for name, q in quantities.items()])
+        if name not in parameters:
+            raise KernelError(f"{model} has no parameter {name!r}{nearest(name, parameters)}")
+        check_value(parameters[name], value)
+    return np.array([float(given.get(name, q.value or 0.0)) for name, q in parameters.items()])
 
 
 def check_value(q: Quantity, value: float) -> None:
@@ -51,7 +50,8 @@ def check_protocol(model: Model, protocol: Protocol) -> None:
     if not isinstance(protocol, Protocol):
         raise KernelError(f"protocol: expected a Protocol, as Protocol.of makes it, but was given {protocol!r}")
     time = np.asarray(protocol.time, dtype=float)
-    if time.ndim != 1 or time.size < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0):
+    ordered = time.ndim == 1 and time.size >= 2 and bool((time[:-1] <= time[1:]).all())  # not where any is NaN
+    if not ordered or not math.isfinite(time[0]) or not math.isfinite(time[-1]):
         raise KernelError("protocol: expected at least two finite times [s] that do not descend")
     if not time[-1] > time[0]:
         raise KernelError(f"protocol: expected an end after its start but both are at {time[0]:g} s")
@@ -61,15 +61,15 @@ def check_protocol(model: Model, protocol: Protocol) -> None:
         values = np.asarray(protocol.inputs[q.name], dtype=float)
         if values.shape != time.shape:
             raise KernelError(f"{q.name}: expected {time.size} values, one a time, but was given {values.size}")
-        for extreme in (np.min(values), np.max(values)):  # NaN where there is any
+        for extreme in (values.min(), values.max()):  # NaN where there is any
             check_value(q, float(extreme))
 
 
 def ascending(what: str, given: np.ndarray, first: float, last: float) -> np.ndarray:
     """`given` as an array of doubles; `KernelError` unless they are ascending times [s] from `first` to `last`."""
     times = doubles(what, given)
-    inside = times.ndim == 1 and np.all(np.isfinite(times)) and not np.any(np.diff(times) < 0)
-    if not inside or (times.size and (times[0] < first or times[-1] > last)):
+    ordered = times.ndim == 1 and bool((times[:-1] <= times[1:]).all())  # not where any of them is NaN
+    if not ordered or (times.size and not first <= times[0] <= times[-1] <= last):
         raise KernelError(f"{what}: expected ascending times from {first:g} to {last:g} s")
     return times
 

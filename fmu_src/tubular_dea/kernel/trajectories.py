@@ -139,6 +139,7 @@ class Kernel:
         self._driven = [str(s) for s in arrays.u]
         self.outputs = [str(s) for s in arrays.y]
         self.defaults = model.parameter_values()
+        self._parameters = {p.quantity.name: p.quantity for p in model.parameters}
         self._values = {*self.states, *self.inputs, *self.outputs, *model.outputs}
         self._values |= {model.curve.fold.name} if model.curve else set()
         self._need_fold = needs_fold(model)
@@ -173,7 +174,7 @@ class Kernel:
         UserError
             For unknown names and for values that the model does not take.
         """
-        return parameter_array(self.model, values or {})
+        return parameter_array(self.model.name, self._parameters, values or {})
 
     def driven(self, protocol: Protocol) -> Driven:
         """A protocol for many runs, checked once.
@@ -576,7 +577,7 @@ class Kernel:
 
 def _up_to(points: np.ndarray, times: np.ndarray) -> slice:
     """The breakpoints up to the last of `times`, with a jump there, or to the next one behind; all without times."""
-    if not times.size:
+    if not times.size or times[-1] == points[-1]:
         return slice(points.size)
     return slice(max(int(np.searchsorted(points, times[-1])) + 1, int(np.searchsorted(points, times[-1], "right"))))
 

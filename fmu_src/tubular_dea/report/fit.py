@@ -19,7 +19,7 @@ def worst_fit(work: Study, best: Fit, errors: Mapping[str, Mapping[str, Any]], f
     model = work.plant.model
     worst = max((p for p in work.training if p.name in errors), key=lambda p: errors[p.name]["rmse"])
     answer = work.response((), [worst]).outputs(best.values)[0]
-    part, reading = worst.case.parts()[0], worst.case.readings[0]
+    part, reading = worst.case.parts[0], worst.case.readings[0]
     record, answer = worst.record[part], with_nuisances(work, worst, answer)[part]
     scale, unit = shown_unit(model.quantity(reading.output))
     heading = reading.output.replace("_", " ")  # the heading in the files may be that of another quantity

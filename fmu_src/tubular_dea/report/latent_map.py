@@ -53,7 +53,7 @@ def _runs(found: Discovery, name: str) -> list[tuple[np.ndarray, ...]]:
     made = []
     answers = study.response(option.ids, study.pieces).outputs(option.fitted.values)
     for piece, answer in zip(study.pieces, answers, strict=True):
-        part, times = piece.case.parts()[0], piece.case.readings[0].times
+        part, times = piece.case.parts[0], piece.case.readings[0].times
         left = (piece.record - with_nuisances(study, piece, answer))[part]
         driven = piece.case.protocol.at(times)[name]
         made.append(tuple(thinned(v) for v in (answer[part], np.gradient(answer[part], times), driven, left)))

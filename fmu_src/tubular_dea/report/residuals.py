@@ -48,7 +48,7 @@ def answered(found: Discovery) -> Iterator[Answered]:
         after = before
     for first, piece, y0, y1 in zip(base.pieces, study.pieces, before, after, strict=True):
         own0, own1 = with_nuisances(base, first, y0), with_nuisances(study, piece, y1)
-        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             q = study.plant.quantity(reading.output)
             scale, unit = shown_unit(q)
             models = {"before": own0[part] / scale} | ({"after": own1[part] / scale} if found.named.ids else {})

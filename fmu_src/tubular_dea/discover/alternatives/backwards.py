@@ -48,7 +48,7 @@ def _missed(study: Study, fitted: Fit) -> float:
     beyond noise: where that is slow, records hardly move by more than it."""
     moved, noise = 0.0, sum(p.record.size for p in study.training)
     for piece in study.training:
-        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             record = piece.record[rows] - piece.record[rows].mean()
             moved += float(np.sum((record * piece.weight[rows] / study.noise[reading.output].slow) ** 2))
     return float(np.sqrt(max(fitted.cost - noise, 0.0) / moved)) if moved > 0 else 0.0
@@ -65,7 +65,7 @@ def _cost(prepared: Study, outputs: Collection[str], refit: Callable[[Study], Fi
 def _turned(piece: Piece, outputs: Collection[str]) -> Piece:
     """The piece with the sign of some outputs changed."""
     record = piece.record.copy()
-    for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
         if reading.output in outputs:
             record[rows] *= -1.0
     return replace(piece, record=record)

@@ -63,14 +63,14 @@ def _over(study: Study, parts: list[np.ndarray]) -> np.ndarray:
     """Powers of a contribution and its rate, whitened, shape (N, curves)."""
     largest: dict[str, float] = {}
     for piece, part in zip(study.training, parts, strict=True):
-        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             largest[reading.output] = max(largest.get(reading.output, 0.0), float(np.abs(part[rows]).max(initial=0.0)))
     return np.concatenate([_white(study, *one, largest) for one in zip(study.training, parts, strict=True)])
 
 
 def _white(study: Study, piece: Piece, part: np.ndarray, largest: Mapping[str, float]) -> np.ndarray:
     columns = np.zeros((part.size, len(POWERS) + 1))
-    for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
         share = part[rows] / (largest[reading.output] or 1.0)
         powers = [part[rows] * share ** (power - 1) for power in POWERS]
         columns[rows] = np.column_stack([*powers, np.gradient(part[rows], reading.times)])

@@ -89,7 +89,7 @@ def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:
     for piece, answer in zip(study.pieces, answers, strict=True):
         if answer is None:  # held out, and beyond a fold of the refitted base
             continue
-        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             squares[reading.output].append((answer - piece.record)[rows] ** 2)
     errors = _roots(squares)
     share = min([1.0, *(errors[name] / caused[name] for name in errors if caused[name] > 0)])
@@ -186,7 +186,7 @@ def allowed_rms(study: Study) -> dict[str, float]:
     """The rms of what every output [SI] is allowed to be off: its noise, and what the weights of its samples add."""
     squares: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
     for piece in study.pieces:
-        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             squares[reading.output].append((study.noise[reading.output].slow / piece.weight[rows]) ** 2)
     return _roots(squares)
 
@@ -231,7 +231,7 @@ def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict
     moved: dict[str, list[np.ndarray]] = {name: [] for name in study.noise}
     for piece, still, noisy in zip(study.pieces, answers[::2], answers[1::2], strict=True):
         if still is not None and noisy is not None:
-            for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+            for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
                 moved[reading.output].append((noisy - still)[rows])
     return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
 
@@ -243,7 +243,7 @@ def _fast_rms(study: Study, gains: Gains) -> dict[str, float]:
     """
     total: dict[str, list[float]] = {name: [0.0, 0.0] for name in study.noise}
     for i, piece in enumerate(study.pieces):
-        for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             step = reading.clock.step
             share = min(1.0, 2 * study.plant.bandwidth * step)
             squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())

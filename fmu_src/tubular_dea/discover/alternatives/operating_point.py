@@ -35,7 +35,7 @@ def _table(piece: Piece, step: float) -> np.ndarray:
     times = piece.case.times
     grid = np.arange(times.min(), times.max(), step)
     columns = list(piece.case.protocol.at(grid).values())
-    for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
         columns.append(np.interp(grid, reading.times, piece.record[part]))
     return np.column_stack(columns)
 

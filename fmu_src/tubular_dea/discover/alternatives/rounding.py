@@ -39,7 +39,7 @@ def sawtooth(study: Study, option: Option) -> Iterator[Curves]:
 def _waves(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
     """The waves of every coarse output over a piece, whitened as its record is, shape (N, waves)."""
     found, waves = [], np.arange(1, WAVES + 1)
-    for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
         grain = study.noise[reading.output].grain
         if grain:
             turns = 2 * np.pi * np.outer(answer[part] / grain, waves)

@@ -99,7 +99,7 @@ def _found(study: Study, option: Option, size: float) -> Iterator[Curves]:
 def _curves(study: Study, piece: Piece, size: float) -> np.ndarray:
     """The curves of every output over a piece, whitened as its record is, shape (N, curves)."""
     found = []
-    for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
         span = float(np.ptp(reading.times)) or 1.0
         columns = np.zeros((piece.record.size, CURVES))
         columns[part] = legvander(2 * (reading.times - reading.times[0]) / span - 1, CURVES)[:, 1:]

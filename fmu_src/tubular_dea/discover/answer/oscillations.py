@@ -60,7 +60,7 @@ def oscillations(found: Discovery) -> list[Oscillation]:
     driven: dict[tuple[str, str], np.ndarray] = {}
     for piece, answer in zip(study.pieces, answers, strict=True):
         residual = piece.record - with_nuisances(study, piece, answer)
-        for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True):
+        for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             left.setdefault(reading.output, []).append((piece.name, reading.times, residual[part]))
             driven[reading.output, piece.name] = answer[part]
     told: list[Oscillation] = []

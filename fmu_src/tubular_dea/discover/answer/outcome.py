@@ -244,7 +244,7 @@ def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any
 
 def _rows(piece: Piece, answer: np.ndarray) -> list[tuple[Piece, str, np.ndarray, np.ndarray]]:
     """Each output of a piece that takes part in fits: its name, the record and the answer."""
-    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    parts = zip(piece.case.readings, piece.case.parts, strict=True)
     return [(piece, reading.output, piece.record[part], answer[part]) for reading, part in parts]
 
 

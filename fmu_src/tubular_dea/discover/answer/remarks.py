@@ -151,7 +151,7 @@ def _delay(study: Study, piece: Piece, name: str, own: float) -> tuple[float, fl
     moves the output that it moves most, in units of its noise."""
     by = piece.late.get(name, 0.0) + own
     column = piece.nuisances.columns[:, piece.nuisances.names.index(LATE_OF + name)] * by
-    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    parts = zip(piece.case.readings, piece.case.parts, strict=True)
     moved = [float(np.sqrt(np.mean(column[rows] ** 2))) / study.noise[reading.output].rms for reading, rows in parts]
     return by, max(moved)
 
@@ -178,7 +178,7 @@ def _walk(piece: Piece, name: str, own: Mapping[str, float]) -> tuple[str, float
     if not mine.any():
         return None
     moved = piece.nuisances.columns[:, mine] @ np.array([*own.values()])[mine]
-    parts = zip(piece.case.readings, piece.case.parts(), strict=True)
+    parts = zip(piece.case.readings, piece.case.parts, strict=True)
     by = {reading.output: float(np.sqrt(np.mean(moved[rows] ** 2))) for reading, rows in parts}
     most = max(by, key=lambda output: by[output])
     return most, by[most]
@@ -292,7 +292,7 @@ def hidden_by_noise(found: Discovery) -> str:
         read = [
             p.record[part]
             for p in found.study.pieces
-            for reading, part in zip(p.case.readings, p.case.parts(), strict=True)
+            for reading, part in zip(p.case.readings, p.case.parts, strict=True)
             if reading.output == name
         ]
         noise = found.study.noise[name]  # where it is slow, it weighs more on averages than it is large

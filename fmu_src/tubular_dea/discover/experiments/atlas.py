@@ -78,7 +78,7 @@ class Atlas:
         """Name of the experiment, case and reading of every stretch of the N values."""
         found, begin = [], 0
         for name, case in zip(self.names, self.cases, strict=True):
-            for reading, part in zip(case.readings, case.parts(), strict=True):
+            for reading, part in zip(case.readings, case.parts, strict=True):
                 found.append((name, case, reading, slice(begin + part.start, begin + part.stop)))
             begin += case.times.size
         return found
@@ -137,7 +137,7 @@ def _largest(cases: Sequence[Case], answers: Sequence[np.ndarray]) -> dict[str, 
     """The largest value of every output."""
     found: dict[str, float] = {}
     for case, answer in zip(cases, answers, strict=True):
-        for reading, part in zip(case.readings, case.parts(), strict=True):
+        for reading, part in zip(case.readings, case.parts, strict=True):
             found[reading.output] = max(found.get(reading.output, 0.0), float(np.abs(answer[part]).max()))
     return found
 

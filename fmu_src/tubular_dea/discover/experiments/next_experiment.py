@@ -148,7 +148,7 @@ def _within(study: Study, output: str, answers: Sequence[np.ndarray]) -> bool:
     parts = [
         p.record[rows]
         for p in study.pieces
-        for r, rows in zip(p.case.readings, p.case.parts(), strict=True)
+        for r, rows in zip(p.case.readings, p.case.parts, strict=True)
         if r.output == output
     ]
     low, high = min(float(part.min()) for part in parts), max(float(part.max()) for part in parts)

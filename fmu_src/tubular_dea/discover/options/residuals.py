@@ -110,7 +110,7 @@ def _beside_the_sensor(study: Study, piece: Piece, block: int) -> np.ndarray:
     """
     found = np.ones(piece.record.size)
     corners = np.unique(piece.case.protocol.time).size / piece.record.size
-    for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
         step, noise = reading.clock.step, study.noise[reading.output]
         colour = noise.colour(step)
         fastest = min(0.5 / block, 0.5 * corners, study.plant.bandwidth * step)  # cycles a sample

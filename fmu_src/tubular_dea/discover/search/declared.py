@@ -20,7 +20,7 @@ from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
 from .rounds import ALL_REFITS, FAINT_SCORE, Progress, Round, decided
-from .settle import as_read, fit_as_declared, own_nuisances
+from .settle import as_read, fit_as_declared, iterated
 
 
 def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
@@ -66,6 +66,6 @@ def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study
         start = start_values(there, score)
         own = adjusted(anew, (score.id,), start, base.fitted.free, started=False)
         one = fitted_option(own, (score.id,), start, ())
-        return None if one is None else own_nuisances(own, one)
+        return None if one is None else iterated(own, one)
 
     return [s for s in side_by_side(begin, best) if s is not None]

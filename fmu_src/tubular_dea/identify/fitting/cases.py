@@ -64,6 +64,7 @@ class Case:
             return values[self.readings[0].output]
         return np.concatenate([values[r.output][np.searchsorted(self.instants, r.times)] for r in self.readings])
 
+    @cached_property
     def parts(self) -> list[slice]:
         """Where each reading stands in the N values."""
         ends = np.cumsum([0, *(r.times.size for r in self.readings)])

@@ -169,7 +169,7 @@ def whitened(
     white = np.concatenate(
         [
             noise[reading.output].whiten(reading.clock, values[part])
-            for reading, part in zip(case.readings, case.parts(), strict=True)
+            for reading, part in zip(case.readings, case.parts, strict=True)
         ]
     )
     if weight is not None:

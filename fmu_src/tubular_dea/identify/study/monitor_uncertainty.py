@@ -102,7 +102,7 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
     case = problem.response.cases[number]
     moved = np.zeros((solved.shape[0], corners.size))
     diagonal, beside = np.zeros(corners.size), np.zeros(corners.size)
-    for reading, rows in zip(case.readings, case.parts(), strict=True):
+    for reading, rows in zip(case.readings, case.parts, strict=True):
         times = reading.times
         place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
         part = (times - corners[place]) / np.diff(corners)[place]

@@ -34,7 +34,7 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
         records = [
             (reading.times, (piece.record - answer)[part])
             for piece, answer in zip(study.training, answers, strict=True)
-            for reading, part in zip(piece.case.readings, piece.case.parts(), strict=True)
+            for reading, part in zip(piece.case.readings, piece.case.parts, strict=True)
             if reading.output == name
         ]
         known = replace(study.noise[name], hum=_hum(study.noise[name], records))

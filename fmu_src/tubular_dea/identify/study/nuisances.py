@@ -92,7 +92,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     """
     columns: list[np.ndarray] = []
     names: list[str] = []
-    rows = piece.case.parts()
+    rows = piece.case.parts
     for reading, part in zip(piece.case.readings, rows, strict=True):
         if study.zero(reading.output) > 0:
             names.append(reading.output)
@@ -165,7 +165,7 @@ def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: P
     here, there = study.asked(ids, [piece.case, case]).possible(values)
     if here is None or there is None or step == 0.0:
         return []
-    seen, rows = piece.case.readings[0], piece.case.parts()[0]
+    seen, rows = piece.case.readings[0], piece.case.parts[0]
     squares = (there - here)[rows] ** 2
     later = float(np.sum(squares[seen.times > edges[second].latest]))
     if later <= LASTS * float(squares.sum()):

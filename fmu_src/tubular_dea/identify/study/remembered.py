@@ -67,7 +67,7 @@ def left_between(piece: Piece, name: str) -> np.ndarray | None:
     columns, line = piece.nuisances.columns, piece.nuisances.columns[:, at_corners(piece, name)]
     changed = columns[:, piece.nuisances.names.index(f"{LEFT_OF}{name}")]
     changed = changed - line @ np.linalg.lstsq(line, changed, rcond=None)[0]
-    return np.concatenate([np.full(rows.stop - rows.start, _rms(changed[rows])) for rows in piece.case.parts()])
+    return np.concatenate([np.full(rows.stop - rows.start, _rms(changed[rows])) for rows in piece.case.parts])
 
 
 def remembers(piece: Piece, name: str = "") -> bool:
@@ -102,7 +102,7 @@ def _remembers(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece
         return False
     later = places[asked + 1] + AFTER * (places[-1] - places[0])
     squares = np.array([0.0, 0.0])
-    for reading, rows in zip(piece.case.readings, piece.case.parts(), strict=True):
+    for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
         changed = (there - here)[rows] ** 2 / study.noise[reading.output].slow ** 2
         squares += [changed.sum(), changed[reading.times > later].sum()]
     walked = squares[0] * (spread_at_corner(study, piece, f"{asked} {name}") / step) ** 2 * places.size

@@ -476,7 +476,7 @@ def _beginning(piece: Piece) -> Piece:
     if points.size <= LONG:
         return piece
     signals = [(points, values[mine]) for values in protocol.inputs.values()]
-    signals += [(r.times, piece.record[part]) for r, part in zip(piece.case.readings, piece.case.parts(), strict=True)]
+    signals += [(r.times, piece.record[part]) for r, part in zip(piece.case.readings, piece.case.parts, strict=True)]
     ends = [points[LONG]]
     for times, values in signals:
         low, high = np.quantile(values, [1 - RANGE, RANGE])
