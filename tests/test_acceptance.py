@@ -597,7 +597,7 @@ def test_a_monitor_s_noise_beside_that_of_the_sensor(noise: Noise) -> None:
     case = SimpleNamespace(
         protocol=SimpleNamespace(time=np.unique(knots)),
         readings=[SimpleNamespace(output="radius", clock=clock)],
-        parts=lambda: [slice(None)],
+        parts=[slice(None)],
     )
     none_fitted = SimpleNamespace(variance_removed=np.zeros)
     none = SimpleNamespace(names=())

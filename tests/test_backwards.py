@@ -54,7 +54,7 @@ def test_an_output_counted_the_other_way_is_found_once_the_plant_is_refitted(wro
 def test_slow_noise_that_is_all_a_record_shows_is_no_missing_signal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice a search was repeated with signs changed, for ten minutes: 16 um of slow noise weigh as 110 white ones."""
     record, whole = np.sin(np.linspace(0, 60, 4000)), slice(0, 4000)
-    case = SimpleNamespace(readings=[SimpleNamespace(output="speed")], parts=lambda: (whole,))
+    case = SimpleNamespace(readings=[SimpleNamespace(output="speed")], parts=(whole,))
     piece = SimpleNamespace(record=record, weight=np.ones(4000), case=case)
     study = SimpleNamespace(training=[piece], noise={"speed": SimpleNamespace(slow=1.0)})
 

@@ -40,7 +40,7 @@ def test_a_line_that_lasts_is_told_once_and_what_a_model_misses_otherwise_is_non
     record = driven + left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
     case = SimpleNamespace(
         readings=[SimpleNamespace(output="voltage", times=TIME)],
-        parts=lambda: [slice(None)],
+        parts=[slice(None)],
         protocol=SimpleNamespace(at=lambda times: {"force": force}),
     )
     plant = SimpleNamespace(inputs=[SimpleNamespace(name="force")])

@@ -41,7 +41,8 @@ def signals_beyond_noise(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(room, "hidden_by_noise", lambda found: "")
 
 
-FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect")
+NEAR = made_up.option()
+FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect", base=NEAR)
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
@@ -61,10 +62,16 @@ def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     (meaning,) = (q.description for q in effect.parameters if q.name == "pressure_gain")
     assert f"pressure_gain ({meaning[0].lower()}{meaning[1:]}: within 0.05 of 1). Stronger ones" in said
     assert "Larger" not in said
-    beside = SimpleNamespace(study=FOUND.study, verdict="unexplained")  # what remains may hide more
-    assert "Stronger ones" not in " ".join(
-        in_short._hidden(beside, {"effects": [], "invisible": {"pressure_gain": {"pressure_gain": 0.05}}})
-    )
+    limits = {"effects": [], "invisible": {"pressure_gain": {"pressure_gain": 0.05}}}
+    missed = made_up.option(excess=(23.0**2 - 1) * made_up.SAMPLES)
+    beside = SimpleNamespace(study=FOUND.study, verdict="unexplained", base=missed)  # what remains may hide more
+    short = " ".join(in_short._hidden(beside, limits))
+    assert "Stronger ones" not in short
+    page = Page("a", "b")
+    in_short.not_seen(page, beside, limits)
+    for said in (short, page.document()):
+        assert "beside the base model, whose residual is 23 times the noise" in said
+    assert "beside the base model" not in hidden(limits["invisible"]) + table(limits["invisible"])
 
 
 def test_any_size_is_explained_only_where_it_stands_in_the_table() -> None:
@@ -162,7 +169,7 @@ def test_records_in_which_noise_may_be_all_that_moves_prove_little(
     """A stream's discharge under daily rain, whose jitter was taken for noise: "nothing" at a fit of 26 %."""
     swings = np.sin(np.linspace(0, 20, 400))
     parts = (slice(0, 400),)
-    case = SimpleNamespace(readings=[SimpleNamespace(output="discharge")], parts=lambda: parts)
+    case = SimpleNamespace(readings=[SimpleNamespace(output="discharge")], parts=parts)
     piece = SimpleNamespace(record=5.0 + swings, weight=np.full(400, weight), case=case)
     study = SimpleNamespace(pieces=[piece], noise={"discharge": SimpleNamespace(slow=0.1, rms=0.1)})
     found = SimpleNamespace(verdict="no_effect", strained=(), wandering=None, study=study)

@@ -10,7 +10,7 @@ import numpy as np
 from ..discover.answer.outcome import beyond_noise
 from ..discover.answer.remarks import hidden_by_noise, loud
 from ..discover.engine import Discovery
-from ..discover.options.acceptance import noise_alone
+from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
 from ..model.effect import Effect
 from ..model.units import in_words
@@ -180,6 +180,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         "whatever else of each record is fitted. Where an effect grows as its parameter falls (a rate limit), it is "
         "the largest value."
         + (f' "{ANY_SIZE}": the model\'s own parameters compensate for the effect.' if None in values else "")
+        + _beside_misfit(found)
     )
     rows = [
         [name, parameter, _shown_limit(found.study.catalogue[name], parameter, value)]
@@ -323,7 +324,7 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """The effects with the largest detection limits relative to their usual sizes, in a sentence."""
-    known, none, far = [], [], []
+    known, none, strongest = [], [], []
     named = {name for entry in outcome["effects"] for name in (entry["id"], *entry["equivalent"])}
     for name, sizes in outcome["invisible"].items():
         if name in named:  # beside the base model some could not be told; here they were
@@ -333,7 +334,7 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
             if value is None:
                 none.append(name)
             elif (share := _share(effect, parameter, value)) > MOST_USUAL:
-                far.append(name)
+                strongest.append(name)
             else:
                 known.append((share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
@@ -341,12 +342,22 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     seen = "The table below lists all effects."
     if found.verdict not in ("unexplained", "partly_explained"):  # what remains may hide more
         seen = "Stronger ones would have been seen; the table below lists all effects."
-    texts = [f"{said}. {seen}"] if said else []
-    if far:
-        texts.append(f"{some(far, LISTED)}, {STRONGEST}.")
+    texts = [f"{said}. {seen}{_beside_misfit(found)}"] if said else []
+    if strongest:
+        texts.append(f"{some(strongest, LISTED)}, {STRONGEST}.")
     if none:
         texts.append(f"{some(none, LISTED)} at any size: the model's own parameters compensate for it.")
     return texts
+
+
+def _beside_misfit(found: Discovery) -> str:
+    """That detection limits hold beside what the base model leaves, where that is much more than noise; or nothing."""
+    if not far(found.base):
+        return ""
+    return (
+        f" All this holds beside the base model, whose residual is {found.base.lack_of_fit.ratio:.3g} times the noise: "
+        "with a model that leaves less, less could be seen."
+    )
 
 
 def _meaning(effect: Effect, parameter: str) -> str:
