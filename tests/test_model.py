@@ -200,3 +200,21 @@ def test_a_difference_that_cancels_where_all_is_usual_is_as_large_as_with_half_o
     m.output("chamber", "Pa", p)
     model = m.model()
     assert (model.quantity("over").nominal, model.quantity("filling").nominal) == pytest.approx((5e4, 5e5))
+
+
+def test_a_difference_of_which_an_offset_is_left_is_as_large_as_with_half_of_one_signal() -> None:
+    """A servo's drive was of 12 rad/s2, what its trim makes: no level of a saturation was sought near the 150 it has."""
+    m = Build("Servo", "A servo")
+    command = m.input("command", "rad", nominal=1.9)
+    trim, stiffness = m.parameter("trim", "rad", 0.03), m.parameter("stiffness", "1/s2", 400.0)
+    damping, usual = m.parameter("damping", "1/s", 30.0), m.parameter("usual", "rad", 1.9, tunable=False)
+    power = m.parameter("power", "1", -8.0)
+    q = m.state("q", "rad", nominal=1.9)
+    w = m.state("w", "rad/s", nominal=5.0)
+    drive = m.define("drive", "rad/s2", stiffness * (command + trim - q))
+    steep = m.define("steep", "1", (q / usual) ** power)  # no difference, though half an angle makes it 256 times that
+    m.derivative(q, w)
+    m.derivative(w, drive * steep - damping * w)
+    m.output("angle", "rad", q)
+    model = m.model()
+    assert (model.quantity("drive").nominal, model.quantity("steep").nominal) == pytest.approx((400 * 0.98, 1.0))

@@ -168,7 +168,7 @@ class Build:
         """A named intermediate, computed in the order of declaration. Without `nominal`, its size where inputs, states
         and parameters have theirs is taken."""
         value = self._known(name, expression)
-        size = usual_size(value, self._sizes()) if nominal is None else nominal
+        size = usual_size(value, self._sizes(), self._moving()) if nominal is None else nominal
         q = self._quantity(name, unit, description or name, nominal=size, display_unit=display_unit)
         self._check_unit(name, value, unit)
         self._definitions.append(Definition(q, value))
@@ -310,11 +310,15 @@ class Build:
         if rest is not None:
             self._check_unit(f"the equilibrium of {name}", self._known(f"the equilibrium of {name}", rest), unit)
 
+    def _moving(self) -> dict[sympy.Symbol, float]:
+        """The nominal values of inputs and states."""
+        return {q.symbol: q.nominal for q in (*self._inputs, *(q for q, _, _ in self._states.values()))}
+
     def _sizes(self) -> dict[sympy.Symbol, sympy.Expr | float]:
         """Usual values: parameters have theirs, inputs and states their nominal ones; definitions stand for theirs."""
         found: dict[sympy.Symbol, sympy.Expr | float] = {TIME: 0.0}
         found |= {p.quantity.symbol: float(p.quantity.value or 0.0) for p in self._parameters}
-        found |= {q.symbol: q.nominal for q in (*self._inputs, *(q for q, _, _ in self._states.values()))}
+        found |= self._moving()
         found |= {rate(q): 0.0 for q in self._inputs}
         return found | {d.quantity.symbol: d.expression for d in self._definitions}
 

@@ -110,12 +110,13 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
         firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
         lasts = np.searchsorted(time, marks[1:])
         for mark, first, last in zip(marks[:-1].tolist(), firsts.tolist(), lasts.tolist(), strict=True):
-            at, rest = first, last - first
+            rest = last - first
             alone = mark <= time[0] and LEAST_STRETCH <= rest < 2 * sizes[-1]
             for size in [rest] if alone else sizes:
-                while last - at >= size:
-                    cut.setdefault((step, size), []).append((number, at))
-                    at += size
+                while last - first >= size:
+                    begin = last - size if short else first  # where records hardly rest they do so at the end
+                    cut.setdefault((step, size), []).append((number, begin))
+                    first, last = (first, begin) if short else (begin + size, last)
     made = []
     for (step, size), places in sorted(cut.items()):
         values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
