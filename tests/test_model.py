@@ -203,7 +203,7 @@ def test_a_difference_that_cancels_where_all_is_usual_is_as_large_as_with_half_o
 
 
 def test_a_difference_of_which_an_offset_is_left_is_as_large_as_with_half_of_one_signal() -> None:
-    """A servo's drive was of 12 rad/s2, what its trim makes: no level of a saturation was sought near the 150 it has."""
+    """A servo's drive was of 12 rad/s2, what its trim makes: no saturation was sought near the 150 it has."""
     m = Build("Servo", "A servo")
     command = m.input("command", "rad", nominal=1.9)
     trim, stiffness = m.parameter("trim", "rad", 0.03), m.parameter("stiffness", "1/s2", 400.0)

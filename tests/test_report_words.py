@@ -105,8 +105,7 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
     better = errors | {"held_out_rmse": 15.2e-6}
     _, declared, *_ = close_loop.error_lines(found, told | {"published": better})
     assert (
-        declared
-        == "The model as declared, without any refit, predicts the held-out experiments with an error of 15.2 um."
+        declared == "On the held-out experiments alone the declared values do better than the refitted ones: 15.2 um."
     )
     found.named = SimpleNamespace(ids=("lag",), lack_of_fit=SimpleNamespace(ratio=1.0))
     worse = errors | {"held_out_rmse": 22e-6}

@@ -24,6 +24,7 @@ from .places import Coefficient, Path
 KINDS = (Path, Coefficient)
 NEEDS = "a quantity that is not constant; not the load of an equilibrium curve"
 LEVELS = (0.35, 0.5, 0.7, 0.9, 1.2, 1.7, 2.4)  # of the nominal value
+LOWER = (0.12, 0.2)  # the same, of a definition: how large it is in a model that lacks its limit is known least
 
 
 def law(at: SignalSite) -> Effect | None:
@@ -31,6 +32,7 @@ def law(at: SignalSite) -> Effect | None:
     if at.is_load or at.is_constant:
         return None
     n = at.nominal
+    levels = (*LOWER, *LEVELS) if isinstance(at.place, Coefficient) else LEVELS
     end = at.knob(
         "range",
         at.unit,
@@ -38,7 +40,7 @@ def law(at: SignalSite) -> Effect | None:
         n,
         1e-3 * n,
         1e3 * n,
-        shapes=[level * n for level in LEVELS],
+        shapes=[level * n for level in levels],
     )
     share = at.knob("share", "1", "Share of the signal that saturates", 1.0, 0.0, 1.0, off=0.0, on=1.0)
     centre = at.knob("centre", at.unit, "Middle of the range", 0.0, -100 * n, 100 * n, refine=True)

@@ -10,6 +10,7 @@ may act at the places of any plant in `laws`. Usage::
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -71,6 +72,13 @@ class Effect:
                 raise DeclarationError(f"{self.id}: expected its own parameters but was given {set(mentioned) - names}")
         if missing := sorted(names - set(self.typical)):
             raise DeclarationError(f"{self.id}: typical: expected a usual value of every parameter, also {missing[0]}")
+        for q in self.parameters:
+            low, high = (-math.inf if q.minimum is None else q.minimum), (math.inf if q.maximum is None else q.maximum)
+            if not low <= self.typical[q.name] <= high:
+                raise DeclarationError(
+                    f"{self.id}: typical: {q.name}: expected {low:g} to {high:g} {q.unit}, the parameter's bounds, but "
+                    f"was given {self.typical[q.name]:g}"
+                )
 
     @property
     def fit(self) -> tuple[str, ...]:

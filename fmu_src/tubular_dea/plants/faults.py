@@ -9,6 +9,7 @@ import linecache
 import re
 import sys
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..model.declare import DeclarationError, nearest
@@ -78,16 +79,17 @@ def _meant(problem: BaseException) -> str:
     """What a misspelt name was meant to be."""
     if isinstance(problem, ImportError) and problem.name in sys.modules:
         imported = re.match(r"cannot import name '(\w+)'", str(problem))
-        return _close(imported[1], dir(sys.modules[problem.name])) if imported else ""
+        return close_to(imported[1], dir(sys.modules[problem.name])) if imported else ""
     if isinstance(problem, NameError) and problem.name and problem.__traceback__:
         *_, (frame, _) = traceback.walk_tb(problem.__traceback__)
         if problem.name in FUNCTIONS:
             return f"; write `from sympy import {problem.name}`"
-        return _close(problem.name, [*frame.f_locals, *frame.f_globals]) or _close(problem.name, dir(builtins), 0.8)
+        return close_to(problem.name, [*frame.f_locals, *frame.f_globals]) or close_to(problem.name, dir(builtins), 0.8)
     return ""
 
 
-def _close(name: str, names: list[str], like: float = 0.6) -> str:
+def close_to(name: str, names: Iterable[str], like: float = 0.6) -> str:
+    """A hint for an error message: "; did you mean a?", or "" where nothing is like it."""
     known = [n for n in dict.fromkeys(names) if not n.startswith("_")]
     found = difflib.get_close_matches(name, known, n=1, cutoff=like)
     return f"; did you mean {found[0]}?" if found else ""

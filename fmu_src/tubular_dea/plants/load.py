@@ -23,7 +23,7 @@ from ..laws import moved_by
 from ..model.declare import TIME, Model, nearest, rate
 from ..model.dimensions import fault, per_second
 from ..model.effect import Effect
-from .faults import message
+from .faults import close_to, message
 from .plant import Plant
 
 SHIPPED = {"tube": "tube", "aorta": "aorta"}  # name: module beside this one
@@ -110,6 +110,8 @@ def _check_own(path: Path, plant: Plant) -> None:
             raise PlantError("", f"{path}: own[{name!r}]: expected an Effect but was given {effect!r}")
         if effect.id != name:
             raise PlantError("", f"{path}: own[{name!r}]: expected the effect's id but this one has {effect.id!r}")
+        if wrong := _mistyped(plant, effect):
+            raise PlantError("", f"{path}: the effect {name}: channel: {effect.channel!r} is no other's{wrong}")
         try:
             changed = effect(plant.model)
         except (Exception, SystemExit) as problem:
@@ -120,6 +122,13 @@ def _check_own(path: Path, plant: Plant) -> None:
             given = ", ".join(f"{parameter} = {value:g}" for parameter, value in effect.off.items())
             wrong = f"with {given} it changes {moved}; expected values of `off` at which it does nothing"
             raise PlantError("", f"{path}: the effect {name}: {wrong}")
+
+
+def _mistyped(plant: Plant, effect: Effect) -> str:
+    """The channel or quantity that an effect's own channel is like, as a hint; "" where it is one, or like none."""
+    others = replace(plant, own={n: e for n, e in plant.own.items() if e is not effect})
+    known = {*plant.model.quantities(), *others.channels, *plant.latent}
+    return "" if effect.channel in known else close_to(effect.channel, sorted(known))
 
 
 def _unlike(before: Model, after: Model) -> str:

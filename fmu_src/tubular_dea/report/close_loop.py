@@ -71,7 +71,10 @@ def _averaged(samples: int) -> str:
 def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     """The verdict of a discovery and its result.json in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
-    names = " and ".join(named(found, i) for i in found.chosen.ids)
+    each = [named(found, i) for i in found.chosen.ids]
+    if named is _one_of and len(each) > 1 and any(found.equivalent.values()):
+        each = [f"({number}) {words}" for number, words in enumerate(each, 1)]
+    names = " and ".join(each)
     alike = {name: either(group) for name, group in found.equivalent.items() if group}
     one = len(found.chosen.ids) == 1
     others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())

@@ -183,7 +183,11 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         + _beside_misfit(found)
     )
     rows = [
-        [name, parameter, _shown_limit(found.study.catalogue[name], parameter, value)]
+        [
+            name,
+            f"{parameter}{_held_at(found, outcome, name)}",
+            _shown_limit(found.study.catalogue[name], parameter, value),
+        ]
         for name, sizes in sorted(outcome["invisible"].items())
         if name not in named
         for parameter, value in sizes.items()
@@ -273,9 +277,7 @@ def about_held_out(found: Discovery, errors: dict[str, Any]) -> list[str]:
     said = []
     if declared is not None and refitted is not None and declared < refitted:
         size = in_words(declared, errors["published"]["unit"])
-        said.append(
-            f"The model as declared, without any refit, predicts the held-out experiments with an error of {size}."
-        )
+        said.append(f"On the held-out experiments alone the declared values do better than the refitted ones: {size}.")
     if after is not None and refitted is not None and after > WORSE * refitted:
         said.append(
             "The error on the held-out experiments is larger with the named effects than without: it is smaller only "
@@ -348,6 +350,14 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     if none:
         texts.append(f"{some(none, LISTED)} at any size: the model's own parameters compensate for it.")
     return texts
+
+
+def _held_at(found: Discovery, outcome: dict[str, Any], name: str) -> str:
+    """At which values of its other parameters an effect's detection limit holds, in brackets; or nothing."""
+    units = {q.name: q.unit for q in found.study.catalogue[name].parameters}
+    shape = outcome.get("invisible_at", {}).get(name, {})
+    said = ", ".join(f"{n} = {in_words(v, units[n])}" for n, v in shape.items())
+    return f" (at {said})" if said else ""
 
 
 def _beside_misfit(found: Discovery) -> str:

@@ -51,7 +51,7 @@ def sentence(best: Optimum) -> str:
         f"The best pulse is {best.pulse.voltage / 1e3:.2f} kV from {begin:.0f} to {end:.0f} ms after the R wave, "
         f"starting {abs(1e3 * best.ahead):.0f} ms {place} ejection would begin without it: {words} changes by "
         f"{100 * best.gain:+.1f} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
-        f"(the default: {100 * best.default_gain:+.1f} %)."
+        f"(the default: {100 * best.default_gain:+.1f} %, where the scheduler does not veto it)."
     )
 
 

@@ -70,6 +70,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "noise_floor": floor(study, after["rmse"]),
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
         "invisible": found.limits,
+        "invisible_at": _shapes(found),
         "remarks": [*remarks.remarks(found, waves), *remarks.odd_files(found, after)],
         "next_experiment": advice(found),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
@@ -79,6 +80,13 @@ def result(found: Discovery) -> dict[str, Any]:
         "records": own_records(found),
         "ranking": ranking(found),
     }
+
+
+def _shapes(found: Discovery) -> dict[str, dict[str, float]]:
+    """The other parameters (SI) of effects with a detection limit, which it holds at."""
+    guessed = found.search.rounds[0].guessed if found.search.rounds else []
+    shapes = {g.effect.id: {n: v for n, v in g.shape.items() if n != g.name} for g in guessed}
+    return {name: shape for name, shape in shapes.items() if shape}
 
 
 def floor(study: Study, error: float | None) -> float:
@@ -169,10 +177,14 @@ def channel(found: Discovery) -> str | None:
 def _told_channel(found: Discovery) -> tuple[str | None, str]:
     """The channel in which a residual arises, and why it is that one.
 
-    That of the first effect, also where the effect explains nearly all and only its form is not quite right; else that
-    of the isolation, unless a zero or a parameter that cannot be right tells another.
+    That of the first effect, also where the effect explains nearly all and only its form is not quite right, but where
+    others explain as much that of the isolation, if one of them acts there; else that of the isolation, unless a zero
+    or a parameter that cannot be right tells another.
     """
     if _by_effect(found):
+        alike = {found.study.catalogue[name].channel for name in found.equivalent.get(found.chosen.ids[0], [])}
+        if found.isolated and found.isolated.channel in alike:
+            return found.isolated.channel, isolated_words(found.isolated)
         return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
     if found.shifted:
         own = _own_channel(found, found.shifted.output)

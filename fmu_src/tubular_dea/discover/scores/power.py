@@ -88,7 +88,7 @@ def guesses(listed: Sequence[Candidate], jacobian: np.ndarray, least: float) -> 
     for effect in {c.effect.id: c.effect for c in listed}.values():
         tangents = [c for c in listed if c.effect.id == effect.id]
         statistics = [_left(c, basis) for c in tangents]
-        best = int(np.argmax(statistics))
+        best = _as_usual(effect, tangents, statistics)
         name, shape = tangents[best].names[0], tangents[best].shape
         if name in effect.on:
             name = next(iter(effect.shapes))
@@ -98,6 +98,17 @@ def guesses(listed: Sequence[Candidate], jacobian: np.ndarray, least: float) -> 
             size = float(np.sqrt(least / statistics[best])) if statistics[best] > 0 else None
         found.append(Guess(effect, shape, name, size, growth))
     return found
+
+
+def _as_usual(effect: Effect, tangents: Sequence[Candidate], statistics: Sequence[float]) -> int:
+    """Which of an effect's tangents is nearest to its usual shape; the most visible one where that does not show, and
+    of shares, whose shape is sought."""
+    most = int(np.argmax(statistics))
+    if tangents[most].names[0] in effect.on or not tangents[most].shape:
+        return most
+    away = [sum(abs(np.log(abs(v / effect.typical[n]))) for n, v in t.shape.items() if v) for t in tangents]
+    usual = int(np.argmin(away))
+    return usual if statistics[usual] > 0 else most
 
 
 def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least: float) -> dict[str, Sizes]:

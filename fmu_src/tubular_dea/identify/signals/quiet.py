@@ -112,11 +112,11 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
         for mark, first, last in zip(marks[:-1].tolist(), firsts.tolist(), lasts.tolist(), strict=True):
             rest = last - first
             alone = mark <= time[0] and LEAST_STRETCH <= rest < 2 * sizes[-1]
+            taken = 0
             for size in [rest] if alone else sizes:
-                while last - first >= size:
-                    begin = last - size if short else first  # where records hardly rest they do so at the end
-                    cut.setdefault((step, size), []).append((number, begin))
-                    first, last = (first, begin) if short else (begin + size, last)
+                while rest - taken >= size:
+                    taken += size  # from the end where records hardly rest: if they do, they do so there
+                    cut.setdefault((step, size), []).append((number, last - taken if short else first + taken - size))
     made = []
     for (step, size), places in sorted(cut.items()):
         values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
