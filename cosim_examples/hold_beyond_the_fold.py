@@ -27,6 +27,11 @@ def pressure(time: float) -> float:
     return (MEAN + (SWING * np.sin(2.5 * np.pi * (time - 0.5)) if time > 0.5 else 0.0)) * MMHG
 
 
+def within(values: np.ndarray, most: float) -> np.ndarray:
+    """Values up to a size, and gaps where they are larger."""
+    return np.where(np.abs(values) <= most, values, np.nan)
+
+
 def main() -> None:
     """Three runs from 0.3 mm inside the reference, and their errors."""
     rest = rest_voltage(RADIUS, MEAN * MMHG)
@@ -45,7 +50,7 @@ def main() -> None:
     panels = [
         ("pressure [mmHg]", {"": runs["tube controller"].pressure / MMHG}),
         ("radius [mm]", {name: run.radius * 1e3 for name, run in runs.items()}),
-        ("error, cut at 50 um", {name: np.clip(run.error * 1e6, -50, 50) for name, run in runs.items()}),
+        ("error within 50 um [um]", {name: within(run.error * 1e6, 50) for name, run in runs.items()}),
         ("voltage [kV]", {name: run.voltage / 1e3 for name, run in runs.items()}),
     ]
     write_atomically(Path("hold_beyond_the_fold.png"), time_panels(time, panels))

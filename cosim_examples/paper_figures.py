@@ -70,6 +70,7 @@ def main() -> None:
         axis.grid(alpha=0.3)
         axis.spines["top"].set_visible(False)
     write_atomically(Path("paper_figures.png"), png(figure))
+    print("wrote paper_figures.png")
 
 
 def inputs(axis: Axes, protocol: Protocol, title: str) -> None:
@@ -91,7 +92,8 @@ def responses(
         time = np.linspace(protocol.time[0], protocol.time[-1], 4001)
         radius = 1e3 * kernel.simulate(protocol, time, values)["radius"]
         axis.plot(time, radius, color=COLOURS[number], label=name)
-        print(f"{title}, {name}: up to {radius.max():.2f} mm, {radius[-1]:.2f} mm at the end")
+        what = title if name in title else f"{title}, {name}"
+        print(f"{what}: up to {radius.max():.2f} mm, {radius[-1]:.2f} mm at the end")
     axis.set(title=title, xlabel="time [s]", ylabel="radius [mm]")
     if len(protocols) > 1:
         axis.legend(frameon=False, loc="lower center")

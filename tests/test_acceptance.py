@@ -428,6 +428,21 @@ def test_what_a_monitor_drives_is_no_part_of_the_noise_that_a_residual_limits() 
     assert noise_bound.limited(known, left).rms == pytest.approx(12e-6, rel=0.1)
 
 
+def test_a_detection_limit_is_that_of_the_usual_shape() -> None:
+    """A stiffening that ends the stretch far earlier than usual was to be seen below 167 mPa; usual are 50 kPa."""
+    random = np.random.default_rng(9)
+    jacobian, seen = random.standard_normal((400, 2)), random.standard_normal((400, 1))
+    size, end = (SimpleNamespace(name=n, minimum=0.0, maximum=None) for n in ("mu", "J"))
+    effect = SimpleNamespace(
+        id="stiffening", on={}, off={"mu": 0.0}, typical={"mu": 5e4, "J": 2.0}, parameters=[size, end], shapes={"J": ()}
+    )
+    listed = [Candidate(effect, {"J": at}, ("mu",), seen * by) for at, by in ((0.4, 1e3), (1.8, 1.0), (6.0, 0.1))]
+    (guess,) = power.guesses(listed, jacobian, 10.0)
+    assert guess.shape == {"J": 1.8} and guess.size == pytest.approx(np.sqrt(10.0 / 400), rel=0.2)
+    hidden = [replace(c, columns=0 * c.columns) if c.shape["J"] == 1.8 else c for c in listed]
+    assert power.guesses(hidden, jacobian, 10.0)[0].shape == {"J": 0.4}  # where the usual shape shows nothing
+
+
 def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
     """Drawn at the size that is told, an effect passes what a round asks in about POWER of the records."""
     random = np.random.default_rng(9)

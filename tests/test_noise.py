@@ -299,6 +299,19 @@ def test_half_a_second_of_rest_tells_the_noise_of_a_plant_that_never_rests_again
     assert 0.008 < found.rms < 0.03
 
 
+def test_records_that_rest_at_their_end_alone_tell_the_noise_there() -> None:
+    """A servo's steps of a second: what settled within half of one was noise of 7 mrad beside a sensor of 0.7."""
+    random, time = np.random.default_rng(6), np.arange(56) * 0.02
+    listed = []
+    for step in (0.2, 0.3, -0.3, 1.5, -1.5, 1.8, -1.8, 0.25):
+        late = np.maximum(time - 0.08, 0.0)
+        angle = np.sign(step) * np.minimum(abs(step), 5.0 * late) + 0.1 * step * np.exp(-late / 0.1) * np.sin(40 * late)
+        listed.append((time, angle + 7e-4 * random.standard_normal(time.size), np.array([0.0, 0.08, time[-1]])))
+    found = estimate(listed)
+    assert found.quiet
+    assert found.rms == pytest.approx(7e-4, rel=0.3)
+
+
 def test_what_rings_out_does_not_hide_the_rest_before_the_first_event() -> None:
     """README's carriage: a second of rest, then oscillations that leave the quietest later stretches coloured."""
     records = []

@@ -233,6 +233,16 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             None,
             "with leak = 1 it changes reading; expected values of `off`",
         ),
+        (
+            HEAD + OWN.format(unit="m", body="m['leak']").replace('"level", "It', '"levle", "It'),
+            None,
+            "the effect leaking: channel: 'levle' is no other's; did you mean level?",
+        ),
+        (
+            HEAD + OWN.format(unit="1", body="m['leak']").replace('typical={"leak": 0.1}', 'typical={"leak": 3.0}'),
+            10,
+            "leaking: typical: leak: expected 0 to 1, the parameter's bounds, but was given 3",
+        ),
         (HEAD + PLANT.replace("places", "own={'leaking': 3}, places"), None, "own['leaking']: expected an Effect but"),
         (HEAD + PLANT.replace("places", "own=[3], places"), None, "own: expected {id: Effect} but was given [3]"),
     ],

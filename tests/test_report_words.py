@@ -306,6 +306,15 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
     assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")
 
 
+@pytest.mark.parametrize(("equal", "told"), [("stiffness_drift", "sensor"), ("permittivity_drift", "electrical")])
+def test_among_equals_the_channel_is_the_one_that_the_isolation_finds(equal: str, told: str) -> None:
+    """A leak at a capacitor was to be sought with a second sensor of the source, where one of its equals acts."""
+    found = isolated(False, shifted=False)
+    found.verdict, found.chosen = "ambiguous", made_up.option("sensor_delay")
+    found.study.catalogue, found.equivalent = PLANT.catalogue, {"sensor_delay": [equal]}
+    assert outcome.channel(found) == told
+
+
 @pytest.mark.parametrize(("far", "told"), [(["C_3"], "electrical"), (["C_2", "C_3"], "mechanical")])
 def test_one_implausible_parameter_tells_no_channel(monkeypatch: pytest.MonkeyPatch, far: list[str], told: str) -> None:
     """C_3 hardly matters at moderate stretches, so that anything that is missing may move it."""

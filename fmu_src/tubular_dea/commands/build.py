@@ -7,7 +7,9 @@ from pathlib import Path
 
 import tubular_dea as td
 
+from ..api.given import model_of, plant_of
 from ..export.compile import PLATFORMS
+from ..model.units import in_words
 from .settings import add_plant
 
 EXAMPLE = """example:
@@ -38,5 +40,18 @@ def run(options: argparse.Namespace) -> None:
     written = td.build_fmus(options.out, options.model, platforms=options.platforms, plant=options.plant, progress=True)
     if not any(path.parent.name == "python" for path in written):
         print("no pythonfmu FMU: the model has pure delays, which only the native ones carry")
+    for said in _free_starts(options):
+        print(f"note: {said}")
     for path in written:
         print(f"wrote {path}")
+
+
+def _free_starts(options: argparse.Namespace) -> list[str]:
+    """The start values that the plant leaves free, and that the FMUs have a number for all the same."""
+    plant = plant_of(options.plant)
+    model = plant.model if options.model is None else model_of(options.model, plant)
+    free = [p.quantity for p in model.parameters if p.start]
+    return [
+        f"{q.name} is free in the plant, the FMUs start at {in_words(float(q.value or 0.0), q.unit)}: set it there"
+        for q in free
+    ]

@@ -19,13 +19,13 @@ FORMATS = f"""files:
   pip install '.[files]'. A column `trigger` gives switching instants, `current` is a second output.
   --dry-run shows how the files are understood.
 
-{bench_file.__doc__}"""
+{(bench_file.__doc__ or "").replace("::", "")}"""
 
 
 def add_recordings(parser: argparse.ArgumentParser) -> None:
     """Declare DATA, --out, --columns and --dry-run."""
     parser.add_argument("data", type=Path, metavar="DATA", help="folder of recordings, one experiment a file")
-    parser.add_argument("--out", type=Path, default=None, help="folder to write to")
+    parser.add_argument("--out", type=Path, default=None, help="folder to write to (needed unless with --dry-run)")
     parser.add_argument(
         "--columns",
         nargs="+",

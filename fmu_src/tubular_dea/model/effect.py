@@ -76,8 +76,8 @@ class Effect:
             low, high = (-math.inf if q.minimum is None else q.minimum), (math.inf if q.maximum is None else q.maximum)
             if not low <= self.typical[q.name] <= high:
                 raise DeclarationError(
-                    f"{self.id}: typical: {q.name}: expected {low:g} to {high:g} {q.unit}, the parameter's bounds, but "
-                    f"was given {self.typical[q.name]:g}"
+                    f"{self.id}: typical: {q.name}: expected {f'{low:g} to {high:g} {q.unit}'.removesuffix(' 1')}, the "
+                    f"parameter's bounds, but was given {self.typical[q.name]:g}"
                 )
 
     @property

@@ -26,7 +26,11 @@ def write(out: Path, runs: Mapping[str, Run], courses: Mapping[str, Course], not
     page.figure(plotly_loops(pressure_volume(runs, min(c.judged[-1] for c in courses.values()))), "One beat each.")
     page.heading("Beats over time")
     last, made = list(courses)[-1], beats_of(runs, courses)
-    page.figure(plotly_panels(made), f"Shaded: pulses of {last}. Drag to zoom, double-click to go back.")
+    hidden = "A curve that is not seen lies below others: a click on a name hides one."
+    page.figure(
+        plotly_panels(made),
+        f"Shaded: pulses of {last}, the last setting. {hidden} Drag to zoom, double-click to go back.",
+    )
     write_atomically(out / "comparison.png", png(draw_panels(made)))
     return [page.write(out / "comparison.html"), out / "comparison.png"]
 
