@@ -106,8 +106,8 @@ def _as_usual(effect: Effect, tangents: Sequence[Candidate], statistics: Sequenc
     most = int(np.argmax(statistics))
     if tangents[most].names[0] in effect.on or not tangents[most].shape:
         return most
-    away = [sum(abs(np.log(abs(v / effect.typical[n]))) for n, v in t.shape.items() if v) for t in tangents]
-    usual = int(np.argmin(away))
+    away = np.array([[abs(value - effect.typical[name]) for name, value in t.shape.items()] for t in tangents])
+    usual = int(np.argmin(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1)))
     return usual if statistics[usual] > 0 else most
 
 
