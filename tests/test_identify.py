@@ -14,6 +14,7 @@ import pytest
 
 import tubular_dea as td
 from blind import bench, coverage
+from tubular_dea.api import identify as estimates
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.identify.fitting.fit import fit, goodness, inverse
@@ -246,3 +247,11 @@ def test_the_command_that_finds_what_is_missing_has_the_plant() -> None:
     )
     given = SimpleNamespace(data=Path("data"), plant="tube", columns=[], out=Path("o"))
     assert to_find(given).endswith("run tubular-dea close-loop data --out o_effects")
+
+
+def test_a_parameter_that_is_known_from_one_side_alone_has_no_standard_error() -> None:
+    """eta_2 was 29.6 +- 97 GPa.s beside an interval from 17.4 on: nobody knew how these go together."""
+    told = estimates.ParameterEstimate(2.96e10, 9.7e10, (1.74e10, np.inf), "Pa.s")
+    assert estimates._estimate("eta_2", told) == "eta_2    above 17.4 GPa.s (95 %)"
+    assert estimates._estimate("eta_2", replace(told, ci95=(-np.inf, 2e6))) == "eta_2    below 2 MPa.s (95 %)"
+    assert "+-" in estimates._estimate("eta_2", replace(told, ci95=(1e10, 5e10)))

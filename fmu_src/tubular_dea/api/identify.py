@@ -327,6 +327,10 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
 
 
 def _estimate(name: str, told: ParameterEstimate) -> str:
-    """A parameter with its standard error, in a unit that suits the larger of the two."""
+    """A parameter with its standard error, in a unit that suits the larger of the two; or the one end that is known of
+    its interval."""
+    for end, words in zip(told.ci95, ("above", "below"), strict=True):
+        if math.isfinite(end) and not all(map(math.isfinite, told.ci95)):
+            return f"{name:8s} {words} {in_words(end, told.unit)} (95 %)"
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
     return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
