@@ -260,7 +260,7 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     entries = []
     for words, value, colour in rows:
         entries.append((words, value or 0.0, "no answer" if value is None else in_words(value, unit), colour))
-    first = found.study.plant.outputs[0].headings[0].replace("_", " ")
+    first = found.study.plant.outputs[0].headings[0]
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
     declared = " ".join(about_held_out(found, outcome["error"]))

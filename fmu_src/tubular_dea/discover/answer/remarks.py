@@ -215,7 +215,7 @@ def _unit(effect: Effect, parameter: str) -> str:
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
     q, (name, amplitude) = found.study.plant.quantity(wave.output), wave.largest
-    reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output).replace("_", " ")
+    reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output)
     return (
         f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
         f"{_told(amplitude, q)}, most in {name}. Look for something that runs at this "
@@ -429,7 +429,7 @@ def _wandering(found: Discovery) -> list[str]:
         return []
     output, (name, rms) = found.study.plant.outputs[0], found.wandering
     q = found.study.plant.quantity(output.name)
-    reading = output.headings[0].replace("_", " ")
+    reading = output.headings[0]
     return [
         f"The zero of the {reading} drifts slowly within files, most in {name} ({_told(rms, q)} "
         "rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
