@@ -74,6 +74,15 @@ def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     assert "beside the base model" not in hidden(limits["invisible"]) + table(limits["invisible"])
 
 
+def test_a_limit_says_at_which_shape_it_holds() -> None:
+    limits = {"effects": [], "invisible": {"third_maxwell_branch": {"k_3": 1e5}}}
+    limits["invisible_at"] = {"third_maxwell_branch": {"tau_3": 0.05}}
+    page = Page("a", "b")
+    in_short.not_seen(page, FOUND, limits)
+    assert "k_3, at tau_3 = 50 ms" in page.document()
+    assert ", at tau_3 = 50 ms: below 100 kPa)" in " ".join(in_short._hidden(FOUND, limits))
+
+
 def test_any_size_is_explained_only_where_it_stands_in_the_table() -> None:
     some, none = {"pressure_gain": {"pressure_gain": 0.05}}, {"pressure_gain": {"pressure_gain": None}}
     assert "any size" not in table(some)
