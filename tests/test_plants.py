@@ -199,6 +199,9 @@ def test_what_to_do_in_a_channel_can_be_done(read: float, measure: str) -> None:
     assert told["level"].startswith(f"repeat an experiment and measure {measure}")
     assert told["drain"].startswith("repeat one course of pump at several levels of level")
     assert told["k"].startswith("record steps of pump of several heights")
+    moving = [Balance("level", displacement="level"), places[2]]  # of a speed no level can be set
+    told = at_channel(SimpleNamespace(places=moving, inputs=plant.inputs, model=plant.model), "drain")
+    assert told == "repeat one course of pump in several sizes, as drain may depend on more than level"
 
 
 def test_a_coefficient_may_depend_on_two_quantities() -> None:

@@ -129,6 +129,8 @@ def at_channel(plant: Plant, channel: str) -> str:
             return f"record steps of {place.of} of several heights, as {channel} may depend on more than {place.of}"
         if not place.of:
             return f"repeat one course of {others} around several levels, as what acts there may depend on more"
+        if any(isinstance(p, Balance) and p.name == place.of and p.displacement for p in plant.places):  # a speed
+            return f"repeat one course of {others} in several sizes, as {channel} may depend on more than {place.of}"
         return f"repeat one course of {others} at several levels of {place.of}, as {channel} may depend on more than it"
     if isinstance(place, Balance):
         itself = "" if place.name in _measured(plant) else f"{place.name} itself too, or "
