@@ -126,8 +126,9 @@ def _check_own(path: Path, plant: Plant) -> None:
 
 def _mistyped(plant: Plant, effect: Effect) -> str:
     """The channel or quantity that an effect's own channel is like, as a hint; "" where it is one, or like none."""
-    others = replace(plant, own={n: e for n, e in plant.own.items() if e is not effect})
-    known = {*plant.model.quantities(), *others.channels, *plant.latent}
+    signals = (*(o.channel for o in plant.outputs), *(i.channel for i in plant.inputs), *plant.latent)
+    others = (e.channel for e in plant.own.values() if isinstance(e, Effect) and e is not effect)
+    known = {*plant.model.quantities(), *(p.channel or p.name for p in plant.places), *signals, *others}
     return "" if effect.channel in known else close_to(effect.channel, sorted(known))
 
 

@@ -43,7 +43,7 @@ def beats_of(runs: Mapping[str, Run], courses: Mapping[str, Course]) -> list[Pan
 
 def table(courses: Mapping[str, Course]) -> tuple[list[str], list[list[str]]]:
     """Header, and a row for each figure: without assist, then each setting with its change."""
-    header = ["mean over the assisted beats, or over all without any", "without", *courses]
+    header = ["mean over the assisted beats (all, if none is)", "without", *courses]
     rows = []
     first = next(iter(courses.values()))
     for figure in FIGURES:
