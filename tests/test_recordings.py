@@ -413,6 +413,12 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     (unlike,) = unusual.findings(read_recordings(more | {"d": one}, tank))
     words = "d: pump spans 0.017 times what it spans in the other files, and reading no such multiple: is its unit in"
     assert unlike.startswith(words)
+    scaled = table(2.0)  # as degF where degC are said
+    scaled["pump [V]"] = 32 + 1.8 * scaled["pump [V]"]
+    (elsewhere,) = unusual.findings(read_recordings(more | {"d": scaled}, tank))
+    assert elsewhere.startswith("d: pump lies between 32 V and 41 V, far from what it is in the other files")
+    scaled["reading [m]"] = scaled["reading [m]"] + 0.5  # at another level
+    assert unusual.findings(read_recordings(more | {"d": scaled}, tank)) == []
     small = {name: values / (1 if name == "time [s]" else 60) for name, values in table(2.0).items()}
     still = {"time [s]": time, "pump [V]": 0 * time, "reading [m]": 0.1 * np.exp(-time / 2) + noise}
     assert unusual.findings(read_recordings(more | {"d": small, "e": still}, tank)) == []

@@ -10,10 +10,13 @@ import numpy as np
 from shared_data import shared
 from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.fitting.marginal import Marginal
+from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.fitting.response import ROUGH, TOLERANCE
 from tubular_dea.identify.records.data import read_folder
+from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import LONG, followed, study
 from tubular_dea.kernel import Kernel
+from tubular_dea.plants import Balance, Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 
@@ -71,3 +74,32 @@ def test_between_files_in_a_row_the_next_one_s_load_holds() -> None:
     assert Kernel(PLANT.model).simulate(both, np.array([50.0])).steps < 20_000  # released at once, it rings: 186 000
     short = followed(loaded, Protocol(rests.time - 29.9, rests.inputs))
     assert np.allclose(short.at(np.array([10.05, 10.1]))["pressure"], 0.0)
+
+
+def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> None:
+    """Each of five weeks of a building had a start of its own at the beginning of the first: no run follows all."""
+    m = Build("Store")
+    heating = m.input("heating", "W", nominal=10.0)
+    T = m.state("T", "degC", start="free", nominal=20.0)
+    rate, per = m.parameter("rate", "1/s", 0.05), m.parameter("per", "degC/W", 2.0)
+    m.derivative(T, rate * (per * heating - T))
+    m.output("room", "degC", T)
+    plant = Plant(m.model(), [Input("heating")], [Output("room")], places=[Balance("T")])
+    time, random, at = np.arange(0.0, 30.0, 0.5), np.random.default_rng(1), 12.0
+    for number in range(3):
+        rows = []
+        for t in time:
+            power = 5 + 4 * np.sin(0.3 * t + number)
+            rows.append(f"{t:g},{power:.6f},{at + 0.01 * random.standard_normal():.6f}")
+            at += 0.5 * 0.05 * (2 * power - at)
+        (tmp_path / f"w{number}.csv").write_text(
+            "time [s],heating [W],room [degC]\n" + "\n".join(rows), encoding="utf-8"
+        )
+    (tmp_path / "bench.toml").write_text('[order]\nw0 = "0 s"\nw1 = "30 s"\nw2 = "60 s"\n', encoding="utf-8")
+    made = study(read_folder(tmp_path, plant=plant), ())
+    assert [bool(made.unknown((), p)) for p in made.pieces] == [True, False, False]
+    values = plant.model.parameter_values()
+    settled = adjusted(made, (), values, [Free("rate", 0.05)])
+    starts = [p.case.own["T_start"] for p in settled.pieces]
+    assert len(set(starts)) == 1 and abs(starts[0] - 12.0) < 0.5
+    assert len(settled.response((), settled.pieces).runs) == 1

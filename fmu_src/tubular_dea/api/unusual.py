@@ -18,6 +18,7 @@ from ..recordings.table import moving
 FACTOR = 100.0  # [1] times its declared size that a signal is too large or too small for its unit
 STRUCTURE = 20.0  # [1] times the noise that a small signal spans, to be one
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
+ELSEWHERE = 2.0  # [1] times what an input spans in all other files together, that it lies beyond them in one
 OTHERS = 2  # [files] in which a signal moves too, for one to be unlike them
 SPIKES, BEYOND = 3, 100.0  # [samples] and [1] times what all others come to: samples that stand alone
 STUCK, STUCK_BESIDE = 20, 4  # [samples] and [1] times any other run: readings that repeat, of a sensor that is stuck,
@@ -27,7 +28,7 @@ GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    each = (_spikes, _sizes, _unlike, _gaps, _stuck, _copies)
+    each = (_spikes, _sizes, _unlike, _elsewhere, _gaps, _stuck, _copies)
     return [said for one in each for said in one(recordings)]
 
 
@@ -105,6 +106,28 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
                     f"{file}: {name} spans {ratio:.2g} times what it spans in the other files, and "
                     f"{' and '.join(answers)} no such multiple: is its unit in this file right?"
                 )
+
+
+def _elsewhere(recordings: Recordings) -> Iterator[str]:
+    """Inputs that move far beyond all that they are in the other files, where no output does: degF for degC."""
+    for name in [s.name for s in recordings.plant.inputs]:
+        moves = [e for e in recordings.experiments if _values(e, name).size and np.ptp(_values(e, name)) > 0]
+        for e in moves if len(moves) > OTHERS else ():
+            others = [o for o in moves if o is not e]
+            if _beyond(e, others, name) and not any(_beyond(e, others, n, 0.0) for n in e.outputs):
+                low, high = (_in_file(e, recordings.plant.quantity(name), end(_values(e, name))) for end in (min, max))
+                yield (
+                    f"{e.name}: {name} lies between {low} and {high}, far from what it is in the other files, and no "
+                    "output does: is its unit in this file right?"
+                )
+
+
+def _beyond(one: Experiment, others: Sequence[Experiment], name: str, by: float = ELSEWHERE) -> bool:
+    """Whether a signal lies in one file beyond all others, `by` times what it spans in these."""
+    here, there = _values(one, name), np.concatenate([_values(o, name) for o in others])
+    if not (here.size and there.size):
+        return False
+    return max(here.min() - there.max(), there.min() - here.max()) > by * np.ptp(there)
 
 
 def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False) -> dict[str, float]:

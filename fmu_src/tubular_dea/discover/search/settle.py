@@ -8,7 +8,7 @@ from dataclasses import replace
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import AGREE, Fit, described
 from ...identify.study.adjust import MOST_SETTLES, adjusted
-from ...identify.study.study import Study
+from ...identify.study.study import Study, carried
 from ...kernel import KernelError
 from ..options.acceptance import clean
 from ..options.options import Option, fitted_option
@@ -36,7 +36,7 @@ def as_read(study: Study, ids: Ids) -> Study:
     declared = study.plant.model.parameter_values()
     first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
     cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
-    return replace(study, pieces=[replace(p, case=case) for p, case in zip(study.pieces, cases, strict=True)])
+    return replace(study, pieces=carried([replace(p, case=c) for p, c in zip(study.pieces, cases, strict=True)]))
 
 
 def fit_as_declared(study: Study, fitted: Fit) -> Fit | None:

@@ -220,7 +220,7 @@ def _begun(
 
     Far from the model's optimum a whole step may lead to where the plant has no rest, or moves quite differently.
     """
-    sought = study.unknown(ids, piece) if started else study.plant.each_start
+    sought = {n: s for n, s in study.unknown(ids, piece).items() if started or n in study.plant.each_start}
     if not sought:
         return piece
     local = Marginal(piece.marginal.windows)

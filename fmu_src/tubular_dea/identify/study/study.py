@@ -167,7 +167,10 @@ class Study:
         return {name: rise for p in reversed(self.pieces) for name, rise in p.driven.rises.items()}
 
     def unknown(self, ids: Ids, piece: Piece) -> dict[str, float]:
-        """The parameters of a piece's start that are its own, with their usual sizes (SI), in the model with `ids`."""
+        """The parameters of a piece's start that are its own, with their usual sizes (SI), in the model with `ids`;
+        none of one that follows another, as it goes on from there."""
+        if piece.before is not None:
+            return {}
         return self.plant.each_start | (self.compiled.unknown(ids) if piece.loose else {})
 
     def shared(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -331,14 +334,16 @@ def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Readin
 
 
 def carried(pieces: Sequence[Piece]) -> list[Piece]:
-    """The pieces, each after all that was done to the plant before it without rest, as that is known by now."""
+    """The pieces, each after all that was done to the plant before it without rest, as that is known by now, and from
+    what the first of them started with."""
     found, previous = list(pieces), None
     row = sorted((p.clock, i) for i, p in enumerate(pieces) if p.clock is not None)
     for clock, i in row:
         piece = found[i]
         if previous is not None:
             piece = replace(piece, before=_later(previous.case.protocol, (previous.clock or 0.0) - clock))
-            piece = replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts)))
+            own = dict(piece.case.own) | dict(previous.case.own)
+            piece = replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts), own=own))
         found[i] = previous = piece
     return found
 
