@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -110,24 +110,35 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
 
 def _elsewhere(recordings: Recordings) -> Iterator[str]:
     """Inputs that move far beyond all that they are in the other files, where no output does: degF for degC."""
-    for name in [s.name for s in recordings.plant.inputs]:
-        moves = [e for e in recordings.experiments if _values(e, name).size and np.ptp(_values(e, name)) > 0]
-        for e in moves if len(moves) > OTHERS else ():
-            others = [o for o in moves if o is not e]
-            if _beyond(e, others, name) and not any(_beyond(e, others, n, 0.0) for n in e.outputs):
-                low, high = (_in_file(e, recordings.plant.quantity(name), end(_values(e, name))) for end in (min, max))
+    experiments, plant = recordings.experiments, recordings.plant
+    ends = {
+        name: _ends(experiments, name) for name in (*(s.name for s in plant.inputs), *(o.name for o in plant.outputs))
+    }
+    for name in [s.name for s in plant.inputs]:
+        moves = {file: span for file, span in ends[name].items() if span[1] > span[0]}
+        for e in experiments if len(moves) > OTHERS else ():
+            answered = any(_beyond(e.name, {f: ends[n][f] for f in moves if f in ends[n]}, 0.0) for n in e.outputs)
+            if _beyond(e.name, moves, ELSEWHERE) and not answered:
+                low, high = (_in_file(e, plant.quantity(name), end) for end in moves[e.name])
                 yield (
                     f"{e.name}: {name} lies between {low} and {high}, far from what it is in the other files, and no "
                     "output does: is its unit in this file right?"
                 )
 
 
-def _beyond(one: Experiment, others: Sequence[Experiment], name: str, by: float = ELSEWHERE) -> bool:
+def _ends(experiments: Sequence[Experiment], name: str) -> dict[str, tuple[float, float]]:
+    """The least and the largest value of a signal in every file that has it."""
+    records = {e.name: v for e in experiments if (v := _values(e, name)).size}
+    return {file: (float(values.min()), float(values.max())) for file, values in records.items()}
+
+
+def _beyond(file: str, ends: Mapping[str, tuple[float, float]], by: float) -> bool:
     """Whether a signal lies in one file beyond all others, `by` times what it spans in these."""
-    here, there = _values(one, name), np.concatenate([_values(o, name) for o in others])
-    if not (here.size and there.size):
+    others = [span for other, span in ends.items() if other != file]
+    if file not in ends or not others:
         return False
-    return max(here.min() - there.max(), there.min() - here.max()) > by * np.ptp(there)
+    low, high = min(low for low, _ in others), max(high for _, high in others)
+    return max(ends[file][0] - high, low - ends[file][1]) > by * (high - low)
 
 
 def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False) -> dict[str, float]:

@@ -37,21 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Build every FMU into `options.out`."""
-    written = td.build_fmus(options.out, options.model, platforms=options.platforms, plant=options.plant, progress=True)
+    plant = plant_of(options.plant)
+    model = None if options.model is None else model_of(options.model, plant)
+    written = td.build_fmus(options.out, model, platforms=options.platforms, plant=plant, progress=True)
     if not any(path.parent.name == "python" for path in written):
         print("no pythonfmu FMU: the model has pure delays, which only the native ones carry")
-    for said in _free_starts(options):
-        print(f"note: {said}")
+    for q in [p.quantity for p in (model or plant.model).parameters if p.start]:
+        begins = in_words(float(q.value or 0.0), q.unit)
+        print(f"note: {q.name} is free in the plant, the FMUs start at {begins}: set it there")
     for path in written:
         print(f"wrote {path}")
-
-
-def _free_starts(options: argparse.Namespace) -> list[str]:
-    """The start values that the plant leaves free, and that the FMUs have a number for all the same."""
-    plant = plant_of(options.plant)
-    model = plant.model if options.model is None else model_of(options.model, plant)
-    free = [p.quantity for p in model.parameters if p.start]
-    return [
-        f"{q.name} is free in the plant, the FMUs start at {in_words(float(q.value or 0.0), q.unit)}: set it there"
-        for q in free
-    ]

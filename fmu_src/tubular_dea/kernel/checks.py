@@ -50,8 +50,7 @@ def check_protocol(model: Model, protocol: Protocol) -> None:
     if not isinstance(protocol, Protocol):
         raise KernelError(f"protocol: expected a Protocol, as Protocol.of makes it, but was given {protocol!r}")
     time = np.asarray(protocol.time, dtype=float)
-    ordered = time.ndim == 1 and time.size >= 2 and bool((time[:-1] <= time[1:]).all())  # not where any is NaN
-    if not ordered or not math.isfinite(time[0]) or not math.isfinite(time[-1]):
+    if not (_ascends(time) and time.size >= 2 and math.isfinite(time[0]) and math.isfinite(time[-1])):
         raise KernelError("protocol: expected at least two finite times [s] that do not descend")
     if not time[-1] > time[0]:
         raise KernelError(f"protocol: expected an end after its start but both are at {time[0]:g} s")
@@ -68,10 +67,14 @@ def check_protocol(model: Model, protocol: Protocol) -> None:
 def ascending(what: str, given: np.ndarray, first: float, last: float) -> np.ndarray:
     """`given` as an array of doubles; `KernelError` unless they are ascending times [s] from `first` to `last`."""
     times = doubles(what, given)
-    ordered = times.ndim == 1 and bool((times[:-1] <= times[1:]).all())  # not where any of them is NaN
-    if not ordered or (times.size and not first <= times[0] <= times[-1] <= last):
+    if not _ascends(times) or (times.size and not first <= times[0] <= times[-1] <= last):
         raise KernelError(f"{what}: expected ascending times from {first:g} to {last:g} s")
     return times
+
+
+def _ascends(times: np.ndarray) -> bool:
+    """Whether these are times (n,) that do not descend, and of several none is NaN."""
+    return times.ndim == 1 and bool((times[:-1] <= times[1:]).all())
 
 
 def doubles(what: str, given: object) -> np.ndarray:

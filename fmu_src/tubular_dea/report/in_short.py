@@ -185,7 +185,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     rows = [
         [
             name,
-            f"{parameter}{_held_at(found, outcome, name, ', ')}",
+            f"{parameter}{_held_at(found, outcome, name)}",
             _shown_limit(found.study.catalogue[name], parameter, value),
         ]
         for name, sizes in sorted(outcome["invisible"].items())
@@ -340,7 +340,7 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
             else:
                 known.append((share, effect, parameter, value))
     known.sort(key=lambda entry: -entry[0])
-    shown = [(e, name, value, _held_at(found, outcome, e.id, ", ")) for _, e, name, value in known[:SHOWN]]
+    shown = [(e, name, value, _held_at(found, outcome, e.id)) for _, e, name, value in known[:SHOWN]]
     said = "; ".join(f"{e.id} ({_meaning(e, name)}{at}: {_limit(e, name, value)})" for e, name, value, at in shown)
     seen = "The table below lists all effects."
     if found.verdict not in ("unexplained", "partly_explained"):  # what remains may hide more
@@ -353,12 +353,12 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     return texts
 
 
-def _held_at(found: Discovery, outcome: dict[str, Any], name: str, after: str) -> str:
-    """At which values of its other parameters an effect's detection limit holds, `after` what is said; or nothing."""
+def _held_at(found: Discovery, outcome: dict[str, Any], name: str) -> str:
+    """At which values of its other parameters an effect's detection limit holds, behind a comma; or nothing."""
     units = {q.name: q.unit for q in found.study.catalogue[name].parameters}
     shape = outcome.get("invisible_at", {}).get(name, {})
     said = ", ".join(f"{n} = {in_words(v, units[n])}" for n, v in shape.items())
-    return f"{after}at {said}" if said else ""
+    return f", at {said}" if said else ""
 
 
 def _beside_misfit(found: Discovery) -> str:
