@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+import tubular_dea as td
 from shared_data import shared
 from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.fitting.marginal import Marginal
@@ -85,21 +87,25 @@ def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> Non
     m.derivative(T, rate * (per * heating - T))
     m.output("room", "degC", T)
     plant = Plant(m.model(), [Input("heating")], [Output("room")], places=[Balance("T")])
-    time, random, at = np.arange(0.0, 30.0, 0.5), np.random.default_rng(1), 12.0
+    time, random, at = np.arange(0.0, 30.0, 0.1), np.random.default_rng(1), 12.0
     for number in range(3):
         rows = []
         for t in time:
             power = 5 + 4 * np.sin(0.3 * t + number)
             rows.append(f"{t:g},{power:.6f},{at + 0.01 * random.standard_normal():.6f}")
-            at += 0.5 * 0.05 * (2 * power - at)
+            at += 0.1 * 0.05 * (2 * power - at)
         (tmp_path / f"w{number}.csv").write_text(
             "time [s],heating [W],room [degC]\n" + "\n".join(rows), encoding="utf-8"
         )
     (tmp_path / "bench.toml").write_text('[order]\nw0 = "0 s"\nw1 = "30 s"\nw2 = "60 s"\n', encoding="utf-8")
     made = study(read_folder(tmp_path, plant=plant), ())
     assert [bool(made.unknown((), p)) for p in made.pieces] == [True, False, False]
+    assert [p.follows for p in made.pieces] == ["", "w0", "w1"]
     values = plant.model.parameter_values()
     settled = adjusted(made, (), values, [Free("rate", 0.05)])
     starts = [p.case.own["T_start"] for p in settled.pieces]
     assert len(set(starts)) == 1 and abs(starts[0] - 12.0) < 0.5
     assert len(settled.response((), settled.pieces).runs) == 1
+    told = td.discover(tmp_path, plant=plant, hold_out=["w2"]).content["records"]
+    assert told["w0"]["start"]["T_start"] == pytest.approx(12.0, abs=0.05)
+    assert [told[n] for n in ("w1", "w2")] == [{"follows": "w0", "zeros": {}}, {"follows": "w1", "zeros": {}}]

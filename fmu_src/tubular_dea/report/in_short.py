@@ -173,7 +173,7 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     if not outcome["invisible"]:
         return
     page.heading("What these recordings would not have shown", level=3)
-    named = [e["id"] for e in outcome["effects"]]
+    named = _named(outcome)
     values = [value for sizes in outcome["invisible"].values() for value in sizes.values()]
     page.text(
         "The detection limit of every effect: the smallest size that would have been seen with a probability of 80 %, "
@@ -327,7 +327,7 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """The effects with the largest detection limits relative to their usual sizes, in a sentence."""
     known, none, strongest = [], [], []
-    named = {name for entry in outcome["effects"] for name in (entry["id"], *entry["equivalent"])}
+    named = _named(outcome)
     for name, sizes in outcome["invisible"].items():
         if name in named:  # beside the base model some could not be told; here they were
             continue
@@ -351,6 +351,11 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     if none:
         texts.append(f"{some(none, LISTED)} at any size: the model's own parameters compensate for it.")
     return texts
+
+
+def _named(outcome: dict[str, Any]) -> set[str]:
+    """The named effects and their equals, none of which these recordings hide."""
+    return {name for entry in outcome["effects"] for name in (entry["id"], *entry["equivalent"])}
 
 
 def _held_at(found: Discovery, outcome: dict[str, Any], name: str) -> str:

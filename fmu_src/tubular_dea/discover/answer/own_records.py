@@ -6,30 +6,35 @@ With these beside model.json a simulation gives the errors of result.json, but f
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from ...identify.study.nuisances import START_OF, own_numbers
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ..engine import Discovery
 
-Numbers = dict[str, dict[str, float]]
 
-
-def own_records(found: Discovery) -> dict[str, Numbers]:
+def own_records(found: Discovery) -> dict[str, dict[str, Any]]:
     """By experiment the likeliest `start` (parameters of the model) and `zeros` (of outputs and inputs, to be taken off
-    the record), in SI units; without experiments at which the model has no answer."""
+    the record), in SI units; without experiments at which the model has no answer.
+
+    One that goes on from another has no start: it says which it `follows`.
+    """
     study, option = found.named_study, found.named
     try:
         known = own_numbers(study, option.ids, option.fitted.values)
     except KernelError:
         return {}
-    return {p.name: {"start": _start(study, found, p, own), "zeros": _zeros(study, p, own)} for p, own in known}
+    return {p.name: _start(study, found, p, own) | {"zeros": _zeros(study, p, own)} for p, own in known}
 
 
-def _start(study: Study, found: Discovery, piece: Piece, own: Mapping[str, float]) -> dict[str, float]:
-    """What the record starts with: as it was settled, and what is left of it beside all other numbers of its own."""
+def _start(study: Study, found: Discovery, piece: Piece, own: Mapping[str, float]) -> dict[str, Any]:
+    """What the record starts with: as it was settled, and what is left of it beside all other numbers of its own; or
+    what it goes on from."""
+    if piece.follows:
+        return {"follows": piece.follows}
     sizes = study.unknown(found.named.ids, piece)
-    return {n: v + sizes.get(n, 0.0) * own.get(f"{START_OF}{n}", 0.0) for n, v in piece.case.own.items()}
+    return {"start": {n: v + sizes.get(n, 0.0) * own.get(f"{START_OF}{n}", 0.0) for n, v in piece.case.own.items()}}
 
 
 def _zeros(study: Study, piece: Piece, own: Mapping[str, float]) -> dict[str, float]:

@@ -87,7 +87,8 @@ class Piece:
     `source` names the file. `shifts` [s] are those of `driven.edges` that the protocol has by now. `own` and `marginal`
     are the record's own numbers. `loose`: what it starts from is unknown.
     `beside` is what was read of outputs that depend on rates, which take no part in fits. Where the plant did not rest
-    between files, `before` is what was done to it before this one, and `clock` [s] where this one's own clock begins.
+    between files, `before` is what was done to it before this one, `follows` names the last of those and `clock` [s] is
+    where its own clock begins.
     """
 
     name: str
@@ -102,6 +103,7 @@ class Piece:
     loose: bool = False
     source: str = ""
     before: Protocol | None = None
+    follows: str = ""
     clock: float | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
     late: Mapping[str, float] = field(default_factory=dict)
@@ -341,7 +343,8 @@ def carried(pieces: Sequence[Piece]) -> list[Piece]:
     for clock, i in row:
         piece = found[i]
         if previous is not None:
-            piece = replace(piece, before=_later(previous.case.protocol, (previous.clock or 0.0) - clock))
+            before = _later(previous.case.protocol, (previous.clock or 0.0) - clock)
+            piece = replace(piece, before=before, follows=previous.name)
             own = dict(piece.case.own) | dict(previous.case.own)
             piece = replace(piece, case=replace(piece.case, protocol=piece.driven_by(piece.shifts), own=own))
         found[i] = previous = piece
