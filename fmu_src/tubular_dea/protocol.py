@@ -104,13 +104,13 @@ class Protocol:
         those nearer than 1 ns to one that is there fall on it.
         """
         marks = known = np.unique(self.time)
-        for by in dict.fromkeys(by for _, by in signals.values()):
+        delays = dict.fromkeys(by for _, by in signals.values())
+        for by in delays:
             marks = _merged(marks, known + by)
-        grid = np.repeat(marks, 2)[1:-1]
-        places = {by: self._sides(known, grid - by) for by in dict.fromkeys([0.0, *(by for _, by in signals.values())])}
+        places = {by: self._sides(known, marks - by) for by in {0.0: None, **delays}}
         inputs = {name: places[0.0].of(values) for name, values in self.inputs.items()}
         inputs |= {name: places[by].of(self.inputs[of]) for name, (of, by) in signals.items()}
-        return Protocol(grid, inputs)
+        return Protocol(_both_sides(marks), inputs)
 
     def with_delay(self, name: str, by: float) -> Protocol:
         """The protocol with one of its inputs later by some time [s]; earlier where that is negative."""
@@ -128,16 +128,17 @@ class Protocol:
             {name: np.insert(values, place, there[name][0]) for name, values in self.inputs.items()},
         )
 
-    def _sides(self, known: np.ndarray, grid: np.ndarray) -> _Places:
-        """Where a grid is that holds every inner time twice, after the first time and before the second: times nearer
-        than 1 ns to a breakpoint, of which the different ones are `known`, are on it."""
-        near = np.clip(np.searchsorted(known, grid), 1, known.size - 1)
-        closest = np.where(grid - known[near - 1] < known[near] - grid, known[near - 1], known[near])
-        snapped = np.where(np.abs(grid - closest) < 1e-9, closest, grid)
-        right = np.empty(grid.size, dtype=int)
-        right[0::2] = np.searchsorted(self.time, snapped[0::2], side="right")
-        right[1::2] = np.searchsorted(self.time, snapped[1::2], side="left")
-        return self._places(snapped, right)
+    def _sides(self, known: np.ndarray, marks: np.ndarray) -> _Places:
+        """Where marks are of a grid that holds every inner one twice, after the first time and before the second: those
+        nearer than 1 ns to a breakpoint, of which the different ones are `known`, are on it."""
+        near = np.clip(np.searchsorted(known, marks), 1, known.size - 1)
+        before, after = known[near - 1], known[near]
+        closest = np.where(marks - before < after - marks, before, after)
+        snapped = np.where(np.abs(marks - closest) < 1e-9, closest, marks)
+        right = np.empty(2 * marks.size - 2, dtype=int)
+        right[0::2] = np.searchsorted(self.time, snapped[:-1], side="right")
+        right[1::2] = np.searchsorted(self.time, snapped[1:], side="left")
+        return self._places(_both_sides(snapped), right)
 
     def _places(self, times: np.ndarray, right: np.ndarray) -> _Places:
         """Where times are, of which the breakpoints `right` of them are known."""
@@ -158,6 +159,11 @@ class _Places:
         """Values of an input there, from those at the breakpoints."""
         before = values[self.left]
         return before + self.part * (values[self.left + 1] - before)
+
+
+def _both_sides(marks: np.ndarray) -> np.ndarray:
+    """Marks (n,) with every inner one twice, (2n - 2,)."""
+    return np.repeat(marks, 2)[1:-1]
 
 
 def _merged(marks: np.ndarray, more: np.ndarray) -> np.ndarray:
