@@ -16,7 +16,8 @@
     [sampling]                # of files without a time
     rate = "250 Hz"
 
-    [start]                   # rested, equilibrium (under the first inputs) or unknown; without it, detected
+    [start]                   # rested, equilibrium (under the first inputs) or unknown; without it, detected (of a
+                              # plant whose states all start free: unknown)
     default = "rested"
     02_step_4kV = "equilibrium"
 

@@ -25,7 +25,7 @@ from .bench_file import BenchFile, read_bench, without_noise
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .lost import is_mark, lost_samples
 from .spikes import lapses, spikes
-from .start import RESTED, detected
+from .start import RESTED, UNKNOWN, anywhere, detected
 
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
@@ -119,6 +119,12 @@ class Recordings:
         while experiment.follows in own and not experiment.start_said:
             experiment = own[experiment.follows]
         return experiment
+
+    def is_loose(self, experiment: Experiment) -> bool:
+        """Whether nothing tells what an experiment starts from: it begins under load, or the plant starts anywhere and
+        bench.toml does not say that it rested."""
+        begun = self.begun_by(experiment)
+        return begun.start == UNKNOWN or (not begun.start_said and anywhere(self.plant))
 
     def with_parts(self, names: Sequence[str]) -> list[str]:
         """The names of experiments, and of all parts of those that were cut at gaps."""

@@ -248,6 +248,11 @@ def off_name(state: str) -> str:
     return f"{state}_off_at_start"
 
 
+def anywhere(plant: Plant) -> bool:
+    """Whether every state of a plant starts free in each record: then what effects add has no known start either."""
+    return bool(plant.each_start) and not unknowns(plant.model)
+
+
 def unknowns(model: Model) -> dict[str, float]:
     """The parameters of an unknown start, with their usual sizes (SI)."""
     curve = model.curve.unknown if model.curve else None

@@ -22,7 +22,7 @@ from ..inputs.drive import Drive, without_hum
 from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.data import Experiment, Recordings
-from ..records.start import MOVED, RESTED, UNKNOWN, loosened, may_be_filtered, zeroed
+from ..records.start import MOVED, RESTED, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
@@ -239,6 +239,7 @@ def study(
     pieces, noise, starts = [], sensor_noise(recordings, drives), recordings.starts
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
         whole = _piece(experiment, driven, recordings.plant, starts[experiment.name], experiment.name in names)
+        whole = replace(whole, loose=recordings.is_loose(experiment))
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
     pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
@@ -275,7 +276,7 @@ def _integrated(work: Study) -> Study:
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
     """The models of a study, for records with `points` samples together: with free starts if one is unknown."""
-    loose = UNKNOWN in recordings.starts.values()
+    loose = any(recordings.is_loose(e) for e in recordings.experiments)
     plant = recordings.plant.with_model(loosened(recordings.plant.model)) if loose else recordings.plant
     return Compiled(plant, [o.name for o in recordings.fitted_outputs], points, loose)
 
@@ -326,7 +327,6 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
         clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
-        loose=start == UNKNOWN,
     )
 
 
