@@ -133,7 +133,7 @@ def _fall(problem: Problem, best: Fit, i: int, side: int, steps: float) -> float
     solution = search(held, held.inside(guess), HELD_REFITS)
     if solution is None:
         return float("inf")
-    own = 0.0 if problem.prior is None else (scaled - best.free[i].usually()) / problem.prior
+    own = 0.0 if problem.prior is None else best.free[i].pulled(scaled, problem.prior)[0]
     excess = (2 * solution.cost + own**2 - best.cost) * known[i, i] / best.covariance[i, i]
     return float(np.sqrt(max(excess, 0.0)))
 

@@ -57,6 +57,16 @@ class Free:
         """The scaled number about which a weak prior holds it."""
         return self.to_scaled(self.size if self.usual is None else self.usual)
 
+    def pulled(self, scaled: float, prior: float) -> tuple[float, float]:
+        """How far a number is from where a weak prior of width `prior` holds it, in widths, and its slope.
+
+        One that is counted in multiples of its usual size may be many times as large: the logarithm counts then.
+        """
+        away = (scaled - self.usually()) / prior
+        if self.logarithmic or self.vanishing:
+            return away, 1 / prior
+        return float(np.arcsinh(away)), 1 / (prior * float(np.hypot(1.0, away)))
+
     def slope(self, value: float) -> float:
         """d(SI value)/d(scaled)."""
         if self.vanishing:
@@ -144,10 +154,12 @@ class Problem:
 
     def _residual(self, scaled: np.ndarray, outputs: Sequence[np.ndarray]) -> np.ndarray:
         white = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
-        return np.concatenate([white, (scaled - self._center()) / self.prior]) if self.prior else white
+        return np.concatenate([white, self._pulled(scaled)[:, 0]]) if self.prior else white
 
-    def _center(self) -> np.ndarray:
-        return np.array([f.usually() for f in self.free])
+    def _pulled(self, scaled: np.ndarray) -> np.ndarray:
+        """How far the prior finds every number from its usual one, and the slopes of that (k, 2)."""
+        pairs = [f.pulled(s, self.prior) for f, s in zip(self.free, scaled.tolist(), strict=True)] if self.prior else []
+        return np.array(pairs).reshape(-1, 2)
 
     def linearised(self, scaled: np.ndarray, more: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (N,) and Jacobian (N, k + len(more)); `more` are fixed parameters, their columns in SI units."""
@@ -157,8 +169,8 @@ class Problem:
         jacobian = self.whiten(columns)
         jacobian *= slopes
         if self.prior:
-            held = np.eye(len(self.free), len(self.free) + len(more)) / self.prior
-            jacobian = np.concatenate([jacobian, held])
+            held = np.eye(len(self.free), len(self.free) + len(more))
+            jacobian = np.concatenate([jacobian, held * self._pulled(scaled)[:, 1:]])
         return self._residual(scaled, outputs), jacobian
 
 

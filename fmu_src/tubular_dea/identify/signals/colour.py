@@ -48,7 +48,7 @@ class Colour:
         if self.white <= 0 or self.phi == 0:
             return 0.0
         ratio = (1 + self.phi**2 - 2 * self.phi**2 * (1 - self.white)) / (self.white * self.phi)
-        return float(ratio - np.sign(ratio) * np.sqrt(max(ratio**2 - 4, 0.0))) / 2
+        return float(2 / (ratio + np.sign(ratio) * np.sqrt(max(ratio * ratio - 4, 0.0))))  # 0 where that is too large
 
     @property
     def innovation(self) -> float:

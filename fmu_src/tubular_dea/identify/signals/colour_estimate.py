@@ -19,11 +19,13 @@ from .quiet import Stretches
 # Set by judgement. Check: `pytest tests/test_noise.py`
 SLOWEST_COLOUR = 0.996  # [1] correlation between neighbouring samples up to which one is sought
 WHITE = (0.1, 0.5)  # [1] white shares to begin with
+MEMORY = 0.25  # [1] of the longest stretch, that noise can be seen to remember at most
 LOW = 0.01  # [1/sample] frequency where the uncertainty of the colour counts, as slow effects are sought there
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour --seed 1000`
 EARNED = 8.0  # [squared standard deviations] by which a further number of the colour must explain the record better
+UNSEEN = 16.0  # [squared standard deviations] the same of a memory that the stretches are too short for
 ONE_STRETCH = 0.1  # [1] share of all degrees of freedom up to which a stretch that alone tells of 1/f noise is none
 SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
 SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
@@ -78,13 +80,28 @@ def _at(colour: Colour, steps: float) -> Colour:
     )
 
 
-def coloured(quiet: Sequence[Stretches], step: float) -> ColourEstimate:
-    """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place."""
+def as_told(quiet: Sequence[Stretches], found: ColourEstimate) -> ColourEstimate:
+    """An estimate without a memory that is longer than stretches can show: the longest one that they can, if that
+    explains them clearly better than none."""
+    most = float(np.exp(-found.step / (MEMORY * max(s.step * len(s.values) for s in quiet))))
+    return coloured(quiet, found.step, most, UNSEEN) if found.at_step.phi > most else found
+
+
+def coloured(
+    quiet: Sequence[Stretches], step: float, most: float = MOST_ALIKE_BESIDE, earned: float = EARNED
+) -> ColourEstimate:
+    """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place.
+
+    Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain.
+    """
+
+    def numbered(x: np.ndarray) -> Colour:
+        return _numbered(x, most)
 
     def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
-        return _restricted(told, lambda s: _at(_numbered(x), s / step))[0]
+        return _restricted(told, lambda s: _at(numbered(x), s / step))[0]
 
-    far = float(np.arctanh(SLOWEST_COLOUR))
+    far = float(np.arctanh(min(SLOWEST_COLOUR, most)))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(FASTEST_COLOUR, far, COLOURS_TRIED).tolist(), 0.0)}
     near = min(tried, key=lambda v: tried[v])
     bounds = (max((v for v in tried if v < near), default=near), min((v for v in tried if v > near), default=near))
@@ -92,7 +109,7 @@ def coloured(quiet: Sequence[Stretches], step: float) -> ColourEstimate:
         lambda v: objective(np.array([v])), bounds=bounds, method="bounded", options={"xatol": COLOUR_MISSED}
     )
     chosen, cost = np.array([0.0]), tried[0.0]
-    if 2 * (cost - one.fun) > EARNED:
+    if 2 * (cost - one.fun) > earned:
         chosen, cost = np.array([float(one.x)]), float(one.fun)
     starts = [
         np.array([min(max(float(one.x), 0.0) + more, far), np.log(share / (1 - share))])
@@ -108,17 +125,17 @@ def coloured(quiet: Sequence[Stretches], step: float) -> ColourEstimate:
             method="Nelder-Mead",
             options={"xatol": TWO_MISSED, "fatol": TWO_COST, "maxiter": TWO_TURNS, "initial_simplex": simplex},
         )
-        if 2 * (cost - two.fun) > EARNED and _numbered(two.x).phi > 0:
+        if 2 * (cost - two.fun) > earned and numbered(two.x).phi > 0:
             chosen, cost = two.x, float(two.fun)
-    plain, chosen = chosen, _falling(objective, chosen, cost, step)
+    plain, chosen = chosen, _falling(objective, chosen, cost, step, 2 * earned)
     if chosen is not plain:
-        rest = _without_loudest(quiet, lambda s: _at(_numbered(plain), s / step))
+        rest = _without_loudest(quiet, lambda s: _at(numbered(plain), s / step))
         alone = freedom(rest) > (1 - ONE_STRETCH) * freedom(quiet)
-        if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * EARNED:
-            return coloured(rest, step)  # something moved in the one stretch that told of 1/f noise
-    colour, told = _numbered(chosen), freedom(quiet)
+        if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * earned:
+            return coloured(rest, step, most, earned)  # something moved in the one stretch that told of 1/f noise
+    colour, told = numbered(chosen), freedom(quiet)
     _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
-    return ColourEstimate(colour, step, variance, told, _standard_error(objective, chosen, told))
+    return ColourEstimate(colour, step, variance, told, _standard_error(objective, numbered, chosen, told))
 
 
 def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:
@@ -133,7 +150,9 @@ def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Co
     return [g for g in kept if g.record.size]
 
 
-def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float) -> np.ndarray:
+def _falling(
+    objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float, earned: float
+) -> np.ndarray:
     """The numbers with those of a filter that makes it 1/f noise, if they earn their place."""
     plain = np.array([*chosen, NO_WHITE]) if chosen.size < 2 else chosen
     begins = [
@@ -155,12 +174,12 @@ def _falling(objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost:
             "initial_simplex": begin + np.vstack([np.zeros(4), np.diag(SEARCH_WIDTHS)]),
         },
     )
-    return found.x if 2 * (cost - found.fun) > 2 * EARNED else chosen
+    return found.x if 2 * (cost - found.fun) > earned else chosen
 
 
-def _numbered(x: np.ndarray) -> Colour:
-    """The colour at the base step of the numbers that are searched."""
-    phi = float(np.clip(np.tanh(x[0]), MOST_OPPOSED, MOST_ALIKE_BESIDE))
+def _numbered(x: np.ndarray, most: float) -> Colour:
+    """The colour at the base step of the numbers that are searched; neighbours are correlated by `most` at most."""
+    phi = float(np.clip(np.tanh(x[0]), MOST_OPPOSED, most))
     white = float(1 / (1 + np.exp(-np.clip(x[1], -MOST_WHITE, MOST_WHITE)))) if x.size > 1 else 0.0
     if x.size < 4:
         return Colour(phi, white)
@@ -191,7 +210,9 @@ def unlikely(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour], v
     return least + 0.5 * count * (float(np.log(variance / best)) + best / variance - 1)
 
 
-def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, freedom: int) -> float:
+def _standard_error(
+    objective: Callable[[np.ndarray], float], numbered: Callable[[np.ndarray], Colour], at: np.ndarray, freedom: int
+) -> float:
     """Relative standard error of the density at LOW cycles a sample, from how sharp the likelihood is."""
     if not at[0]:
         return float(np.sqrt(2 / freedom))
@@ -210,7 +231,7 @@ def _standard_error(objective: Callable[[np.ndarray], float], at: np.ndarray, fr
     )
 
     def log_density(x: np.ndarray) -> float:
-        colour = _numbered(x)
+        colour = numbered(x)
         return float(np.log(colour.density(LOW) / colour.innovation))
 
     slope = np.array([(log_density(at + s) - log_density(at - s)) / (2 * width) for s in steps])

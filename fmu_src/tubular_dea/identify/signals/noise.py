@@ -19,7 +19,7 @@ from scipy.special import rel_entr
 from ..threads import one_blas_thread
 from . import hum as hums
 from .colour import Colour
-from .colour_estimate import coloured, freedom, unlikely
+from .colour_estimate import as_told, coloured, freedom, unlikely
 from .monitors import resolution
 from .quiet import (
     BARELY_CALM,
@@ -286,6 +286,9 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, f
     long = colour.phi > np.exp(-1 / _brief(faster, step))
     moves = found.variance > (MOST_SLOW if long else 1.0) * _variance(records)
     quiet = quiet and not moves and not (long and (rings or found.freedom < CALMEST))
+    if quiet:
+        found = as_told(plain, found)
+        colour = found.colour(step)
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     one_colour = not 0 < colour.white < 1 or colour.phi <= 0
     mains = tuple(sorted(f for f in lines if hums.is_hum(f, step)))
