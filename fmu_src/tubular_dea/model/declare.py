@@ -71,6 +71,11 @@ class Quantity:
         low = -math.inf if self.minimum is None else self.minimum
         return low <= value <= (math.inf if self.maximum is None else self.maximum)
 
+    def inside(self, value: float) -> float:
+        """The value, or the bound that it is beyond."""
+        low = -math.inf if self.minimum is None else self.minimum
+        return min(max(value, low), math.inf if self.maximum is None else self.maximum)
+
     @property
     def allowed(self) -> str:
         """The bounds in words, with the unit: "at least 0 N"."""

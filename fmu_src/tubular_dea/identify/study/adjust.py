@@ -260,6 +260,5 @@ def _inside(study: Study, values: Mapping[str, float]) -> dict[str, float]:
     inside, known = {}, study.plant.model.quantities()
     for name, value in values.items():
         q = known.get(name)  # none where an effect's state is off
-        low = -np.inf if q is None or q.minimum is None else q.minimum
-        inside[name] = float(np.clip(value, low, np.inf if q is None or q.maximum is None else q.maximum))
+        inside[name] = value if q is None else q.inside(value)
     return inside
