@@ -1,5 +1,5 @@
-"""Where every state of a plant starts free in each record, so does what an effect adds: a room's walls are as cold as the
-night before left them."""
+"""Where every state of a plant starts free in each record, so does what an effect adds: a room's walls are as cold as
+the night before left them."""
 
 from __future__ import annotations
 

@@ -11,6 +11,8 @@ from scipy.signal import firwin, lfilter, welch
 
 from tubular_dea.identify.signals import noise, noise_bound
 from tubular_dea.identify.signals.colour import Colour, filtered
+from tubular_dea.identify.signals.colour_estimate import as_told
+from tubular_dea.identify.signals.colour_estimate import coloured as colour_of
 from tubular_dea.identify.signals.hum import is_hum
 from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, rounded
 from tubular_dea.identify.signals.quiet import Clock, calm, stretches
@@ -440,3 +442,22 @@ def test_an_encoder_that_stands_at_rest_has_no_slow_noise(wander: bool) -> None:
         assert found.total > step and found.correlation > 0.5
     else:
         assert found.total == pytest.approx(step / np.sqrt(12), rel=0.1) and found.correlation == 0
+
+
+def test_a_memory_longer_than_stretches_can_show_is_none_of_theirs() -> None:
+    """Curves between pulses of a cell, 30 s long, were read as noise of 6 mV with a memory of 1000 s, beside 0.3."""
+    random, time = np.random.default_rng(3), 0.5 * np.arange(1200)
+    walk = lfilter([1], [1, -0.9995], random.normal(0, 1e-4, time.size))
+    pulses = np.arange(0, 600, 30.0)
+    read = walk + random.normal(0, 3e-4, time.size) + 0.05 * np.exp(-(time % 30) / 9)
+    quiet = stretches([(time, read, pulses)])
+    longest = max(s.step * len(s.values) for s in quiet)
+    found = colour_of(quiet, 0.5)
+    told = as_told(quiet, found)
+    assert told.at_step.phi <= max(np.exp(-0.5 / (0.25 * longest)), min(found.at_step.phi, 0.9)) < 0.97
+    assert told.variance < 4 * 3e-4**2
+
+
+def test_a_memory_that_has_vanished_whitens() -> None:
+    values = np.random.default_rng(1).standard_normal(50)
+    np.testing.assert_allclose(Colour(1e-300, 0.5).whiten(values), values)

@@ -449,6 +449,45 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     assert gaps == "a: 200 of 401 samples of reading hold no number, and are left out"
 
 
+def test_clocks_temperatures_and_set_points_that_contradict_the_other_files_are_asked_about() -> None:
+    m = Build("Cell")
+    current = m.input("current", "A", nominal=30)
+    m.input("temperature", "K", nominal=300)
+    m.output("voltage", "V", m.parameter("R", "V/A", 0.1) * current, nominal=3.0)
+    cell = Plant(m.model(), [Input("current", held=True), Input("temperature", held=True)], [Output("voltage")])
+    time, random = np.arange(0, 100, 0.5), np.random.default_rng(1)
+
+    def table(degrees: float, clock: float = 1.0, flicker: float = 0.0) -> dict[str, np.ndarray]:
+        pulse = np.where((time > 20) & (time < 60), -30.0, 0.0)
+        pulse[[5, 150]] += flicker
+        read = 0.1 * pulse + 1e-3 * random.standard_normal(time.size)
+        return {
+            "time [s]": clock * time,
+            "current [A]": pulse,
+            "temperature [degC]": np.full(time.size, degrees),
+            "voltage [V]": read,
+        }
+
+    usual = {"a": table(10.0), "b": table(25.0), "c": table(25.0)}
+
+    def said(more: dict[str, np.ndarray]) -> list[str]:
+        return unusual.findings(replace(read_recordings(usual | {"d": more}, cell), noise={"current": 0.0}))
+
+    assert said(table(40.0)) == said(table(-20.0)) == []
+    (kelvin,) = said(table(298.15))
+    assert kelvin == (
+        "d: temperature is 298.1 degC, as far from what it is in the other files as K from degC: "
+        "is its unit in this file right?"
+    )
+    (clock,) = said(table(10.0, clock=1e3))
+    assert clock == ("d: its samples are 500 s apart, those of the other files 0.5 s: is the unit of its times right?")
+    assert said(table(10.0, clock=10.0)) == []
+    (flickers,) = said(table(10.0, flicker=0.01))
+    assert flickers.startswith(
+        "d: current is said to have no noise, but leaves its value for a sample 2 times (by 0.01 A)"
+    )
+
+
 def test_single_samples_that_stand_out_are_left_out_and_said(tmp_path: Path) -> None:
     """One flipped bit turned a verdict over: 55 mm in one of 9400 samples of a radius of 15 mm."""
     random, time = np.random.default_rng(4), np.arange(2000) / 250

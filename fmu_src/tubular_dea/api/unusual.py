@@ -9,8 +9,9 @@ import numpy as np
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
+from ..identify.signals.sampling import usual_step
 from ..model.declare import Quantity
-from ..model.units import converted
+from ..model.units import converted, three
 from ..recordings.table import moving
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
@@ -19,6 +20,10 @@ FACTOR = 100.0  # [1] times its declared size that a signal is too large or too 
 STRUCTURE = 20.0  # [1] times the noise that a small signal spans, to be one
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
 ELSEWHERE = 2.0  # [1] times what an input spans in all other files together, that it lies beyond them in one
+KELVIN = 273.15  # [K] that a temperature is off where degC and K are confused
+CLOCKS = (60.0, 3600.0, 1e3, 1e6)  # [1] times that a clock in another unit is too fast or too slow,
+SAME_CLOCK = 0.01  # [1] and by which that may be off
+FLICKERS, FAINT = 2, 1e-3  # [times] that a set point leaves its value for a sample, by [1] of its span at most
 OTHERS = 2  # [files] in which a signal moves too, for one to be unlike them
 SPIKES, BEYOND = 3, 100.0  # [samples] and [1] times what all others come to: samples that stand alone
 STUCK, STUCK_BESIDE = 20, 4  # [samples] and [1] times any other run: readings that repeat, of a sensor that is stuck,
@@ -28,7 +33,7 @@ GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    each = (_spikes, _sizes, _unlike, _elsewhere, _gaps, _stuck, _copies)
+    each = (_spikes, _sizes, _unlike, _elsewhere, _kelvin, _clocks, _flickers, _gaps, _stuck, _copies)
     return [said for one in each for said in one(recordings)]
 
 
@@ -124,6 +129,55 @@ def _elsewhere(recordings: Recordings) -> Iterator[str]:
                     f"{e.name}: {name} lies between {low} and {high}, far from what it is in the other files, and no "
                     "output does: is its unit in this file right?"
                 )
+
+
+def _kelvin(recordings: Recordings) -> Iterator[str]:
+    """Temperatures that stand still in every file, and in one of them as far from the others as K from degC."""
+    for name in (s.name for s in recordings.plant.inputs):
+        quantity, ends = recordings.plant.quantity(name), _ends(recordings.experiments, name)
+        if quantity.unit not in ("K", "degC") or any(low < high for low, high in ends.values()):
+            continue
+        for e in recordings.experiments:
+            others = [level for file, (level, _) in ends.items() if file != e.name]
+            here = ends.get(e.name, (np.nan, np.nan))[0]
+            if len(others) < OTHERS or np.min(np.abs(here - np.array(others))) < 0.5 * KELVIN:
+                continue
+            if any(min(others) <= here + by <= max(others) for by in (KELVIN, -KELVIN)):
+                yield (
+                    f"{e.name}: {name} is {_in_file(e, quantity, here)}, as far from what it is in the other files as "
+                    "K from degC: is its unit in this file right?"
+                )
+
+
+def _clocks(recordings: Recordings) -> Iterator[str]:
+    """Files whose samples are as far apart as those of all others on a clock in another unit."""
+    steps = {e.name: usual_step(e.time) for e in recordings.experiments if e.time.size > 1}
+    for file, step in steps.items():
+        others = [other for name, other in steps.items() if name != file]
+        if len(others) < OTHERS or max(others) > (1 + SAME_CLOCK) * min(others):
+            continue
+        ratio = step / others[0]
+        if any(abs(r / by - 1) < SAME_CLOCK for r in (ratio, 1 / ratio) for by in CLOCKS):
+            yield (
+                f"{file}: its samples are {three(step)} s apart, those of the other files {three(others[0])} s: is the "
+                "unit of its times right?"
+            )
+
+
+def _flickers(recordings: Recordings) -> Iterator[str]:
+    """Inputs that are said to have no noise, and yet leave the value that they are held at for a sample."""
+    for name in (s.name for s in recordings.plant.inputs if s.held and s.name in recordings.commanded):
+        for e in recordings.experiments:
+            values = _values(e, name)
+            step = np.diff(values)
+            back = (step[:-1] == -step[1:]) & (step[1:] != 0) & (np.abs(step[1:]) <= FAINT * np.ptp(values))
+            if np.count_nonzero(back) >= FLICKERS:
+                by = recordings.plant.quantity(name).told(float(np.abs(step[1:][back]).max()))
+                yield (
+                    f"{e.name}: {name} is said to have no noise, but leaves its value for a sample {np.sum(back)} "
+                    f"times (by {by}): was it measured? If so, leave that line of bench.toml out"
+                )
+                break
 
 
 def _ends(experiments: Sequence[Experiment], name: str) -> dict[str, tuple[float, float]]:
