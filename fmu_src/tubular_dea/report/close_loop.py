@@ -107,7 +107,19 @@ def _nearest(found: Discovery) -> str:
     if found.chosen.ids:
         stays = max(found.chosen.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
         return f" (nearest: {' and '.join(found.chosen.ids)}; {percent(min(stays, 1.0))} of what is not noise stays)"
-    return "".join(f" (nearest: {name}, but {why})" for name, why in list(found.search.withdrawn.items())[:1])
+    withdrawn = [f" (nearest: {name}, but {why})" for name, why in list(found.search.withdrawn.items())[:1]]
+    return "".join(withdrawn or _nearest_tried(found))
+
+
+def _nearest_tried(found: Discovery) -> list[str]:
+    """The best of what the last round tried, if it explains more than the base alone; or nothing."""
+    tried = found.search.rounds[-1].options if found.search.rounds else []
+    best = max(tried, key=lambda option: option.evidence, default=found.base)
+    if best.evidence <= found.base.evidence or not best.ids:
+        return []
+    stays = max(best.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
+    strength = ", with an implausible strength" if best.impossible else ""
+    return [f" (nearest: {' and '.join(best.ids)}{strength}; {percent(min(stays, 1.0))} of what is not noise stays)"]
 
 
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
