@@ -461,3 +461,22 @@ def test_a_memory_longer_than_stretches_can_show_is_none_of_theirs() -> None:
 def test_a_memory_that_has_vanished_whitens() -> None:
     values = np.random.default_rng(1).standard_normal(50)
     np.testing.assert_allclose(Colour(1e-300, 0.5).whiten(values), values)
+
+
+def test_a_logger_with_several_rates_has_parts_of_each() -> None:
+    """A cycler samples every minute at rest, and ten times a second in a pulse: that was noise at the usual rate."""
+    random = np.random.default_rng(2)
+    steps = np.concatenate([np.full(50, 60.0), np.full(3000, 0.1), np.full(6500, 0.5), [7.0], np.full(3000, 0.1)])
+    time = np.append(0.0, np.cumsum(steps))
+    clock = Clock.of(time)
+    assert clock.step == 0.5
+    assert [len(range(*p.indices(time.size))) for p in clock.parts] == [1, 50, 3000, 6500, 1, 3000]
+    assert clock.steps == pytest.approx((0.5, 60.0, 0.1, 0.5, 0.5, 0.1))
+    late = np.exp(-steps / 0.8)
+    values = np.zeros(time.size)
+    for k, phi in enumerate(late):
+        values[k + 1] = phi * values[k] + np.sqrt(1 - phi**2) * random.standard_normal()
+    white = Noise(1.0, float(np.exp(-0.1 / 0.8)), step=0.1).whiten(clock, values)
+    for part in (white[60:3050], white[3060:9550], white[9560:]):
+        assert np.std(part) == pytest.approx(1.0, rel=0.05)
+        assert abs(np.corrcoef(part[1:], part[:-1])[0, 1]) < 0.05

@@ -171,8 +171,9 @@ class Noise:
 
     def whiten(self, clock: Clock, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) read at a clock's times, in units of the innovation; a gap starts anew."""
-        colour = self.colour(clock.step)
-        white = np.concatenate([colour.whiten(values[part]) for part in clock.parts])
+        colours = {step: self.colour(step) for step in clock.steps}
+        pairs = zip(clock.steps, clock.parts, strict=True)
+        white = np.concatenate([colours[step].whiten(values[part]) for step, part in pairs])
         white /= self.total
         return white
 

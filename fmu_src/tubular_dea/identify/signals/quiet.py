@@ -7,6 +7,7 @@ it has rung out: stretches that move much more from sample to sample than the ca
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -32,6 +33,7 @@ CREEP_ROOM = 8  # [samples] and for each time constant
 LIKE_ANOTHER = 1e-7  # [1] of the largest singular value: curves with less are others once more
 ON_TIME = 1e-9  # [s] by which a sample may be too early for a stretch that begins with it
 SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
+SAME_RATE = 0.1  # [1] by which a step differs at most from the one before, of samples of one rate
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
@@ -103,14 +105,15 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
-        step = round(usual_step(time), SAME_STEP)
-        sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
-        marks = np.union1d(events, time[1:][~steady(time)])
-        marks = np.union1d(marks, [time[0] - settled, time[-1] + step])
+        clock = Clock.of(time)
+        begins = [part.start for part in clock.parts]
+        marks = np.union1d(events, time[begins[1:]])
+        marks = np.union1d(marks, [time[0] - settled, time[-1] + clock.step])
         firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
         lasts = np.searchsorted(time, marks[1:])
         for mark, first, last in zip(marks[:-1].tolist(), firsts.tolist(), lasts.tolist(), strict=True):
-            rest = last - first
+            rest, step = last - first, round(clock.steps[bisect_right(begins, first) - 1], SAME_STEP)
+            sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
             alone = mark <= time[0] and LEAST_STRETCH <= rest < 2 * sizes[-1]
             taken = 0
             for size in [rest] if alone else sizes:
@@ -237,19 +240,39 @@ def _calmest(groups: Sequence[tuple[np.ndarray, int]], enough: int) -> float:
 
 @dataclass(frozen=True)
 class Clock:
-    """Times (n,) at which something was read: the usual `step` [s], and `parts` without a gap."""
+    """Times (n,) at which something was read: the usual `step` [s], and `parts` without a gap, with the step of each.
+
+    A logger that samples faster after an event, and slower where nothing happens, has parts of several steps.
+    """
 
     step: float
     parts: tuple[slice, ...]
+    steps: tuple[float, ...]
 
     @staticmethod
     def of(time: np.ndarray) -> Clock:
         """The clock of times [s]."""
         if time.size < 2:
-            return Clock(0.0, (slice(0, time.size),))
-        ends = [0, *(np.flatnonzero(~steady(time)) + 1).tolist(), time.size]
+            return Clock(0.0, (slice(0, time.size),), (0.0,))
+        step, usual = np.diff(time), usual_step(time)
+        own = _other_rates(step, usual)
+        gaps = ~steady(time)
+        for first, last in own:
+            gaps[first:last] = False
+        inner = {*(np.flatnonzero(gaps) + 1).tolist(), *(b for first, last in own for b in (first + 1, last + 1))}
+        ends = sorted({0, *inner, time.size})
+        rates = {first + 1: float(np.median(step[first:last])) for first, last in own}
         parts = tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
-        return Clock(usual_step(time), parts)
+        return Clock(usual, parts, tuple(rates.get(a, usual) for a in ends[:-1]))
+
+
+def _other_rates(step: np.ndarray, usual: float) -> list[tuple[int, int]]:
+    """Where many steps (n,) in a row are the same, and not the usual one: the first, and the one after the last."""
+    changes = np.flatnonzero(np.abs(np.diff(step)) > SAME_RATE * step[:-1]) + 1
+    first, last = np.append(0, changes), np.append(changes, step.size)
+    other = (step[first] > SKIPPED * usual) | (step[first] * SKIPPED < usual)
+    many = (last - first >= LEAST_STRETCH) & other & (step[first] > 0)
+    return list(zip(first[many].tolist(), last[many].tolist(), strict=True))
 
 
 def steady(time: np.ndarray) -> np.ndarray:
