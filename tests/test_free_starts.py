@@ -3,7 +3,7 @@ the night before left them."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import pathlib
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 import tubular_dea as td
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study.study import study
-from tubular_dea.plants import Balance, Build, Input, Output, Plant
+from tubular_dea.plants import Balance, Build, Input, Output, Path, Plant
 
 RELAXING = ("relaxation(T)",)
 STIFFNESS, TAU, RATE, PER, NOISE = 0.1, 8.0, 0.05, 2.0, 0.01
@@ -29,7 +29,7 @@ def room() -> Plant:
     return Plant(m.model(), [Input("heating", held=True)], [Output("room")], places=[Balance("T")])
 
 
-def recordings(folder: Path, starts: str = "") -> None:
+def recordings(folder: pathlib.Path, starts: str = "") -> None:
     """Four records of a room whose walls start up to 5 degC off it, by small explicit steps."""
     for number in range(4):
         random, rows = np.random.default_rng(number), []
@@ -48,7 +48,7 @@ def recordings(folder: Path, starts: str = "") -> None:
     (folder / "bench.toml").write_text(starts, encoding="utf-8")
 
 
-def test_a_hidden_store_starts_anywhere_in_each_record(tmp_path: Path) -> None:
+def test_a_hidden_store_starts_anywhere_in_each_record(tmp_path: pathlib.Path) -> None:
     recordings(tmp_path)
     found = td.discover(tmp_path, plant=room(), seed=1)
     assert [e["id"] for e in found.content["effects"]] == list(RELAXING)
@@ -58,8 +58,30 @@ def test_a_hidden_store_starts_anywhere_in_each_record(tmp_path: Path) -> None:
     assert found.content["error"]["after"]["held_out_rmse"] < 1.2 * NOISE
 
 
-def test_a_record_that_rested_says_so(tmp_path: Path) -> None:
+def test_a_record_that_rested_says_so(tmp_path: pathlib.Path) -> None:
     recordings(tmp_path, '[start]\nnight_1 = "rested"\n')
     made = study(read_folder(tmp_path, plant=room()), ())
     assert [len(made.unknown(RELAXING, p)) for p in made.pieces] == [2, 1, 2, 2]
     assert [len(made.unknown((), p)) for p in made.pieces] == [1, 1, 1, 1]
+
+
+def test_a_state_that_stays_is_a_parameter_of_each_record() -> None:
+    m = Build("Lag", "A lag whose gain differs from specimen to specimen")
+    drive, tau = m.input("drive", "V", nominal=10), m.parameter("tau", "s", 1.0, minimum=0.01)
+    gain = m.state("gain", "1", start="free", nominal=2.0)
+    x = m.state("x", "V", nominal=10)
+    m.derivative(gain, 0)
+    m.derivative(x, (gain * drive - x) / tau)
+    m.output("y", "V", x)
+    plant = Plant(m.model(), [Input("drive")], [Output("y")], places=[Path("drive"), Balance("x"), Path("y")])
+    time, tables, gains = np.arange(0, 12, 0.05), {}, {"a": 0.7, "b": 1.1, "c": 1.6, "d": 2.1}
+    for seed, (name, own) in enumerate(gains.items()):
+        random = np.random.default_rng(seed)
+        driven = np.interp(time, np.arange(13), random.uniform(0, 10, 13))
+        known = {"gain_start": own, "tau": 0.8}
+        read = td.Kernel(plant.model).simulate(td.Protocol.of(time, drive=driven), time, known)["y"]
+        read = read + 0.02 * random.standard_normal(time.size)
+        tables[name] = {"time [s]": time, "drive [V]": driven, "y [V]": read}
+    found = td.discover(td.read_recordings(tables, plant))
+    assert found.verdict == "no_effect"
+    assert {n: r["start"]["gain_start"] for n, r in found.content["records"].items()} == pytest.approx(gains, abs=5e-3)

@@ -169,6 +169,11 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             8,
             "Path('pump') is given twice in places; give it once",
         ),
+        (
+            HEAD + PLANT.replace('[Path("pump"),', '["pump",'),
+            8,
+            "places: expected a Path, Balance or Coefficient (from tubular_dea.plants) but was given 'pump'",
+        ),
         (HEAD + "m.input('v', 'V', nominal=0)\n", 8, "nominal: expected a usual size above 0 but was given 0"),
         (HEAD + "m.state('h', 'V', start='fre')\n", 8, "expected a number, an expression, 'free' or 'shared' but was"),
         (HEAD + "m.derivative(k, level)\n", 8, "there is no such state; there are level"),

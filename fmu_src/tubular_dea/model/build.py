@@ -131,7 +131,8 @@ class Build:
         `start` is a number, an expression of parameters and inputs, "free" (an unknown of every recording) or "shared"
         (one unknown for all recordings): both declare the parameter `<name>_start`, which fits find. Before that it is
         half of `nominal` above `minimum`, but of a temperature in kelvin all of it. The equations end at `minimum`.
-        Where all states are "free", so are those that effects add, unless bench.toml says of a file that it rested.
+        Where all states are "free", so are those that effects add, unless bench.toml says of a file that it rested. A
+        "free" state whose derivative is 0 is a parameter of which each recording has its own.
         """
         q = self._quantity(name, unit, description or name, minimum=minimum, nominal=nominal, display_unit=display_unit)
         if isinstance(start, str):

@@ -119,8 +119,15 @@ def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str
         value, low, high = with_ends(p["value"] / scale, [None if e is None else e / scale for e in p["ci95"]])
         shown = f"{value} {unit}".removesuffix(" 1")
         told = determined(effect, name, p["ci95"])
-        rows.append([meaning[name], shown, f"{low} to {high}" if told else "not determined", name])
+        interval = f"above {low}" if _open_above(p["ci95"]) else f"{low} to {high}"
+        rows.append([meaning[name], shown, interval if told else "not determined", name])
     return rows
+
+
+def _open_above(ends: Sequence[float | None]) -> bool:
+    """Whether an interval goes on to where nothing tells any more: a level that may lie anywhere above."""
+    low, high = ends
+    return low is not None and high is not None and 0 < SPANS * low < high
 
 
 def _excitations(found: Discovery) -> Iterator[Excitation]:
