@@ -170,9 +170,9 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             "Path('pump') is given twice in places; give it once",
         ),
         (
-            HEAD + PLANT.replace('[Path("pump"),', '["pump",'),
-            8,
-            "places: expected a Path, Balance or Coefficient (from tubular_dea.plants) but was given 'pump'",
+            HEAD + "import pathlib\n" + PLANT.replace('[Path("pump"),', '[pathlib.PurePosixPath("pump"),'),
+            9,
+            "places: expected Path, Balance or Coefficient of tubular_dea.plants but was given PurePosixPath('pump')",
         ),
         (HEAD + "m.input('v', 'V', nominal=0)\n", 8, "nominal: expected a usual size above 0 but was given 0"),
         (HEAD + "m.state('h', 'V', start='fre')\n", 8, "expected a number, an expression, 'free' or 'shared' but was"),

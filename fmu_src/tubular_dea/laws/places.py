@@ -118,10 +118,6 @@ def check(model: Model, place: Place) -> None:
     """`DeclarationError` where the place names what the model does not have, or what is of another kind."""
     from ._site import SignalSite, site
 
-    if not isinstance(place, Path | Balance | Coefficient):
-        raise DeclarationError(
-            f"places: expected a Path, Balance or Coefficient (from tubular_dea.plants) but was given {place!r}"
-        )
     _check_settings(place)
     at = site(model, place)
     if isinstance(place, Path) and place.late and not (isinstance(at, SignalSite) and at.is_input):

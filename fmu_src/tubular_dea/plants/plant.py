@@ -213,12 +213,20 @@ class Plant:
                 raise DeclarationError(
                     f"{self.name}: {what}: expected a list, as {what}=[...], but was given {given!r}"
                 )
-            alone = [one for one in given if isinstance(one, str)]
-            if alone:
-                kind = {"inputs": "Input", "outputs": "Output", "places": "Path, Balance or Coefficient"}[what]
+            kinds, words = {
+                "inputs": (Input, "Input"),
+                "outputs": (Output, "Output"),
+                "places": (Place, "Path, Balance or Coefficient"),
+            }[what]
+            other = next((one for one in given if not isinstance(one, kinds)), None)
+            if isinstance(other, str):
                 raise DeclarationError(
-                    f"{self.name}: {what}: expected {kind}, as {kind.split(',')[0]}({alone[0]!r}), but was given the "
-                    f"name {alone[0]!r} alone"
+                    f"{self.name}: {what}: expected {words}, as {words.split(',')[0]}({other!r}), but was given the "
+                    f"name {other!r} alone"
+                )
+            if other is not None:
+                raise DeclarationError(
+                    f"{self.name}: {what}: expected {words} of tubular_dea.plants but was given {other!r}"
                 )
 
     def _check_once(self) -> None:
