@@ -608,7 +608,7 @@ def test_a_monitor_s_noise_beside_that_of_the_sensor(noise: Noise) -> None:
     knots = np.concatenate([[time[0]] * 2, time[gap:-gap:gap], [time[-1]] * 2])
     line = make_lsq_spline(time, level * np.random.default_rng(3).standard_normal(samples), knots, k=1)
     weight = np.full(samples, 1 / np.sqrt(1 + (level * gain / noise.slow) ** 2))
-    clock = SimpleNamespace(step=noise.step, parts=[slice(None)])
+    clock = SimpleNamespace(step=noise.step, parts=[slice(None)], steps=[noise.step])
     case = SimpleNamespace(
         protocol=SimpleNamespace(time=np.unique(knots)),
         readings=[SimpleNamespace(output="radius", clock=clock)],

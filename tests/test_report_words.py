@@ -506,9 +506,29 @@ def test_nothing_is_missing_only_where_nothing_else_is_told(
         search=None,
         strained=(),
     )
-    found.search = SimpleNamespace(withdrawn={})
+    found.search = SimpleNamespace(withdrawn={}, rounds=[])
     told = close_loop.headline(found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}})
     assert said in told and ("nothing is missing" in told) == (not waves and wandering is None and not little)
+
+
+@pytest.mark.parametrize(
+    ("pinned", "excess", "said"),
+    [
+        ((), 700.0, " (nearest: leakage; 7% of what is not noise stays)"),
+        (("leakage",), 700.0, " (nearest: leakage, with an implausible strength; 7% of what is not noise stays)"),
+        ((), 10_000.0, ""),  # no better than the base: it has a parameter more
+    ],
+)
+def test_an_unexplained_residual_names_the_nearest_that_was_tried(
+    pinned: tuple[str, ...], excess: float, said: str
+) -> None:
+    base, tried = made_up.option(excess=10_000.0), made_up.option("leakage", excess=excess, pinned=pinned)
+    search = SimpleNamespace(withdrawn={}, rounds=[SimpleNamespace(options=[tried])])
+    assert close_loop._nearest(SimpleNamespace(chosen=base, base=base, search=search)) == said
+    search.withdrawn["lag"] = "beside the others it gains no more than chance can"
+    assert "nearest: lag, but beside the others" in close_loop._nearest(
+        SimpleNamespace(chosen=base, base=base, search=search)
+    )
 
 
 def test_samples_are_counted_once_whatever_is_read_in_them() -> None:

@@ -28,7 +28,7 @@ READINGS = 150  # [samples] of it that are looked at
 FEW_TRIED = 3  # [1] experiments that are looked at
 ROUGHLY = 1e-4  # [1] tolerance of the answers
 STARTS_SOUGHT = 2  # [1] Gauss-Newton steps to a record's own start,
-MOVED = 0.05  # [1] of its usual size by which it is moved for them
+START_MOVED = 0.05  # [1] of its usual size by which it is moved for them
 FARTHEST_START = 10.0  # [1] and usual sizes that a step takes at most
 SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: the plant diverges
 
@@ -170,8 +170,8 @@ def _begun(plant: Plant, at: Callable[[Mapping[str, float]], np.ndarray], seen: 
     starts = {n: model.parameter_values()[n] for n in sizes}
     here = at(starts)
     for _ in range(STARTS_SOUGHT if sizes else 0):
-        moved = [at(starts | {n: starts[n] + MOVED * size}) for n, size in sizes.items()]
-        columns = np.column_stack([(m - here) / MOVED for m in moved])
+        moved = [at(starts | {n: starts[n] + START_MOVED * size}) for n, size in sizes.items()]
+        columns = np.column_stack([(m - here) / START_MOVED for m in moved])
         by, *_ = np.linalg.lstsq(columns, seen - here, rcond=None)
         away = np.clip(by, -FARTHEST_START, FARTHEST_START)
         sought = {n: starts[n] + by * sizes[n] for n, by in zip(sizes, away.tolist(), strict=True)}
