@@ -210,7 +210,9 @@ def test_unseen_data_are_those_that_can_tell(
 @pytest.mark.parametrize(("value", "away"), [(1.21, True), (1.19, False), (0.81, False), (0.79, True)])
 def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) -> None:
     """The standard error is 0.1, and the effect is off at 1."""
-    lag = SimpleNamespace(off={"lag": 1.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    lag = SimpleNamespace(
+        hard=(), off={"lag": 1.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)]
+    )
     fitted = replace(
         option("lag").fitted,
         values={"base": 1.0, "lag": value},
@@ -255,7 +257,7 @@ def test_an_interval_is_open_where_a_search_ended_at_a_bound(
 ) -> None:
     """The standard error is 0.1; the effect is off where its strength is 0."""
     given = SimpleNamespace(**{"name": "lag", "unit": "s"} | quantity)
-    lag = SimpleNamespace(off={}, fit=("lag",), parameters=[given])
+    lag = SimpleNamespace(hard=(), off={}, fit=("lag",), parameters=[given])
     fitted = replace(
         option("lag").fitted,
         free=[Free("base", 1.0), Free("lag", 1.0, given.minimum, given.maximum)],
@@ -266,10 +268,12 @@ def test_an_interval_is_open_where_a_search_ended_at_a_bound(
     assert parameters.at_bounds(lag, fitted) == ({"lag": side} if side else {})
     assert acceptance.size_interval(lag, fitted, "lag") == pytest.approx(ends)
     if side == 0 and value == 1.0:  # the same of a part by which the effect is told from nothing
-        sized = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[given])
+        sized = SimpleNamespace(hard=(), off={"lag": 0.0}, fit=("lag",), parameters=[given])
         assert acceptance.size_interval(sized, fitted, "lag") == pytest.approx((np.exp(-0.196), 1.0))
     strength = SimpleNamespace(**vars(lag) | {"off": {"lag": value}})  # where it is off is where it may end
     assert parameters.at_bounds(strength, fitted) == {}
+    wall = SimpleNamespace(**vars(lag) | {"hard": ("lag",)})  # as large as it likes
+    assert parameters.at_bounds(wall, fitted) == ({"lag": side} if side < 0 else {})
 
 
 @pytest.mark.parametrize(
@@ -283,7 +287,9 @@ def test_a_weak_effect_that_leaves_a_residual_as_little_white_as_before_is_vague
     white = {(): before, ("lag",): after}
     monkeypatch.setattr(judgement.residuals, "tests", lambda study, ids, fitted: {"whiteness": white[ids]})
     monkeypatch.setattr(judgement, "_no_more_than_a_zero", lambda work, found, described, name: False)
-    lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    lag = SimpleNamespace(
+        hard=(), off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)]
+    )
     chosen = option("lag", excess=0.0, z_slow=0.0)
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
     study = SimpleNamespace(catalogue={"lag": lag})
@@ -292,7 +298,9 @@ def test_a_weak_effect_that_leaves_a_residual_as_little_white_as_before_is_vague
 
 
 def test_an_effect_that_gains_little_is_vague() -> None:
-    lag = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+    lag = SimpleNamespace(
+        hard=(), off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)]
+    )
     chosen = option("lag", excess=50.0)
     chosen = replace(chosen, fitted=replace(chosen.fitted, scaled=np.ones(2), covariance=0.01 * np.eye(2)))
     study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)

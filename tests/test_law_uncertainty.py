@@ -92,7 +92,7 @@ def test_equals_count_with_their_spread() -> None:
     assert both.stderr["eps_field"] == pytest.approx(best.stderr["eps_field"], rel=1e-3)
 
 
-LAG = SimpleNamespace(off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
+LAG = SimpleNamespace(hard=(), off={"lag": 0.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)])
 
 
 def of_a_lag(covariance: np.ndarray) -> Fit:

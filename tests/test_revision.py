@@ -247,7 +247,7 @@ def test_few_rivals_are_tried_and_refined(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     exact, vague = (
-        SimpleNamespace(off={name: off}, fit=(name,), parameters=[SimpleNamespace(name=name, minimum=None)])
+        SimpleNamespace(hard=(), off={name: off}, fit=(name,), parameters=[SimpleNamespace(name=name, minimum=None)])
         for name, off in (("lag", 0.0), ("creep", 1.0))
     )
     study = SimpleNamespace(

@@ -100,7 +100,7 @@ def test_a_file_with_an_impossible_zero_is_not_explained(hold_out: list[str]) ->
 def test_an_offset_as_zeros_are_is_no_effect(effect: str, size: float, usual: bool) -> None:
     declared = SimpleNamespace(
         plant=plant(),
-        catalogue={effect: SimpleNamespace(off={"size": 0.0})},
+        catalogue={effect: SimpleNamespace(hard=(), off={"size": 0.0})},
         zero=lambda name: {"pull": 0.2, "stretch": 1e-3}.get(name, 0.0),
     )
     fitted = SimpleNamespace(fitted=SimpleNamespace(values={"size": size}, names=["size"]))

@@ -33,6 +33,7 @@ class Knob:
     trade: float
     refine: bool
     strengths: tuple[float, ...]
+    hard: bool
 
     @property
     def symbol(self) -> sympy.Symbol:
@@ -111,12 +112,13 @@ class Site:
         trade: float = 0.0,
         refine: bool = False,
         strengths: Sequence[float] = (),
+        hard: bool = False,
     ) -> Knob:
         """A parameter of the law."""
         start = off if off is not None else typical
         usual = abs(typical) or ORDINARY * max(abs(low), abs(high))
         q = Quantity(self.name(part), unit, description, start, "", low, high, nominal=usual)
-        return Knob(q, typical, off, on, tuple(shapes), trade, refine, tuple(strengths))
+        return Knob(q, typical, off, on, tuple(shapes), trade, refine, tuple(strengths), hard)
 
     def time_constant(
         self, description: str, typical: float, low: float, high: float, times: Sequence[float], trade: float = 0.0
@@ -152,6 +154,7 @@ class Site:
             refine=tuple(n for n, k in named if k.refine),
             trades={n: k.trade for n, k in named if k.trade},
             strengths={n: k.strengths for n, k in named if k.strengths},
+            hard=tuple(n for n, k in named if k.hard),
             exact=exact,
             levels=levels or {},
             lasting=lasting,

@@ -47,6 +47,7 @@ def law(at: BalanceSite) -> Effect | None:
         1e3 * usual,
         off=0.0,
         strengths=[strong * usual for strong in STRENGTHS],
+        hard=True,
     )
     level = at.knob(
         "level", at.unit, "Level at which it begins", n, 0.0, 100 * n, shapes=[share * n for share in LEVELS]

@@ -34,7 +34,9 @@ def one_sided(at: BalanceSite, side: int, word: str) -> Effect:
     """The stop above (`side` 1) or below (-1) a level."""
     x = at.coordinate
     unit, size = at.per((at.rate_unit, 1), (x.unit, -1)), at.rate_size / x.nominal
-    stiffness = at.knob("stiffness", unit, f"Stiffness of the stop of {x.name}", 0.5 * size, 0.0, 1e4 * size, off=0.0)
+    stiffness = at.knob(
+        "stiffness", unit, f"Stiffness of the stop of {x.name}", 0.5 * size, 0.0, 1e4 * size, off=0.0, hard=True
+    )
     level = at.knob(
         "level",
         x.unit,

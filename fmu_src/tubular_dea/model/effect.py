@@ -34,11 +34,12 @@ class Effect:
     asks for a slightly different form. Where the response turns with an amplitude (the pitch of a ringing with a
     mass), the tangent at `off` does not see it: `strengths` are distances from `off` at which the chord is taken
     beside it. `trades` says how a parameter of the grid changes if a share of an effect is replaced by the whole
-    effect: by this power of the share (1: a lag's time constant, -1: a rate limit). An `exact` effect has only one
-    form: a remaining residual has another cause. The finer form of a `delicate` one follows the noise of recorded
-    inputs (it wears friction down): it is tried only where the coarse one leaves more than noise. `channel` says where
-    it acts, by the plant's own names; `recording` that it is a fault of a monitor or sensor, not of the plant;
-    `lasting` that what it changes outlasts a record.
+    effect: by this power of the share (1: a lag's time constant, -1: a rate limit). What is `hard` may be as large as
+    it likes: a rim over which all runs at once, a wall. An `exact` effect has only one form: a remaining residual has
+    another cause. The finer form of a `delicate` one follows the noise of recorded inputs (it wears friction down): it
+    is tried only where the coarse one leaves more than noise. `channel` says where it acts, by the plant's own names;
+    `recording` that it is a fault of a monitor or sensor, not of the plant; `lasting` that what it changes outlasts a
+    record.
     `levels` are parameters that a state has to pass, or the effect is another one: a stop that always holds is a
     spring. `curve` is how reports show the effect alone: "x over y" or "x", the definition x over an input or state y
     that it depends on (default: what `alone` finds in the declaration).
@@ -56,6 +57,7 @@ class Effect:
     refine: tuple[str, ...] = ()
     strengths: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     trades: Values = field(default_factory=dict)
+    hard: tuple[str, ...] = ()
     exact: bool = False
     recording: bool = False
     lasting: bool = False
@@ -67,7 +69,7 @@ class Effect:
     def __post_init__(self) -> None:
         names = {q.name for q in self.parameters}
         shaped = (self.shapes, self.strengths, self.trades, self.levels)
-        for mentioned in (self.off, self.typical, self.on, self.refine, *shaped):
+        for mentioned in (self.off, self.typical, self.on, self.refine, self.hard, *shaped):
             if not set(mentioned) <= names:
                 raise DeclarationError(f"{self.id}: expected its own parameters but was given {set(mentioned) - names}")
         if missing := sorted(names - set(self.typical)):

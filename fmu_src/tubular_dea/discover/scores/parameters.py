@@ -73,8 +73,8 @@ def size(effect: Effect, name: str) -> float:
 def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
     """The parameters of an effect that ended at a bound: -1 at the least value, 1 at the largest.
 
-    Neither nothing nor the whole is a bound: 0 where a parameter cannot be negative, a share of 0 or 1, and where the
-    effect is off.
+    Neither nothing nor the whole is a bound: 0 where a parameter cannot be negative, a share of 0 or 1, where the
+    effect is off, and the largest of what is `hard`.
     """
     quantities = {q.name: q for q in effect.parameters}
     return {
@@ -87,6 +87,8 @@ def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
 def _natural(effect: Effect, quantity: Quantity, side: int) -> bool:
     """Whether a bound is nothing or the whole of what a parameter says, and no opinion on how large it may be."""
     bound = quantity.minimum if side < 0 else quantity.maximum
+    if side > 0 and quantity.name in effect.hard:
+        return True
     return bound in (0, effect.off.get(quantity.name)) or (is_share(quantity) and bound == 1)
 
 
