@@ -137,9 +137,8 @@ def _kelvin(recordings: Recordings) -> Iterator[str]:
         quantity, ends = recordings.plant.quantity(name), _ends(recordings.experiments, name)
         if quantity.unit not in ("K", "degC") or any(low < high for low, high in ends.values()):
             continue
-        for e in recordings.experiments:
-            others = [level for file, (level, _) in ends.items() if file != e.name]
-            here = ends.get(e.name, (np.nan, np.nan))[0]
+        for e in (e for e in recordings.experiments if e.name in ends):
+            here, others = ends[e.name][0], [level for file, (level, _) in ends.items() if file != e.name]
             if len(others) < OTHERS or np.min(np.abs(here - np.array(others))) < 0.5 * KELVIN:
                 continue
             if any(min(others) <= here + by <= max(others) for by in (KELVIN, -KELVIN)):

@@ -11,6 +11,7 @@ from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor,
 from ..discover.answer.remarks import counted_backwards, implausible_zero, loud, still, thin, unexplained_output
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
+from ..discover.options.options import Option
 from ..discover.search.law_uncertainty import LAW
 from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
@@ -105,21 +106,20 @@ def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:
 def _nearest(found: Discovery) -> str:
     """What comes nearest to an explanation, and how near, or why it is none; "" where nothing does."""
     if found.chosen.ids:
-        stays = max(found.chosen.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
-        return f" (nearest: {' and '.join(found.chosen.ids)}; {percent(min(stays, 1.0))} of what is not noise stays)"
-    withdrawn = [f" (nearest: {name}, but {why})" for name, why in list(found.search.withdrawn.items())[:1]]
-    return "".join(withdrawn or _nearest_tried(found))
-
-
-def _nearest_tried(found: Discovery) -> list[str]:
-    """The best of what the last round tried, if it explains more than the base alone; or nothing."""
+        return _how_near(found, found.chosen)
+    for name, why in found.search.withdrawn.items():
+        return f" (nearest: {name}, but {why})"
     tried = found.search.rounds[-1].options if found.search.rounds else []
     best = max(tried, key=lambda option: option.evidence, default=found.base)
-    if best.evidence <= found.base.evidence or not best.ids:
-        return []
-    stays = max(best.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
-    strength = ", with an implausible strength" if best.impossible else ""
-    return [f" (nearest: {' and '.join(best.ids)}{strength}; {percent(min(stays, 1.0))} of what is not noise stays)"]
+    if best.evidence <= found.base.evidence:
+        return ""
+    return _how_near(found, best, ", with an implausible strength" if best.impossible else "")
+
+
+def _how_near(found: Discovery, option: Option, strength: str = "") -> str:
+    """The effects of an option, their `strength` in words, and how much they leave."""
+    stays = max(option.lack_of_fit.excess, 0.0) / max(found.base.lack_of_fit.excess, 1.0)
+    return f" (nearest: {' and '.join(option.ids)}{strength}; {percent(min(stays, 1.0))} of what is not noise stays)"
 
 
 def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:

@@ -261,8 +261,7 @@ _DECLARED = {p.quantity.name: p.quantity for p in PARAMETERS}
 
 def _within(name: str, value: float) -> float:
     """Inside the declared bounds."""
-    q = _DECLARED[name]
-    return float(np.clip(value, q.minimum, q.maximum))
+    return _DECLARED[name].inside(float(value))
 
 
 def _rms(left: np.ndarray) -> float:

@@ -236,10 +236,9 @@ def study(
     for name in names:
         if name not in known:
             raise ArgumentError("hold_out", f" {name}: there is no experiment {name!r}{nearest(name, known)}")
-    pieces, noise, starts = [], sensor_noise(recordings, drives), recordings.starts
+    pieces, noise = [], sensor_noise(recordings, drives)
     for experiment, driven in zip(recordings.experiments, drives, strict=True):
-        whole = _piece(experiment, driven, recordings.plant, starts[experiment.name], experiment.name in names)
-        whole = replace(whole, loose=recordings.is_loose(experiment))
+        whole = _piece(recordings, experiment, driven, experiment.name in names)
         pieces += [whole] if len(drives) > 1 or held_out is not None else _split(whole)
     pieces = carried(pieces)
     levels = _monitor_noise(recordings, drives)
@@ -307,8 +306,9 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     return found
 
 
-def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held_out: bool) -> Piece:
-    """A whole experiment, with every output that was recorded in it; what it follows had this `start`."""
+def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_out: bool) -> Piece:
+    """A whole experiment, with every output that was recorded in it; it starts as what it follows did."""
+    plant, start = recordings.plant, recordings.begun_by(experiment).start
     own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
     if start != RESTED and plant.model.curve is not None:
         own = {plant.model.curve.start_switch: 1.0}
@@ -327,6 +327,7 @@ def _piece(experiment: Experiment, driven: Drive, plant: Plant, start: str, held
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
         clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
+        loose=recordings.is_loose(experiment),
     )
 
 
