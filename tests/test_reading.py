@@ -15,7 +15,7 @@ from laboratory import drawn, numbers
 from tubular_dea.cli import main
 from tubular_dea.discover.answer import remarks
 from tubular_dea.errors import UserError
-from tubular_dea.identify.fitting import scales
+from tubular_dea.identify.fitting import scales, signs
 from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
 from tubular_dea.identify.records.start import RESTED, UNKNOWN, detected
 from tubular_dea.identify.study.study import study
@@ -414,7 +414,8 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
     assert words in said[0] if words else not said, said
 
 
-def test_degrees_that_are_labelled_rad_and_seconds_that_are_labelled_ms_are_said_of_any_plant() -> None:
+def knee() -> Plant:
+    """A shank that a torque turns."""
     m = Build("Knee", "A shank", "J dw/dt = u - c w - G a")
     u = m.input("torque", "N.m", nominal=5.0)
     angle, w = m.state("theta", "rad", nominal=0.6), m.state("omega", "rad/s", nominal=3.0)
@@ -422,7 +423,11 @@ def test_degrees_that_are_labelled_rad_and_seconds_that_are_labelled_ms_are_said
     m.derivative(angle, w)
     m.derivative(w, (u - m.parameter("c", "N.m.s/rad", 2.0) * w - m.parameter("G", "N.m/rad", 9.8) * angle) / inertia)
     m.output("angle", "rad", angle)
-    plant = Plant(m.model(), [Input("torque", held=True)], [Output("angle")], [Place("angle")])
+    return Plant(m.model(), [Input("torque", held=True)], [Output("angle")], [Place("angle")])
+
+
+def test_degrees_that_are_labelled_rad_and_seconds_that_are_labelled_ms_are_said_of_any_plant() -> None:
+    plant = knee()
     time = np.arange(0, 8, 0.01)
     torque = np.where((time >= 1) & (time < 5), 4.0, 0.0)
     seen = Kernel(plant.model).simulate(Protocol(time, {"torque": torque}), time)["angle"]
@@ -434,6 +439,31 @@ def test_degrees_that_are_labelled_rad_and_seconds_that_are_labelled_ms_are_said
         }
         (said,) = tubular_dea.read_recordings({n: table for n in "abc"}, plant=plant).findings()[:1]
         assert words in said
+
+
+@pytest.mark.parametrize("signal", ["torque", "angle", ""])
+@pytest.mark.parametrize("stiffer", [1.0, 3.0])  # declared values may be rough
+def test_a_signal_that_counts_the_other_way_in_one_file_is_asked_about(signal: str, stiffer: float) -> None:
+    plant, time, tables = knee(), np.arange(0, 8, 0.01), {}
+    for name, height in (("up", 4.0), ("down", -2.0), ("twice", 3.0), ("turned", 2.5)):
+        torque = np.where((time >= 1) & (time < 5), height, 0.0) - np.where(time >= 6, 0.5 * height, 0.0)
+        protocol = Protocol(time, {"torque": torque})
+        seen = Kernel(plant.model).simulate(protocol, time, {"G": 9.8 * stiffer})["angle"]
+        turned = {key: -1.0 if name == "turned" and key == signal else 1.0 for key in ("torque", "angle")}
+        read = turned["angle"] * seen + 1e-4 * np.cos(9 * time)
+        tables[name] = {"time [s]": time, "torque [N.m]": turned["torque"] * torque, "angle [rad]": read}
+    said = tubular_dea.read_recordings(tables, plant=plant).findings()
+    asked = [line for line in said if "wrong sign there" in line]
+    expected = "turned: is torque or angle of the wrong sign there?"
+    assert [line[: len(expected)] for line in asked] == ([expected] if signal else [])
+
+
+def test_no_sign_is_asked_about_where_too_few_files_tell_what_is_right() -> None:
+    recordings = read_folder(EXAMPLE, PLANT)
+    first = recordings.experiments[:2]
+    turned = [dataclasses.replace(e, inputs=e.inputs | {"pressure": -e.inputs["pressure"]}) for e in first]
+    assert not signs.wrong_signs(dataclasses.replace(recordings, experiments=turned))
+    assert not signs.wrong_signs(recordings)
 
 
 def test_without_out_there_is_only_a_dry_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

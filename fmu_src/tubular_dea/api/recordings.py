@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify.fitting import scales
+from ..identify.fitting import scales, signs
 from ..identify.records.bench_file import BenchFile
 from ..identify.records.data import Experiment, Recordings, of_tables, read_folder
 from ..protocol import Protocol
@@ -83,8 +83,8 @@ class RecordingSet(Recordings):
         return not_used(self)
 
     def findings(self) -> list[str]:
-        """Units that may be wrong by a factor, spikes, gaps, and files that are copies of others, as text."""
-        return [*scales.findings(self), *unusual.findings(self)]
+        """Units and signs that may be wrong, spikes, gaps, and files that are copies of others, as text."""
+        return [*scales.findings(self), *signs.wrong_signs(self), *unusual.findings(self)]
 
     def to_pandas(self) -> pandas.DataFrame:
         """All samples as a DataFrame over experiment and time [s]: inputs, and outputs as the model puts them out.

@@ -116,7 +116,7 @@ def findings(recordings: Recordings) -> list[str]:
     parameters = {n: v for n, v in recordings.geometry.items() if n in plant.model.parameter_values()}
     kernel = Compiled(plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's, so compiled once
     experiments = [recordings.experiments[i] for i in chosen]
-    records = [_record(e, output.name) for e in experiments]
+    records = [coarse_record(e, output.name) for e in experiments]
     zero = _zero(plant, experiments[0], parameters)
 
     def answer(driven: Protocol, times: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ def findings(recordings: Recordings) -> list[str]:
             known = parameters | dict(starts)
             return kernel.simulate(driven, times, known, ROUGHLY, max_steps=SCALE_STEPS).values[output.name]
 
-        return _begun(plant, at, seen)
+        return from_best_start(plant, at, seen)
 
     def missed(wrong: Mislabelling | None) -> float:
         """The relative error (rms) of the records under this mistake; infinite where the plant cannot be solved."""
@@ -164,7 +164,7 @@ def findings(recordings: Recordings) -> list[str]:
     ]
 
 
-def _begun(plant: Plant, at: Callable[[Mapping[str, float]], np.ndarray], seen: np.ndarray) -> np.ndarray:
+def from_best_start(plant: Plant, at: Callable[[Mapping[str, float]], np.ndarray], seen: np.ndarray) -> np.ndarray:
     """The answer `at` the starts that the plant leaves free, which are those that what was `seen` (n,) tells."""
     sizes, model = plant.each_start, plant.model
     starts = {n: model.parameter_values()[n] for n in sizes}
@@ -210,7 +210,7 @@ def _informative(experiments: Sequence[Experiment]) -> list[int]:
     return sorted(with_it, key=lambda i: -float(np.nanmax(np.abs(experiments[i].outputs[first]))))[:FEW_TRIED]
 
 
-def _record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, np.ndarray]:
+def coarse_record(experiment: Experiment, output: str) -> tuple[Protocol, np.ndarray, np.ndarray]:
     """What drove the plant, thinned and with its noise, good enough to tell factors; times and what was read."""
     seen = np.flatnonzero(experiment.seen(output))
     taken = seen[:: max(1, seen.size // READINGS)]
