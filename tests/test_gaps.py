@@ -104,3 +104,10 @@ def test_a_meters_value_is_the_mean_over_the_time_before_it() -> None:
     np.testing.assert_allclose(piece.driven.protocol.at(between)["heat"], heat[:-1])
     with pytest.raises(DeclarationError, match=r"Input\('heat'\): expected held=True beside mean=True"):
         Input("heat", mean=True)
+
+
+def test_of_a_static_law_what_is_remembered_under_a_load_is_unknown() -> None:
+    """A relaxing branch behind it is loaded or relaxed there, and the first reading is the same."""
+    loaded = {"a": record(RARELY), "b": record(RARELY + 40.0)}
+    assert read_recordings(loaded, room(remembers=False)).starts == {"a": "rested", "b": "unknown"}
+    assert read_recordings(loaded, room()).starts == {"a": "rested", "b": "rested"}  # with a free start of its own

@@ -227,6 +227,17 @@ def test_a_speed_without_a_displacement_has_friction_and_no_overflow(unit: str, 
         assert mismatches(found["dry_friction(w)"](m.model())) == []
 
 
+def test_what_leaks_into_the_store_below_arrives_there() -> None:
+    """Two stores that nothing else fills or empties: their sum stays, and their difference goes twice as fast."""
+    (effect,) = effects_at(tanks(), Balance("upper", below="lower", laws=("exchange",)))
+    model, times = effect(tanks()), np.linspace(0, 5, 51)
+    values = {"k1": 0.0, "k2": 0.0, "upper_start": 0.3, "upper_exchange": 0.25}
+    run = Kernel(model).simulate(Protocol.of([0, 5], pump=[0, 0]), times, values, tolerance=1e-10)
+    assert run["level"] == pytest.approx(0.2 - 0.1 * np.exp(-0.5 * times), rel=1e-7)
+    with pytest.raises(DeclarationError, match="exchange cannot act there: it needs a store"):
+        effects_at(tanks(), Balance("lower", laws=("exchange",)))
+
+
 def test_the_check_of_dimensions_can_fail() -> None:
     model = tanks()
     assert mismatches(model) == []

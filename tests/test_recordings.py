@@ -18,9 +18,11 @@ from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.records.data import DataError, read_experiment
 from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
+from tubular_dea.kernel import Kernel
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
 from tubular_dea.recordings import NoTableError, ReadError, Table, read
 from tubular_dea.recordings.cells import decimal_mark, numbers
 from tubular_dea.recordings.heading import parts
@@ -486,6 +488,29 @@ def test_clocks_temperatures_and_set_points_that_contradict_the_other_files_are_
     assert flickers.startswith(
         "d: current is said to have no noise, but leaves its value for a sample 2 times (by 0.01 A)"
     )
+
+
+def test_joined_records_and_records_without_their_means_are_asked_about() -> None:
+    m = Build("Tank")
+    pump, level = m.input("pump", "V", nominal=2.0), m.state("level", "m", start="free", nominal=0.1)
+    m.derivative(level, m.parameter("gain", "m/V/s", 0.02) * pump - m.parameter("k", "1/s", 0.4) * level)
+    m.output("reading", "m", level)
+    tank = Plant(m.model(), [Input("pump", held=True)], [Output("reading")])
+    time, random = np.arange(0, 40, 0.1), np.random.default_rng(1)
+
+    def table(begins: float, joined: float = 0.0, centred: bool = False) -> dict[str, np.ndarray]:
+        pump = np.where((time > 5) & (time < 15), 2.0, 0.5)
+        run = Kernel(tank.model).simulate(Protocol.of(time, pump=pump), time, {"level_start": begins})
+        read = run["reading"] + joined * (time > 30) + 1e-4 * random.standard_normal(time.size)
+        mean = read.mean() if centred else 0.0
+        return {"time [s]": time, "pump [V]": pump, "reading [m]": read - mean}
+
+    starts = {"a": 0.1, "b": 0.05, "c": 0.2}
+    assert unusual.findings(read_recordings({n: table(v) for n, v in starts.items()}, tank)) == []
+    (joined,) = unusual.findings(read_recordings({n: table(v, 0.04 * (n == "c")) for n, v in starts.items()}, tank))
+    assert joined.startswith("c: reading jumps by 0.0398 m") and "(sample 302), while no input does" in joined
+    (centred,) = unusual.findings(read_recordings({n: table(v, centred=True) for n, v in starts.items()}, tank))
+    assert centred.startswith("the mean of reading is 0 in every file: was it taken off?")
 
 
 def test_single_samples_that_stand_out_are_left_out_and_said(tmp_path: Path) -> None:

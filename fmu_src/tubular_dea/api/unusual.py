@@ -28,12 +28,14 @@ OTHERS = 2  # [files] in which a signal moves too, for one to be unlike them
 SPIKES, BEYOND = 3, 100.0  # [samples] and [1] times what all others come to: samples that stand alone
 STUCK, STUCK_BESIDE = 20, 4  # [samples] and [1] times any other run: readings that repeat, of a sensor that is stuck,
 MOVED_SHARE = 0.05  # [1] of its span by which an input moves meanwhile
+JUMP = 5.0  # [1] times any other step from sample to sample that an output jumps by where two records are joined
+CENTRED_FILES, ROUNDED = 3, 1e-3  # [files] and [1] of its span: records whose mean is nothing but for rounding
 GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    each = (_spikes, _sizes, _unlike, _elsewhere, _kelvin, _clocks, _flickers, _gaps, _stuck, _copies)
+    each = (_spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _clocks, _flickers, _gaps, _stuck, _copies)
     return [said for one in each for said in one(recordings)]
 
 
@@ -91,6 +93,49 @@ def _in_file(e: Experiment, quantity: Quantity, value: float) -> str:
 def _place(e: Experiment, sample: int) -> str:
     """Where a sample stands."""
     return f"{e.source.row} {e.lines[sample]}" if e.source else f"{e.time[sample] - e.time[0]:.4g} s"
+
+
+def _jumps(recordings: Recordings) -> Iterator[str]:
+    """Outputs that jump once, far beyond what they move by elsewhere, while no input does: records that were joined.
+
+    A plant with a fold may snap through.
+    """
+    for e in recordings.experiments if recordings.plant.model.curve is None else ():
+        for name, values in e.outputs.items():
+            there = np.flatnonzero(np.isfinite(values))
+            steps = np.abs(np.diff(values[there]))
+            if steps.size < STUCK:
+                continue
+            k = int(np.argmax(steps))
+            usual = max(float(np.delete(steps, k).max()), STRUCTURE / JUMP * noise_level(values[there]))
+            after = int(there[k + 1])
+            aside = slice(max(int(there[k]) - 1, 0), after + 1)
+            driven = any(np.ptp(v[aside]) > MOVED_SHARE * np.ptp(v) for v in e.inputs.values())
+            stood = np.ptp(values[there[max(k - STUCK, 0) : k + 1]]) == 0  # a sensor that was stuck
+            if steps[k] > JUMP * usual and not (driven or stood):
+                by = recordings.plant.quantity(name).told(float(f"{steps[k]:.3g}"))
+                yield (
+                    f"{e.name}: {name} jumps by {by} in one sample ({_place(e, after)}), while no input does: are two "
+                    "recordings joined there, or was the sensor moved? If so, give what follows a file of its own"
+                )
+
+
+def _centred(recordings: Recordings) -> Iterator[str]:
+    """Signals that do not begin with nothing, and whose mean is nothing in every file: of which it was taken off."""
+    plant, experiments = recordings.plant, recordings.experiments
+    names = [*(s.name for s in plant.inputs), *(o.name for o in plant.outputs)]
+    centred = [name for name in names if _is_centred([v for e in experiments if (v := _values(e, name)).size])]
+    if centred:
+        yield (
+            f"the mean of {' and of '.join(centred)} is 0 in every file: was it taken off? If so, give the numbers as "
+            "they were measured: where a plant rests is part of what it does"
+        )
+
+
+def _is_centred(records: Sequence[np.ndarray]) -> bool:
+    """Whether the means of a signal's records are nothing but for rounding, though some do not begin with nothing."""
+    begun = [v for v in records if _moves(v) and abs(v[0]) > STRUCTURE * noise_level(v)]
+    return len(begun) >= CENTRED_FILES and all(abs(v.mean()) <= ROUNDED * float(np.ptp(v)) for v in records)
 
 
 def _unlike(recordings: Recordings) -> Iterator[str]:

@@ -67,7 +67,7 @@ def _play(at: SignalSite) -> Effect:
         model, signal, z = at.chased(model, ("follower", follower), ("follows", FOLLOWS, quick), rate)
         return at.put(model, signal - part.symbol * (signal - z))
 
-    return at.effect(f"Backlash acts on {at.words}", "Krasnosel'skii 1989", apply, part, width)
+    return at.effect(f"Backlash or friction acts on {at.words}", "Krasnosel'skii 1989", apply, part, width)
 
 
 def _force(at: BalanceSite) -> Effect:

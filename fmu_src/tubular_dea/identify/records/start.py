@@ -52,11 +52,16 @@ LATEST = 2  # [samples] by which filters against aliasing make monitors late at 
 
 
 def detected(experiment: Experiment, plant: Plant) -> str:
-    """The kind of start of a recording, from its first samples; unknown under a load that has moved the output."""
-    if plant.model.curve is None or not experiment.outputs:
+    """The kind of start of a recording, from its first samples; unknown under a load that has moved the output.
+
+    A static law's output moves at once; what effects remember under a load is unknown.
+    """
+    time, static = experiment.time, not plant.model.states
+    if not static and (plant.model.curve is None or not experiment.outputs):
         return RESTED
-    time = experiment.time
     loaded = any(_begins_off(time, experiment.inputs[s.name], s.zero) for s in plant.inputs)
+    if static:
+        return UNKNOWN if loaded else RESTED
     name = next(iter(experiment.outputs))
     seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
     if signal.rest is None or not loaded:

@@ -45,9 +45,11 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
     back = np.flatnonzero(np.diff(there) < 0)
     if back.size:
         i = int(back[0])
-        said = f"expected ascending times but {there[i + 1]:g} s follows {there[i]:g} s; sort the lines"
-        if any("headings repeated" in remark for remark in table.remarks):
-            said += ", or split the file where its headings are repeated"
+        repeated = any("headings repeated" in remark for remark in table.remarks)
+        split = (
+            "split the file where its headings are repeated" if repeated else "give every experiment a file of its own"
+        )
+        said = f"expected ascending times but {there[i + 1]:g} s follows {there[i]:g} s; sort the lines, or {split}"
         raise _refusal(table, int(kept[i + 1]), said)
     if there.size > 1 and there[0] == there[-1]:
         raise _refusal(

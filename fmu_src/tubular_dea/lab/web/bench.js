@@ -141,8 +141,9 @@ function sampling(table, time, values) {
   let there = Float64Array.from(kept, (i) => time[i]);
   for (let i = 0; i + 1 < there.length; i++) {
     if (there[i + 1] >= there[i]) continue;
-    let said = `expected ascending times but ${g(there[i + 1])} s follows ${g(there[i])} s; sort the lines`;
-    if (table.remarks.some((r) => r.includes("headings repeated"))) said += ", or split the file where its headings are repeated";
+    const repeated = table.remarks.some((r) => r.includes("headings repeated"));
+    const split = repeated ? "split the file where its headings are repeated" : "give each experiment a file of its own";
+    const said = `expected ascending times but ${g(there[i + 1])} s follows ${g(there[i])} s; sort the lines, or ${split}`;
     throw refusal(kept[i + 1], said);
   }
   const even = evenTimes(there), equal = indicesOf(Array.from(there), (t, i) => i > 0 && t === there[i - 1]);
