@@ -451,6 +451,25 @@ def test_a_detection_limit_is_that_of_the_usual_shape() -> None:
     assert power.guesses(hidden, jacobian, 10.0)[0].shape == {"J": 0.4}  # where the usual shape shows nothing
 
 
+def test_what_the_base_stands_for_counts_neither_in_scores_nor_in_nulls() -> None:
+    """One of two columns that the base can do leaves the other to be scored, with its chance of false alarms."""
+    random = np.random.default_rng(0)
+    jacobian, seen, other = (random.standard_normal((400, k)) for k in (2, 1, 1))
+    one = Candidate(
+        SimpleNamespace(id="one", off={}), {}, ("a", "b"), seen * [1.0, 0.0] + 3 * jacobian[:, [0, 0]] * [0, 1]
+    )
+    alone = Candidate(SimpleNamespace(id="alone", off={}), {}, ("a", "b"), np.column_stack([seen, other]))
+    residual = random.standard_normal(400)
+    (score,) = scores([one], residual, jacobian)
+    left = seen[:, 0] - jacobian @ np.linalg.lstsq(jacobian, seen[:, 0], rcond=None)[0]
+    assert score.statistic == pytest.approx((left @ residual) ** 2 / (left @ left), rel=1e-6)
+    assert score.amplitudes["b"] == 0.0
+    single, double = (null_scores([c], jacobian, draws=20_000).threshold(0.05) for c in (one, alone))
+    assert single == pytest.approx(3.84, rel=0.05) and double == pytest.approx(5.99, rel=0.05)  # chi-squared
+    nothing = replace(one, columns=jacobian @ random.standard_normal((2, 2)))
+    assert null_scores([nothing], jacobian).threshold(0.001) == 0.0
+
+
 def test_what_would_have_been_seen_is_as_large_as_it_takes() -> None:
     """Drawn at the size that is told, an effect passes what a round asks in about POWER of the records."""
     random = np.random.default_rng(9)

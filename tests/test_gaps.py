@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tubular_dea import RecordingSet, read_recordings
+from tubular_dea import RecordingSet, identify, read_recordings
 from tubular_dea.identify.study.study import study
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -111,3 +111,25 @@ def test_of_a_static_law_what_is_remembered_under_a_load_is_unknown() -> None:
     loaded = {"a": record(RARELY), "b": record(RARELY + 40.0)}
     assert read_recordings(loaded, room(remembers=False)).starts == {"a": "rested", "b": "unknown"}
     assert read_recordings(loaded, room()).starts == {"a": "rested", "b": "rested"}  # with a free start of its own
+
+
+def test_what_is_hardly_read_between_gaps_is_left_out_there() -> None:
+    """Neither a part without any reading, nor a second sensor's single one, ends in an error."""
+    whole, plant = record(STAIRS, (150, 165)), room()
+    late = whole["time [s]"] > 160
+    lost = whole | {"reading [K]": np.where(late, np.nan, whole["reading [K]"])}
+    found = read_recordings({"a": lost}, plant)
+    assert parts(found) == [("a", 150)] and "235 samples between gaps are too few" in " ".join(found.remarks())
+    identify(found, starts=1)
+    m = Build("Room")
+    heat, T = m.input("heat", "W", nominal=100.0), m.state("T", "K", start="free", nominal=1.0)
+    m.derivative(T, (m.parameter("gain", "K/W", 0.01) * heat - T) / m.parameter("tau", "s", 30.0))
+    m.output("reading", "K", T)
+    m.output("second", "K", 0.5 * T)
+    two = Plant(m.model(), [Input("heat", held=True)], [Output("reading"), Output("second", required=False)])
+    once = np.where(late, np.nan, 0.5 * whole["reading [K]"])
+    once[np.flatnonzero(late)[3]] = 0.1
+    found = read_recordings({"a": whole | {"second [K]": once}, "b": record(STAIRS)}, two)
+    assert "1 readings of second between gaps are too few" in " ".join(found.remarks())
+    assert not np.isfinite(found["a_part2"].outputs["second"]).any()
+    identify(found, starts=1)

@@ -14,8 +14,9 @@ from tubular_dea.identify.signals.colour import Colour, filtered
 from tubular_dea.identify.signals.colour_estimate import as_told
 from tubular_dea.identify.signals.colour_estimate import coloured as colour_of
 from tubular_dea.identify.signals.hum import is_hum
-from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, rounded
+from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, of_repetitions, rounded
 from tubular_dea.identify.signals.quiet import Clock, calm, stretches
+from tubular_dea.identify.signals.repeats import Repeated, unrepeated
 
 RMS = 15e-6
 EVENTS = np.array([0.0, 1.0, 2.0, 12.0, 16.0])
@@ -385,6 +386,19 @@ def test_noise_is_no_louder_than_a_residual_is_where_it_is_calm(correlation: flo
     known = Noise(15.0, 0.0, 20_000.0, quiet=False)
     assert noise_bound.BRIEFLY_COLOURED * noise_bound.calmest([noise]) > 1.0  # noise alone is left as it is
     assert noise_bound.limited(known, [noise + lacks]).rms < 5.0
+
+
+def test_a_stated_noise_stays_as_it_was_stated() -> None:
+    """Whatever residuals say, and though no stretch of the output is quiet."""
+    left = 20e-6 * np.random.default_rng(0).standard_normal(15_000)
+    times, begins = 0.004 * np.arange(15_000), np.arange(0.1, 60, 0.8)
+    beats = unrepeated([Repeated(times, left, begins, np.sort(np.append(begins, begins + 0.3)))])
+    for rms in (30e-6, 100e-6):
+        known = Noise(rms, 0.0, quiet=False)
+        assert noise_bound.limited(known, [left]) == of_repetitions(known, beats) == known
+    estimated = Noise(100e-6, 0.0, 1000.0, quiet=False)
+    assert noise_bound.limited(estimated, [left]).rms < 80e-6
+    assert of_repetitions(estimated, beats).rms == pytest.approx(20e-6, rel=0.02)
 
 
 @pytest.mark.parametrize(("count", "size"), [(1000, 256), (1001, 255), (300, 300)])

@@ -80,7 +80,13 @@ def _with_equivalents(found: Search, repeated: bool) -> tuple[dict[str, list[str
     form = equivalence.form_share(found.chosen, repeated)
     equivalent = equivalence.equivalents(found.chosen, found.rivals, found.gains, form)
     equivalent = second_output.distinguished(found.study, found, equivalent)
+    equivalent = {name: _simplest(found.study, name, others) for name, others in equivalent.items()}
     return equivalent, _described(found.study, found.chosen, _equals(found, equivalent), found.gains)
+
+
+def _simplest(work: Study, name: str, others: Sequence[str]) -> list[str]:
+    """Without those of which `name` or another one is a limit: they explain as much with more parameters."""
+    return [o for o in others if not {name, *others}.intersection(work.catalogue[o].limits)]
 
 
 def _equals(found: Search, equivalent: dict[str, list[str]]) -> list[Option]:

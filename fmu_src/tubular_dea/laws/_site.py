@@ -136,10 +136,11 @@ class Site:
         *knobs: Knob,
         exact: bool = False,
         levels: Mapping[str, str] | None = None,
+        limits: Sequence[str] = (),
         lasting: bool = False,
         delicate: bool = False,
     ) -> Effect:
-        """The law as an effect."""
+        """The law as an effect; `limits` are laws at the same place."""
         named = [(k.quantity.name, k) for k in knobs]
         return Effect(
             self.place.id(self.law),
@@ -157,6 +158,7 @@ class Site:
             hard=tuple(n for n, k in named if k.hard),
             exact=exact,
             levels=levels or {},
+            limits=tuple(self.place.id(law) for law in limits),
             lasting=lasting,
             delicate=delicate,
             recording=isinstance(self.place, Path) and (not self.drives or self.law not in ACTUATORS),

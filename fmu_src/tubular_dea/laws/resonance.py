@@ -50,4 +50,4 @@ def law(at: SignalSite) -> Effect:
         return at.put(model, signal + share.symbol * (swing - signal))
 
     summary = f"A lag of second order (a line, a filter, a resonance) acts on {at.words}"
-    return at.effect(summary, "Doebelin 2004", apply, omega, damping, share)
+    return at.effect(summary, "Doebelin 2004", apply, omega, damping, share, limits=("lag",))

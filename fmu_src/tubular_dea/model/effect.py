@@ -41,7 +41,8 @@ class Effect:
     `recording` that it is a fault of a monitor or sensor, not of the plant; `lasting` that what it changes outlasts a
     record.
     `levels` are parameters that a state has to pass, or the effect is another one: a stop that always holds is a
-    spring. `curve` is how reports show the effect alone: "x over y" or "x", the definition x over an input or state y
+    spring. `limits` are the ids of effects that are limits of this one: where it explains no more, they are told alone.
+    `curve` is how reports show the effect alone: "x over y" or "x", the definition x over an input or state y
     that it depends on (default: what `alone` finds in the declaration).
     """
 
@@ -65,6 +66,7 @@ class Effect:
     documentation: str = ""
     curve: str = ""
     levels: Mapping[str, str] = field(default_factory=dict)
+    limits: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = {q.name for q in self.parameters}

@@ -43,7 +43,7 @@ def _table(piece: Piece, step: float) -> np.ndarray:
 def _found(table: np.ndarray, among: np.ndarray) -> bool:
     """Whether all stretches of a table (n, signals) are somewhere in another."""
     size = max(2, min(len(among) // 2, 2 * len(among) // IN_A_RECORD))
-    if len(table) < size:
+    if min(len(table), len(among)) < size:
         return False
     windows = np.lib.stride_tricks.sliding_window_view(among, size, axis=0)  # (places, signals, size)
     begins = range(0, len(table) - size + 1, size)

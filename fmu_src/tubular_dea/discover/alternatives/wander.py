@@ -69,7 +69,10 @@ def largest(study: Study, option: Option) -> tuple[str, float]:
     first, size = study.plant.outputs[0].name, _likeliest(study, option)[0]
     sizes = {}
     for piece, (_, _, found) in zip(study.training, _found(study, option, size), strict=True):
-        place = [r.output for r in piece.case.readings].index(first) * CURVES
+        read = piece.case.outputs
+        if first not in read:
+            continue
+        place = read.index(first) * CURVES
         squares = found[place : place + CURVES] ** 2 / (2 * np.arange(1, CURVES + 1) + 1)
         sizes[piece.name] = size * study.zero(first) * float(np.sqrt(squares.sum()))
     return max(sizes.items(), key=lambda one: one[1])

@@ -183,14 +183,23 @@ def middle_point(effect: Effect) -> list[Point]:
 
 
 def _score(candidate: Candidate, columns: np.ndarray, left: np.ndarray) -> Score:
-    norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    if np.all(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), NO_COLUMN)):
+    norms, seen = np.linalg.norm(columns, axis=0), visible(candidate, columns)
+    if not seen.any():
         return Score(candidate, 0.0, dict.fromkeys(candidate.names, 0.0))  # the present parameters do the same
-    amplitude, *_ = np.linalg.lstsq(columns / norms, -left, rcond=DEPENDENT)
-    amplitude = _inside_bounds(candidate, amplitude / norms)
+    amplitude = np.zeros(norms.size)
+    found, *_ = np.linalg.lstsq(columns[:, seen] / norms[seen], -left, rcond=DEPENDENT)
+    amplitude[seen] = found / norms[seen]
+    amplitude = _inside_bounds(candidate, amplitude)
     explained = columns @ amplitude
     statistic = float(-2 * (left @ explained) - explained @ explained)
     return Score(candidate, max(statistic, 0.0), dict(zip(candidate.names, map(float, amplitude), strict=True)))
+
+
+def visible(candidate: Candidate, columns: np.ndarray) -> np.ndarray:
+    """Which of a candidate's columns, of which `columns` (N, k) are left, the present parameters cannot stand for."""
+    whole = np.linalg.norm(candidate.columns, axis=0)
+    left: np.ndarray = np.linalg.norm(columns, axis=0) >= HIDDEN * np.maximum(whole, NO_COLUMN)
+    return left
 
 
 def _inside_bounds(candidate: Candidate, amplitude: np.ndarray) -> np.ndarray:

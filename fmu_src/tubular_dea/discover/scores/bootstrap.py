@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from .bank import HIDDEN, NO_COLUMN, Candidate
+from .bank import Candidate, visible
 
 # Set by judgement: four of them are above the threshold, which a thousandth exceed.
 # Check: `pytest tests/test_discover.py::test_records_with_other_noise_score_as_the_nulls_say`
@@ -33,22 +33,22 @@ class NullScores:
 def null_scores(
     listed: Sequence[Candidate], jacobian: np.ndarray, draws: int = NULL_DRAWS, seed: int = 0
 ) -> NullScores:
-    """Largest scores of nulls, given the candidates and the jacobian (N, k) of the present model."""
+    """Largest scores of nulls, given the candidates and the jacobian (N, k) of the present model; 0 where this can
+    stand for all of them."""
     basis, _ = np.linalg.qr(jacobian)
-    blocks, bases = [], []
+    bases = []
     for candidate in listed:
         columns = candidate.columns - basis @ (basis.T @ candidate.columns)
-        norms = np.linalg.norm(columns, axis=0)
-        if np.any(norms < HIDDEN * np.maximum(np.linalg.norm(candidate.columns, axis=0), NO_COLUMN)):
-            continue
-        q, _ = np.linalg.qr(columns / norms)
-        blocks.append(q.shape[1])
-        bases.append(q)
+        columns = columns[:, visible(candidate, columns)]
+        if columns.size:
+            bases.append(np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0])
+    if not bases:
+        return NullScores(np.zeros(draws))
     together = np.column_stack(bases)
     gram = together.T @ together
     value, vector = scipy.linalg.eigh(gram)
     root = vector * np.sqrt(np.maximum(value, 0))
     normal = np.random.default_rng(seed).standard_normal((draws, gram.shape[0])) @ root.T
-    edges = np.cumsum([0, *blocks])
+    edges = np.cumsum([0, *(q.shape[1] for q in bases)])
     each = [np.sum(normal[:, a:b] ** 2, axis=1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return NullScores(np.sort(np.max(each, axis=0)))

@@ -90,7 +90,7 @@ def take_round(
     hopeless = _hopeless(base, chosen, blank)
     if hopeless and len(starts) == 1:
         return replace(blank, reason=hopeless)
-    most = ALL_REFITS if _astray(chosen, blank.scores[0]) else MOST_REFITS
+    most = ALL_REFITS if not hopeless and _astray(chosen, blank.scores[0]) else MOST_REFITS
     shortlist = [] if hopeless else _shortlist(blank.scores, blank.threshold, most)
     shortlist += [name for one in starts[1:] for name in one.best]
     behind = [o.ids[-1] for o in known[REFITS:]]
@@ -117,8 +117,8 @@ def _scored(study: Study, chosen: Option, numeric: float, seed: int) -> tuple[Ro
 
 def _hopeless(base: Option, chosen: Option, step: Round) -> str:
     """Why no candidate of a round is worth a refit; "" if one is."""
-    best = step.scores[0]
-    if best.statistic < step.threshold:
+    best = next(iter(step.scores), None)
+    if best is None or best.statistic <= step.threshold:
         return "no score exceeds what chance gives"
     return no_further_effect(base, chosen, AT_BEST * best.statistic, best.id) if chosen.ids else ""
 

@@ -133,8 +133,7 @@ class Recordings:
     @property
     def fitted_outputs(self) -> list[Output]:
         """The outputs that take part in fits: recorded in some file, and not driven by the rate of an input."""
-        there = [o for o in self.plant.outputs if any(e.seen(o.name).any() for e in self.experiments)]
-        return [o for o in there if not o.feels_rates]
+        return _fitted(self.plant, self.experiments)
 
 
 def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Recordings:
@@ -161,7 +160,15 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     if not experiments:
         raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
     ordered = _ordered(experiments)
-    return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
+    return Recordings(
+        _fitted_first(plant, experiments),
+        ordered,
+        said.geometry,
+        said.noise,
+        folder.name,
+        tuple(left_out),
+        tuple(still),
+    )
 
 
 def of_tables(
@@ -175,7 +182,22 @@ def of_tables(
     named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, said.commanded) for t in tables}
     placed = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
     experiments = [part for e in placed for part in gaps.cut(e, plant)]
-    return Recordings(plant, _ordered(experiments), said.geometry, said.noise, "recordings")
+    plant, ordered = _fitted_first(plant, experiments), _ordered(experiments)
+    return Recordings(plant, ordered, said.geometry, said.noise, "recordings")
+
+
+def _fitted(plant: Plant, experiments: Sequence[Experiment]) -> list[Output]:
+    """The outputs that are recorded in some file, and not driven by the rate of an input."""
+    there = [o for o in plant.outputs if any(e.seen(o.name).any() for e in experiments)]
+    return [o for o in there if not o.feels_rates]
+
+
+def _fitted_first(plant: Plant, experiments: Sequence[Experiment]) -> Plant:
+    """The plant, the outputs that take part in fits before the others: of the first one, answers tell the error."""
+    fitted = _fitted(plant, experiments)
+    if not fitted or fitted[0] == plant.outputs[0]:
+        return plant
+    return replace(plant, outputs=[*fitted, *(o for o in plant.outputs if o not in fitted)])
 
 
 def _placed(experiment: Experiment, said: BenchFile, plant: Plant) -> Experiment:

@@ -46,15 +46,24 @@ def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
     lost = {int(at): round(float(steps[at]) / usual) - 1 for at in long}
     told = {at: names for at, n in lost.items() if (names := _moving(experiment, plant.inputs, at, n))}
     cuts = [0, *(at + 1 for at in told), time.size]
-    parts = [slice(a, b) for a, b in pairwise(cuts) if b - a >= plant.least_samples]
+    parts = [p for a, b in pairwise(cuts) if _read_in(experiment, p := slice(a, b), plant.least_samples)]
     if len(cuts) == 2 or not parts:
         return [experiment]
     said = [_said(experiment, at, lost[at], names) for at, names in told.items()]
     if (short := time.size - sum(p.stop - p.start for p in parts)) > 0:
         said.append(f"{short} samples between gaps are too few to be fitted, and left out")
+    for name, values in experiment.outputs.items():
+        few = [p for p in parts if name not in _read_in(experiment, p, plant.least_samples)]
+        if number := sum(int(np.isfinite(values[p]).sum()) for p in few):
+            said.append(f"{number} readings of {name} between gaps are too few to be fitted, and left out")
     source = experiment.source and replace(experiment.source, remarks=(*experiment.source.remarks, *said))
     first = replace(experiment, source=source)
-    return [_part(first, part, number) for number, part in enumerate(parts)]
+    return [_part(first, part, number, plant.least_samples) for number, part in enumerate(parts)]
+
+
+def _read_in(experiment: Experiment, part: slice, least: int) -> list[str]:
+    """The outputs of which a part has so many readings at least."""
+    return [name for name, values in experiment.outputs.items() if np.isfinite(values[part]).sum() >= least]
 
 
 def _moving(experiment: Experiment, inputs: Sequence[Input], at: int, lost: int) -> list[str]:
@@ -87,14 +96,16 @@ def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
     )
 
 
-def _part(experiment: Experiment, part: slice, number: int) -> Experiment:
-    """A part of an experiment; the first keeps its name, and if it is at its begin its start."""
+def _part(experiment: Experiment, part: slice, number: int, least: int) -> Experiment:
+    """A part of an experiment, with outputs of so many readings at least; the first keeps its name, and if it is at its
+    begin its start."""
+    read = _read_in(experiment, part, least)
     found = replace(
         experiment,
         name=f"{experiment.name}_part{number + 1}" if number else experiment.name,
         time=experiment.time[part],
         inputs={n: v[part] for n, v in experiment.inputs.items()},
-        outputs={n: v[part] for n, v in experiment.outputs.items()},
+        outputs={n: v[part] if n in read else np.full_like(v[part], np.nan) for n, v in experiment.outputs.items()},
         lines=experiment.lines[part],
         trigger=None if experiment.trigger is None else experiment.trigger[part],
         part_of=experiment.name,

@@ -85,8 +85,8 @@ class Noise:
 
     A share `white` of its variance is white; the rest has one time constant, so that other steps have other
     correlations (`step` 0: the same at any). `slower`, the pole and the zero of a filter behind it, makes it 1/f
-    noise. `freedom` is the number of degrees of freedom that `rms` was estimated
-    with, `form` the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
+    noise. `freedom` is the number of degrees of freedom that `rms` was estimated with (infinite: it was stated), `form`
+    the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
     `faster` is the time constant of the plant's bandwidth [s]: a memory as short is no signal's; 0 where none is known.
@@ -111,6 +111,11 @@ class Noise:
     grain: float = 0.0
     repeated: bool = False
     faster: float = 0.0
+
+    @property
+    def stated(self) -> bool:
+        """Whether the level is known, and not from these records."""
+        return not np.isfinite(self.freedom)
 
     @property
     def brief(self) -> float:
@@ -200,8 +205,9 @@ def estimate(records: Records, bandwidth: float = np.inf) -> Noise:
 
 
 def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
-    """The noise that the `rest` of repetitions tells, as quiet stretches do; `known` where that is too little."""
-    if freedom(rest) < ENOUGH_FREEDOM:
+    """The noise that the `rest` of repetitions tells, as quiet stretches do; `known` where that is too little, or where
+    it was stated."""
+    if known.stated or freedom(rest) < ENOUGH_FREEDOM:
         return known
     found = coloured(rest, min(s.step for s in rest))
     colour = found.at_step

@@ -36,10 +36,13 @@ PERIODOGRAM = 256  # [samples] of the periodograms that are averaged
 
 
 def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise:
-    """Noise, limited to what the residuals `left` (each (n,)) allow; `hummed`: its level was estimated with hum."""
+    """Noise, limited to what the residuals `left` (each (n,)) allow, unless it was stated; `hummed`: its level was
+    estimated with hum."""
+    if known.stated:
+        return known
     known = known if known.quiet else _no_louder(known, left)
     bound = prediction_error(left)
-    if not np.isfinite(known.freedom) or bound <= 0:
+    if bound <= 0:
         return known
     innovation = known.own_innovation  # a line need not follow its monitor's noise at every sample
     # without a quiet stretch the signal cannot be separated from noise of its colour

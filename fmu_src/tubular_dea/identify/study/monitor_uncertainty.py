@@ -101,14 +101,9 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
     `solved` (k, n) makes parameters of white residuals."""
     case = problem.response.cases[number]
     moved = np.zeros((solved.shape[0], corners.size))
-    diagonal, beside = np.zeros(corners.size), np.zeros(corners.size)
     for reading, rows in zip(case.readings, case.parts, strict=True):
         times = reading.times
-        place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
-        part = (times - corners[place]) / np.diff(corners)[place]
-        diagonal += np.bincount(place, (1 - part) ** 2, corners.size)
-        diagonal += np.bincount(place + 1, part**2, corners.size)
-        beside[1:] += np.bincount(place, part * (1 - part), corners.size)[:-1]
+        place, part = _between(corners, times)
         along, driving = solved[:, rows], gain[rows]
         for begin in range(0, corners.size, CHUNK):
             wanted = np.arange(begin, min(begin + CHUNK, corners.size))
@@ -120,5 +115,20 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
                 Clock.of(times[first:last]), columns * driving[first:last, None]
             )
             moved[:, wanted] += along[:, first:last] @ white
-    known = solveh_banded(np.stack([beside, diagonal + UNASKED * diagonal.max()]), moved.T)
+    known = solveh_banded(_information(corners, case.instants), moved.T)
     return np.asarray(moved @ known)
+
+
+def _between(corners: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The corner before each of `times` (n,), and which part of the way to the next one each is."""
+    place = np.clip(np.searchsorted(corners, times, side="right") - 1, 0, corners.size - 2)
+    return place, (times - corners[place]) / np.diff(corners)[place]
+
+
+def _information(corners: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """What a monitor's samples at `times` (n,), each of noise 1, tell of its line's corners (m,): a symmetric matrix,
+    as rows (2, m) of what is above its diagonal and of that."""
+    place, part = _between(corners, times)
+    diagonal = np.bincount(place, (1 - part) ** 2, corners.size) + np.bincount(place + 1, part**2, corners.size)
+    beside = np.append(0.0, np.bincount(place, part * (1 - part), corners.size)[:-1])
+    return np.stack([beside, diagonal + UNASKED * diagonal.max()])

@@ -14,12 +14,13 @@ import numpy as np
 from ..fitting.compiled import Ids
 from ..fitting.fit import Fit
 from ..signals import hum as hums
-from ..signals.noise import Noise, of_repetitions
+from ..signals.noise import Noise, estimate, of_repetitions, rounded, usual_resolution
 from ..signals.noise_bound import TOO_MUCH, limited
+from ..signals.quiet import Records
 from ..signals.repeats import Repeated, unrepeated
 from ..signals.sampling import SAME_STEP, usual_step
 from .nuisances import with_nuisances
-from .study import Study
+from .study import Study, happenings
 
 
 def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
@@ -31,19 +32,31 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
     answers = [with_nuisances(study, p, y) for p, y in zip(study.training, outputs, strict=True)]
     noise = dict(study.noise)
     for name in study.noise:
-        records = [
-            (reading.times, (piece.record - answer)[part])
+        read = [
+            (reading.times, piece.record[part], answer[part], happenings(piece.driven))
             for piece, answer in zip(study.training, answers, strict=True)
             for reading, part in zip(piece.case.readings, piece.case.parts, strict=True)
             if reading.output == name
         ]
-        known = replace(study.noise[name], hum=_hum(study.noise[name], records))
+        rests = [(t, values - there, events) for t, values, there, events in read]
+        known = replace(study.noise[name], hum=_hum(study.noise[name], [(t, rest) for t, rest, _ in rests]))
         more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
-        left = [_without(list(known.hum), *one) if more else one[1] for one in records]
+        if more:
+            rests = [(t, _without(list(known.hum), t, rest), events) for t, rest, events in rests]
+            step = usual_resolution([(t, values, events) for t, values, _, events in read])
+            known = _without_hum(known, rests, study.plant.bandwidth, step)
+        left = [rest for _, rest, _ in rests]
         if not known.quiet or known.repeated:
             known = of_repetitions(known, unrepeated(_repeated(study, name, left)))
         noise[name] = limited(known, left, more)
     return replace(study, noise=noise)
+
+
+def _without_hum(known: Noise, rests: Records, bandwidth: float, step: float) -> Noise:
+    """Noise whose quiet stretches held hum, as they tell it of residuals from which this was taken, of a sensor that
+    reads in steps; a level that was stated stays."""
+    told = rounded(estimate(rests, bandwidth), step)
+    return replace(told, hum=known.hum) if told.quiet and not known.stated else known
 
 
 def _repeated(study: Study, output: str, left: Sequence[np.ndarray]) -> list[Repeated]:
@@ -71,7 +84,7 @@ def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[fl
     """
     lines = list(known.hum)
     steps = {round(usual_step(t), SAME_STEP) for t, _ in records}
-    for step in sorted(s for s in steps if s < 0.5 / max(hums.MAINS)):
+    for step in sorted(s for s in steps if s <= hums.COARSEST):
         group = [(t, rest) for t, rest in records if round(usual_step(t), SAME_STEP) == step]
         for _ in range(hums.MOST_HUM):
             line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step)

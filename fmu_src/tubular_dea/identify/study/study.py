@@ -384,7 +384,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
             if seen.any():
-                records.append((experiment.time[seen], experiment.outputs[output.name][seen], _events(driven)))
+                records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
         noise = noises.estimate(records, recordings.plant.bandwidth)
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
@@ -402,7 +402,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
     return found
 
 
-def _events(driven: Drive) -> np.ndarray:
+def happenings(driven: Drive) -> np.ndarray:
     """When something happens: corners of the inputs, without those by which noise moves them before they set out."""
     time, inputs = driven.protocol.time, driven.protocol.inputs
     moved = [np.abs(v - v[0]) > MOVED * driven.noise.get(name, 0.0) for name, v in inputs.items()]
