@@ -13,11 +13,11 @@ from tubular_dea.discover.scores.parameters import unusual
 from tubular_dea.emit.python import compile_python
 from tubular_dea.kernel import Kernel
 from tubular_dea.laws import Balance, Coefficient, Path, effects_at, seconds
-from tubular_dea.laws._scales import at_first
 from tubular_dea.laws.places import laws
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError, Model
 from tubular_dea.model.effect import Effect, added
+from tubular_dea.model.scales import at_first
 from tubular_dea.plants.plant import Input, Output, Plant
 from tubular_dea.protocol import Protocol
 

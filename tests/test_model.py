@@ -218,3 +218,17 @@ def test_a_difference_of_which_an_offset_is_left_is_as_large_as_with_half_of_one
     m.output("angle", "rad", q)
     model = m.model()
     assert (model.quantity("drive").nominal, model.quantity("steep").nominal) == pytest.approx((400 * 0.98, 1.0))
+
+
+def test_a_parameter_declared_as_nothing_is_as_large_as_it_takes_to_matter() -> None:
+    m = Build("Tank")
+    pump, level = m.input("pump", "V", nominal=5.0), m.state("level", "m", nominal=0.2)
+    leak, bump = m.parameter("leak", "1/s", 0.0), m.parameter("bump", "1/m2", 0.0)
+    m.parameter("idle", "1", 0.0)
+    told = m.parameter("told", "m", 0.0, nominal=3e-3)
+    m.derivative(level, m.parameter("gain", "m/V/s", 0.02) * pump - leak * level * (1 + bump * level**2))
+    m.output("reading", "mm", 1e3 * (level + told), nominal=200.0)
+    sizes = {p.quantity.name: p.quantity.nominal for p in m.model().parameters}
+    assert sizes["leak"] == pytest.approx(0.02 * 5 / 0.2)  # drains as much as the pump brings
+    assert sizes["told"] == 3e-3 and sizes["idle"] == 1.0 and sizes["gain"] == 0.02
+    assert sizes["bump"] == 1.0  # nothing leaks

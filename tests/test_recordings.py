@@ -444,7 +444,10 @@ def test_what_is_odd_about_a_set_is_said() -> None:
         " m in all 39 samples from sample 102 on, while pump moves: is the sensor stuck? If so, leave these cells empty"
     )
     ended = {**table(2.0), "reading [m]": np.minimum(table(2.0)["reading [m]"], 0.08)}  # the sensor's largest reading
-    assert unusual.findings(read_recordings(more | {"d": ended}, tank)) == []
+    (said,) = unusual.findings(read_recordings(more | {"d": ended}, tank))
+    assert said.startswith("d: reading is 0.08 m in 121 samples from sample 1 on, and never beyond: is the sensor at")
+    counted = {**table(2.0), "reading [m]": np.round(table(2.0)["reading [m]"], 2)}  # an encoder without noise
+    assert unusual.findings(read_recordings(more | {"d": counted}, tank)) == []
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
     (gaps,) = unusual.findings(read_recordings({"a": half, "b": table(1.0)}, tank))

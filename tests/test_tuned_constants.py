@@ -52,7 +52,6 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/signals/monitors.py: polyline": ({3}, "samples of which each one is a corner"),
     "identify/signals/monitors.py: _cubic": ({6}, "the cubic through four samples"),
     "identify/signals/noise.py: _by_place": ({4}, "the formula in its docstring"),
-    "identify/signals/colour_estimate.py: _at": ({1.5}, "between one step and two"),
     "identify/signals/colour_estimate.py: _falling": ({4}, "as many numbers as a colour has"),
     "identify/signals/colour_estimate.py: _numbered": ({4}, "as many numbers as a colour has"),
     "identify/signals/colour_estimate.py: _standard_error": ({4}, "a mixed difference quotient"),

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ..identify.records.checks import at_limit
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
@@ -35,7 +36,21 @@ GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    each = (_spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _clocks, _flickers, _gaps, _stuck, _copies)
+    each = (
+        _spikes,
+        _jumps,
+        _sizes,
+        _centred,
+        _unlike,
+        _elsewhere,
+        _kelvin,
+        _clocks,
+        _flickers,
+        _gaps,
+        _stuck,
+        _ended,
+        _copies,
+    )
     return [said for one in each for said in one(recordings)]
 
 
@@ -271,8 +286,8 @@ def _gaps(recordings: Recordings) -> Iterator[str]:
 
 
 def _stuck(recordings: Recordings) -> Iterator[str]:
-    """Outputs that repeat one reading for long, and no other one, while an input moves: a sensor that is stuck; at the
-    end of what it reads, it may be at its limit."""
+    """Outputs that repeat one reading for long, and no other one, while an input moves: a sensor that is stuck, but for
+    what is at the end of all that it reads."""
     for e in recordings.experiments:
         for name, values in ((n, v[np.isfinite(v)]) for n, v in e.outputs.items()):
             where = np.flatnonzero(np.isfinite(e.outputs[name]))
@@ -286,6 +301,28 @@ def _stuck(recordings: Recordings) -> Iterator[str]:
             moved = [n for n, v in e.inputs.items() if np.ptp(v[held]) > MOVED_SHARE * np.ptp(v)]
             if moved:
                 yield _stands_still(e, recordings.plant.quantity(name), values[first], held, moved)
+
+
+def _ended(recordings: Recordings) -> Iterator[str]:
+    """Outputs whose noise is gone where they are largest or smallest: the sensor may be at the end of what it reads."""
+    for name in (o.name for o in recordings.plant.outputs):
+        found = []
+        for e in recordings.experiments:
+            seen = np.flatnonzero(e.seen(name))
+            found += [(e, there) for there in [seen[at_limit(e.outputs[name][seen])]] if there.size]
+        if found:
+            first, there = found[0]
+            value = _in_file(first, recordings.plant.quantity(name), first.outputs[name][there[0]])
+            yield (
+                f"{first.name}: {name} is {value} in {there.size} samples from {_place(first, int(there[0]))} on, and "
+                f"never beyond{_and_files(len(found) - 1)}: is the sensor at its limit? If so, leave these cells "
+                "empty, or see whether a saturation is named"
+            )
+
+
+def _and_files(more: int) -> str:
+    """As many more files, in words."""
+    return f" (and so in {more} more file{'s' if more > 1 else ''})" if more else ""
 
 
 def _stands_still(e: Experiment, quantity: Quantity, value: float, held: slice, moved: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ no sense. `_site.py` is what it reads there: unit, sizes, names; `taken` and `pu
 
 from __future__ import annotations
 
-from ._scales import moved_by, seconds
+from ..model.scales import moved_by, seconds
 from .places import Balance, Coefficient, Path, Place, check, effects_at, kinds, laws
 
 __all__ = ["Balance", "Coefficient", "Path", "Place", "check", "effects_at", "kinds", "laws", "moved_by", "seconds"]

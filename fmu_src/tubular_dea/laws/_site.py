@@ -11,8 +11,8 @@ import sympy
 from ..model.change import arriving, at_rest, at_start, effective, reading, with_input_delay, with_output_delay
 from ..model.declare import DeclarationError, Definition, Model, Quantity, State, nearest, rate
 from ..model.effect import Effect
+from ..model.scales import at_first, rate_size, seconds
 from ..model.units import UnitError, combined, factor
-from ._scales import at_first, rate_size, seconds
 from .places import Balance, Coefficient, Path, Place
 
 ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")

@@ -21,8 +21,8 @@ import sympy
 
 from ..model.declare import Model, Quantity
 from ..model.effect import Effect
+from ..model.scales import at_first
 from ..model.smooth import magnitude, positive_part
-from ._scales import at_first
 from ._site import SignalSite, alike
 from .places import Coefficient
 

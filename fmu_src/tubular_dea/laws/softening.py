@@ -47,7 +47,8 @@ def law(at: SignalSite) -> Effect | None:
         100 * n,
         shapes=[w * n for w in WIDTHS],
     )
-    damage = at.knob("damage", "1", "Loss that stays", 0.0, -1.0, 0.95, off=0.0, refine=True)
+    # a gain would make up for the loss, and what is left depends on the present excursion alone
+    damage = at.knob("damage", "1", "Loss that stays", 0.0, 0.0, 0.95, off=0.0, refine=True)
 
     def apply(model: Model) -> Model:
         model, coefficient = at.taken(model)

@@ -21,7 +21,7 @@ import contextlib
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -43,6 +43,7 @@ from .declare import (
 )
 from .dimensions import fault, per_second
 from .functions import unusable
+from .scales import parameter_size
 from .sizes import usual_size
 from .units import UnitError, factor, parse
 
@@ -60,6 +61,7 @@ class Build:
     documentation: str = ""
     _inputs: list[Quantity] = field(default_factory=list)
     _parameters: list[Parameter] = field(default_factory=list)
+    _unsized: list[str] = field(default_factory=list)
     _states: dict[str, tuple[Quantity, Expression, Expression | None]] = field(default_factory=dict)
     _derivatives: dict[str, sympy.Expr] = field(default_factory=dict)
     _definitions: list[Definition] = field(default_factory=list)
@@ -91,8 +93,13 @@ class Build:
         source: str = "",
         tunable: bool = True,
         display_unit: str | None = None,
+        nominal: float | None = None,
     ) -> sympy.Symbol:
-        """A parameter of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive)."""
+        """A parameter of the plant. Fits identify `tunable` ones, between `minimum` and `maximum` (inclusive).
+
+        `nominal` is its usual size: by default that of `value`; where this is 0, the one at which it changes a balance
+        or an output by as much as is usual there.
+        """
         if not isinstance(value, Real) or not math.isfinite(value):
             raise DeclarationError(f"{_here()}: parameter {name!r}: expected a number but was given {value!r}")
         q = self._quantity(
@@ -103,9 +110,10 @@ class Build:
             minimum=minimum,
             maximum=maximum,
             source=source,
-            nominal=abs(value) or 1.0,
+            nominal=(abs(value) or 1.0) if nominal is None else nominal,
             display_unit=display_unit,
         )
+        self._unsized += [name] if value == 0 and nominal is None else []
         if not q.allows(value):
             raise DeclarationError(
                 f"{_here()}: parameter {name!r}: expected {q.allowed} but was given {value:g}; "
@@ -231,7 +239,7 @@ class Build:
             for name, (q, start, rest) in self._states.items()
         )
         with _located():
-            return Model(
+            model = Model(
                 self.name,
                 self.description or self.name,
                 self.documentation,
@@ -242,6 +250,12 @@ class Build:
                 tuple(self._outputs),
                 self._curve,
             )
+        sizes = {name: parameter_size(model, name) for name in self._unsized}
+        parameters = [
+            replace(p, quantity=replace(p.quantity, nominal=sizes.get(p.quantity.name, p.quantity.nominal)))
+            for p in model.parameters
+        ]
+        return replace(model, parameters=tuple(parameters)) if sizes else model
 
     def rate(self, signal: sympy.Symbol) -> sympy.Symbol:
         """The rate of an input: known where the recording is straight or band-limited, zero where it is held."""

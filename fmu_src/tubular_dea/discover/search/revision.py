@@ -163,14 +163,23 @@ def _refine_rivals(found: Search, coarse: Option, tell: Progress) -> None:
         return finer if finer and finer.evidence > rival.evidence else rival
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
-    good = [o for o in everyone if o is found.chosen or not o.impossible]
+    good = [o for o in everyone if o is found.chosen or (_one_other(found.chosen, o) and not o.impossible)]
     best = next(o for o in good if o.cost <= found.chosen.cost)
     if 2 * (best.evidence - found.chosen.evidence) < error_reach(found.chosen):
         best = found.chosen
-    pair = stands_in(best, found.chosen, found.gains)
-    if pair:
-        found.gains[pair[1]] = found.gains.pop(pair[0])
+    for before, after in zip(_without(found.chosen, best), _without(best, found.chosen), strict=True):
+        found.gains[after] = found.gains.pop(before)
     found.chosen, found.rivals = best, [o for o in everyone if o is not best]
+
+
+def _one_other(chosen: Option, rival: Option) -> bool:
+    """Whether a rival has another effect in place of one of the choice, or the same."""
+    return len(rival.ids) == len(chosen.ids) and len(_without(rival, chosen)) <= 1
+
+
+def _without(option: Option, other: Option) -> list[str]:
+    """The effects of an option that another one does not have."""
+    return [i for i in option.ids if i not in other.ids]
 
 
 def with_usual_sizes(found: Search) -> None:

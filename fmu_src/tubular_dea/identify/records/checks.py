@@ -131,13 +131,12 @@ def _standstill(
     """
     if not _noisy(values):
         return
-    for extreme in (stop(values) for stop in stops):
+    for extreme in _limits(values, stops):
         there = np.flatnonzero(values == extreme)
-        if there.size >= max(STANDSTILL, SATURATED * values.size):
-            yield (
-                f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
-                f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
-            )
+        yield (
+            f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
+            f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
+        )
     if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
         return
     for begin, end in _still(values):
@@ -147,6 +146,25 @@ def _standstill(
                 f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
                 f"values {values[begin] + 0.0:g}; empty these cells or leave the experiment out"
             )
+
+
+def _limits(values: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)) -> list[float]:
+    """The extremes of a noisy sensor's readings that many samples share: it has run into its stop there."""
+    extremes = [stop(values) for stop in stops]
+    return [e for e in extremes if np.count_nonzero(values == e) >= max(STANDSTILL, SATURATED * values.size)]
+
+
+def at_limit(values: np.ndarray) -> np.ndarray:
+    """Which of a sensor's readings, all numbers, are its stop and tell nothing of its noise; (n,) of bool.
+
+    Elsewhere noise moves it from nearly every sample to the next: what comes of rounding alone may stand still at rest.
+    """
+    there = np.isin(values, _limits(values))
+    free = np.diff(values)[~(there[1:] & there[:-1])]
+    noise, left = (_differing(values, order) for order in (LOW_ORDER, HIGH_ORDER))
+    moved = noise > resolution(values) and left > SMOOTHED_OUT * noise
+    lively = np.count_nonzero(free) >= LIVELY * free.size
+    return there if moved and lively else np.zeros(values.size, dtype=bool)
 
 
 def _still(values: np.ndarray) -> list[tuple[int, int]]:

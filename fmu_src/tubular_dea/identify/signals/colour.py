@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dtbtrs
 
 # Set by theory: what is left of its start is 2 %. Check: `pytest tests/test_noise.py -k colour`
 FADED = 4.0  # [time constants] after which a filter has settled
+NEIGHBOURS = 1.5  # [1] times the step of neighbours from which on samples are none
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,11 @@ class Colour:
     white: float = 0.0
     pole: float = 0.0
     zero: float = 0.0
+
+    def at(self, steps: float) -> Colour:
+        """The colour of samples so many times as far apart; a negative correlation is one of neighbours alone."""
+        alone = self.phi if steps < NEIGHBOURS else 0.0
+        return Colour(self.phi**steps if self.phi > 0 else alone, self.white, self.pole**steps, self.zero**steps)
 
     @property
     def raised(self) -> float:

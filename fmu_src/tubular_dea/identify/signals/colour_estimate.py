@@ -69,15 +69,7 @@ class ColourEstimate:
 
     def colour(self, step: float) -> Colour:
         """The colour at a sampling step [s]."""
-        return _at(self.at_step, step / self.step)
-
-
-def _at(colour: Colour, steps: float) -> Colour:
-    """A colour at so many times its step."""
-    phi = colour.phi
-    return Colour(
-        phi**steps if phi > 0 else (phi if steps < 1.5 else 0.0), colour.white, colour.pole**steps, colour.zero**steps
-    )
+        return self.at_step.at(step / self.step)
 
 
 def as_told(quiet: Sequence[Stretches], found: ColourEstimate) -> ColourEstimate:
@@ -99,7 +91,7 @@ def coloured(
         return _numbered(x, most)
 
     def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
-        return _restricted(told, lambda s: _at(numbered(x), s / step))[0]
+        return _restricted(told, lambda s: numbered(x).at(s / step))[0]
 
     far = float(np.arctanh(min(SLOWEST_COLOUR, most)))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(FASTEST_COLOUR, far, COLOURS_TRIED).tolist(), 0.0)}
@@ -129,12 +121,12 @@ def coloured(
             chosen, cost = two.x, float(two.fun)
     plain, chosen = chosen, _falling(objective, chosen, cost, step, 2 * earned)
     if chosen is not plain:
-        rest = _without_loudest(quiet, lambda s: _at(numbered(plain), s / step))
+        rest = _without_loudest(quiet, lambda s: numbered(plain).at(s / step))
         alone = freedom(rest) > (1 - ONE_STRETCH) * freedom(quiet)
         if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * earned:
             return coloured(rest, step, most, earned)  # something moved in the one stretch that told of 1/f noise
     colour, told = numbered(chosen), freedom(quiet)
-    _, variance = _restricted(quiet, lambda s: _at(colour, s / step))
+    _, variance = _restricted(quiet, lambda s: colour.at(s / step))
     return ColourEstimate(colour, step, variance, told, _standard_error(objective, numbered, chosen, told))
 
 

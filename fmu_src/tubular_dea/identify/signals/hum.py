@@ -17,7 +17,7 @@ from .sampling import usual_step
 
 # Set by convention: mains are 50 or 60 Hz. Check: `pytest tests/test_noise.py::test_hum_is_told_apart`
 MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
-COARSEST = 1.01 * 0.5 / min(MAINS)  # [s] between samples up to which it lies where little else does
+SLOWLY_SAMPLED = 1.01 * 0.5 / min(MAINS)  # [s] between samples up to which it lies where little else does
 HARMONICS = 10  # [1] multiples of these that are
 FOLDED = 4  # [1] the same beyond half the sampling rate: of ten, one comes to lie near anything
 HEARTS = 5.0  # [Hz] up to which an alias of the mains is not told from beats and what they drive
@@ -37,14 +37,14 @@ KNOTS = 24  # [1] knots of a record at most between which it may change
 MOST_HUM = 4  # [1] lines that are looked for in a monitor
 SLOWEST_TURN = 0.05  # [1/sample] below which everything is, in records sampled slowly
 ONE_PHASE = 0.5  # [1] of its power, of a line at half the sampling rate: chance makes twice as much in one phase alone
-PADDED = 4  # [1] times as long as the longest record a block is at most: the rest of it is empty
+MOSTLY_EMPTY = 4  # [1] times as long as the longest record a block is at most: the rest of it is empty
 SLOWEST_LINE = 1.0  # [Hz] below which everything is creep or drift
 
 
 def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> float | None:
     """The line [Hz] that stands out most in records of (time, whitened rest) sampled every `step` [s], if any does."""
     longest = max((float(np.ptp(time)) for time, _ in blocks if time.size), default=0.0)
-    size = int(min(LINE_BLOCK, PADDED * (longest + step)) / step)
+    size = int(min(LINE_BLOCK, MOSTLY_EMPTY * (longest + step)) / step)
     if size <= 2:  # a block resolves no frequency that is sampled
         return None
     points = 2 ** int(np.ceil(np.log2(FINER_GRID * size)))
@@ -114,11 +114,11 @@ def within(time: np.ndarray, left: np.ndarray) -> np.ndarray:
 def lines_of(time: np.ndarray, left: np.ndarray) -> list[float]:
     """The lines [Hz] of hum that stand out of what is `left` (n,) of a record.
 
-    Sampled more slowly than COARSEST, everything may be hum that comes to lie there, and nothing is said to be.
+    Sampled more slowly than SLOWLY_SAMPLED, everything may be hum that comes to lie there, and nothing is said to be.
     """
     step = usual_step(time)
     lines: list[float] = []
-    while step <= COARSEST and len(lines) < MOST_HUM:
+    while step <= SLOWLY_SAMPLED and len(lines) < MOST_HUM:
         line = strongest([(time, left - at(lines, time, left))], step)
         if line is None or not is_hum(line, step):
             break

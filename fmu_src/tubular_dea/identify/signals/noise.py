@@ -164,15 +164,15 @@ class Noise:
     def colour(self, step: float) -> Colour:
         """The colour of samples `step` [s] apart."""
         steps = step / self.step if self.step > 0 and step > 0 else 1.0
-        phi = self.phi**steps if self.phi > 0 else self.phi
         pole, zero = self.slower
+        own = Colour(self.phi, self.white, pole, zero).at(steps)
         if not self.driven:
-            return Colour(float(phi), self.white, pole**steps, zero**steps)
+            return own
         before = self.rms**2 / Colour(self.phi, self.white, pole, zero).raised  # the filter raises no driven noise
         slow, driven = before * Colour(self.phi, self.white).density(), self.driven**2
         more = float(np.sqrt((slow * ((1 - zero) / (1 - pole)) ** 2 + driven) / (slow + driven)))
         white = (self.white * before + driven) / (before + driven)
-        return Colour(float(phi), white, pole**steps, (1 - more * (1 - pole)) ** steps)
+        return Colour(own.phi, white, own.pole, (1 - more * (1 - pole)) ** steps)
 
     def whiten(self, clock: Clock, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) read at a clock's times, in units of the innovation; a gap starts anew."""

@@ -21,6 +21,7 @@ from ..fitting.response import FINER, NEGLIGIBLE, ROUGH, TOLERANCE, Response
 from ..inputs.drive import Drive, without_hum
 from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
+from ..records.checks import at_limit
 from ..records.data import Experiment, Recordings
 from ..records.start import MOVED, RESTED, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
@@ -383,6 +384,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         records = []
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
+            seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
             if seen.any():
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
         noise = noises.estimate(records, recordings.plant.bandwidth)

@@ -1,4 +1,5 @@
-"""Usual sizes in a model: of its times, from its own time constants, and of what a balance adds up."""
+"""Usual sizes in a model: of its times, from its own time constants, of what a balance adds up, and of parameters that
+are declared as 0."""
 
 from __future__ import annotations
 
@@ -9,13 +10,14 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from ..model.declare import TIME, Model, rate
-from ..model.sizes import evaluator
+from .declare import TIME, Model, rate
+from .sizes import evaluator
 
 STEP = 1e-4  # of a nominal value, for time constants
 SAME = 1e-3  # of a value: a law that is smooth may change as much where it is off
 NEAR = 0.1  # of a nominal value, from a start
 HALF = 0.5  # of a nominal value: a state whose start is not known
+DECADES = range(-30, 31)  # of a parameter's unit, among which its size is sought
 
 
 @lru_cache(maxsize=64)
@@ -62,6 +64,27 @@ def rate_size(model: Model, state: str) -> float:
     ]
     sizes = [abs(float(m)) for m in moved if math.isfinite(m) and m]
     return _rounded(max(sizes, default=model.quantity(state).nominal / seconds(model)))
+
+
+def parameter_size(model: Model, name: str) -> float:
+    """The size at which a parameter, declared as 0, changes a balance or an output by as much as is usual there; 1
+    where it changes none."""
+    symbol, work = model.quantity(name).symbol, _start(model) | {q.symbol: q.nominal for q in model.inputs}
+    work |= {s.quantity.symbol: s.quantity.nominal for s in model.states}
+    rates, outputs = [s.quantity.name for s in model.states], [model.quantity(o) for o in model.outputs]
+    usual = np.array([*(rate_size(model, state) for state in rates), *(q.nominal for q in outputs)])
+
+    def moved(value: float) -> np.ndarray:
+        at = work | {symbol: value}
+        defined = _defined(model, at)
+        return np.array([*_evaluator(model)(at), *(defined[q.symbol] for q in outputs)])
+
+    still = moved(0.0)
+    for size in (10.0**k for k in DECADES):
+        share = float(np.nanmax(np.abs(moved(size) - still) / usual, initial=0.0))
+        if share >= 1:
+            return _rounded(size / share)
+    return 1.0
 
 
 def _rounded(value: float) -> float:
