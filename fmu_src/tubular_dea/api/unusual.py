@@ -36,22 +36,8 @@ GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    each = (
-        _spikes,
-        _jumps,
-        _sizes,
-        _centred,
-        _unlike,
-        _elsewhere,
-        _kelvin,
-        _clocks,
-        _flickers,
-        _gaps,
-        _stuck,
-        _ended,
-        _copies,
-    )
-    return [said for one in each for said in one(recordings)]
+    signals = (_spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _flickers, _stuck, _ended)
+    return [said for one in (*signals, _clocks, _gaps, _copies) for said in one(recordings)]
 
 
 def _sizes(recordings: Recordings) -> Iterator[str]:

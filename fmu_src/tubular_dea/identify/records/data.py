@@ -160,15 +160,8 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     if not experiments:
         raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
     ordered = _ordered(experiments)
-    return Recordings(
-        _fitted_first(plant, experiments),
-        ordered,
-        said.geometry,
-        said.noise,
-        folder.name,
-        tuple(left_out),
-        tuple(still),
-    )
+    plant = _fitted_first(plant, experiments)
+    return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
 
 
 def of_tables(
