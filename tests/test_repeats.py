@@ -10,7 +10,7 @@ from tubular_dea.identify.signals.noise import Noise, of_repetitions
 from tubular_dea.identify.signals.repeats import LEAST_REPETITIONS, NEAR, Repeated, unrepeated
 
 STEP, RMS = 0.004, 15e-6
-UNKNOWN = Noise(60e-6, 0.0, quiet=False)
+UNKNOWN = Noise(60e-6, 0.0, 1000.0, quiet=False)
 
 
 def beats(colour: Colour, lacks: float, count: int = 240, seed: int = 5) -> Repeated:

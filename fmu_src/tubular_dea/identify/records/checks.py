@@ -150,7 +150,7 @@ def _standstill(
 
 def _limits(values: np.ndarray, stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min)) -> list[float]:
     """The extremes of a noisy sensor's readings that many samples share: it has run into its stop there."""
-    extremes = [stop(values) for stop in stops]
+    extremes = [stop(values) for stop in stops if values.size]
     return [e for e in extremes if np.count_nonzero(values == e) >= max(STANDSTILL, SATURATED * values.size)]
 
 

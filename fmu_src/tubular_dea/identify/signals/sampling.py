@@ -47,7 +47,7 @@ def sampling(table: Table, time: np.ndarray, values: np.ndarray) -> Sampling:
         i = int(back[0])
         repeated = any("headings repeated" in remark for remark in table.remarks)
         split = (
-            "split the file where its headings are repeated" if repeated else "give every experiment a file of its own"
+            "split the file where its headings are repeated" if repeated else "give each experiment a file of its own"
         )
         said = f"expected ascending times but {there[i + 1]:g} s follows {there[i]:g} s; sort the lines, or {split}"
         raise _refusal(table, int(kept[i + 1]), said)
