@@ -293,7 +293,7 @@ def _ended(recordings: Recordings) -> Iterator[str]:
     """Outputs whose noise is gone where they are largest or smallest: the sensor may be at the end of what it reads."""
     for name in (o.name for o in recordings.plant.outputs):
         found = []
-        for e in recordings.experiments:
+        for e in (e for e in recordings.experiments if e.seen(name).any()):
             seen = np.flatnonzero(e.seen(name))
             found += [(e, there) for there in [seen[at_limit(e.outputs[name][seen])]] if there.size]
         if found:

@@ -160,6 +160,8 @@ def at_limit(values: np.ndarray) -> np.ndarray:
     Elsewhere noise moves it from nearly every sample to the next: what comes of rounding alone may stand still at rest.
     """
     there = np.isin(values, _limits(values))
+    if not there.any():
+        return there
     free = np.diff(values)[~(there[1:] & there[:-1])]
     noise, left = (_differing(values, order) for order in (LOW_ORDER, HIGH_ORDER))
     moved = noise > resolution(values) and left > SMOOTHED_OUT * noise
