@@ -384,8 +384,8 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         records = []
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
-            seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
             if seen.any():
+                seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
         noise = noises.estimate(records, recordings.plant.bandwidth)
         if not noise.quiet:
