@@ -17,6 +17,7 @@ from ...kernel import Kernel, KernelError
 from ...protocol import Protocol
 from ..records.data import Experiment, Recordings
 from ..signals.monitors import noise_level
+from .cases import Case, Reading
 from .compiled import Compiled
 from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
 
@@ -81,22 +82,19 @@ def _missed(recordings: Recordings, kernel: Kernel, known: Mapping[str, float], 
     the other sign; 1 where it has no answer."""
     signs = {name: -1.0 if name == turned else 1.0 for name in (*file.driven.inputs, *file.read)}
     driven = Protocol(file.driven.time, {n: signs[n] * v for n, v in file.driven.inputs.items()})
-    seen = {name: signs[name] * values / values.std() for name, (_, values) in file.read.items()}
+    case = Case(driven, tuple(Reading(name, times) for name, (times, _) in file.read.items()))
+    seen = np.concatenate([signs[name] * values / values.std() for name, (_, values) in file.read.items()])
+    size = np.concatenate([np.full(values.size, values.std()) for _, values in file.read.values()])
 
     def at(starts: Mapping[str, float]) -> np.ndarray:
-        answers = (
-            kernel.simulate(driven, times, dict(known) | dict(starts), ROUGHLY, max_steps=SCALE_STEPS).values[name]
-            / values.std()
-            for name, (times, values) in file.read.items()
-        )
-        return np.concatenate(list(answers))
+        run = kernel.simulate(driven, case.instants, dict(known) | dict(starts), ROUGHLY, max_steps=SCALE_STEPS)
+        return case.read(run.values) / size
 
     try:
-        answer = from_best_start(recordings.plant, at, np.concatenate(list(seen.values())))
+        answer = from_best_start(recordings.plant, at, seen)
     except KernelError:
         return 1.0
-    ends = np.cumsum([v.size for v in seen.values()])[:-1]
-    return max(_left(y, a) for y, a in zip(seen.values(), np.split(answer, ends), strict=True))
+    return max(_left(seen[part], answer[part]) for part in case.parts)
 
 
 def _left(seen: np.ndarray, answer: np.ndarray) -> float:
