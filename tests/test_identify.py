@@ -17,9 +17,10 @@ from blind import bench, coverage
 from tubular_dea.api import identify as estimates
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
-from tubular_dea.identify.fitting.fit import fit, goodness, inverse
+from tubular_dea.identify.fitting.fit import Fit, fit, goodness, inverse
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
 from tubular_dea.identify.fitting.misfit import ResidualOverNoise, residual_over_noise
+from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study import procedure
 from tubular_dea.identify.study.adjust import adjusted
@@ -113,6 +114,15 @@ def test_what_is_not_determined_is_named(work: Study) -> None:
     pressure_only = [p for p in work.training if p.name == "05_pressure_steps"]
     problem = work.problem((), procedure.free_parameters(PLANT.model, start, ["C_1", "eps_r"]), start, pressure_only)
     assert fit(problem, start, evaluations=5).undetermined() == ["eps_r"]
+
+
+def test_a_value_near_zero_is_determined_where_its_usual_size_is() -> None:
+    """An offset of 1 Pa +- 5 Pa where 200 Pa are usual; a logarithmic parameter never is zero."""
+    free = [Free("offset", 200.0), Free("far", 2.0), Free("decay", 200.0, logarithmic=True)]
+    stderr = {"offset": 5.0, "far": 5.0, "decay": 5.0}
+    nothing = np.zeros(0)
+    best = Fit(dict.fromkeys(stderr, 1.0), nothing, 0.0, nothing, nothing, np.eye(3), free, stderr, True)
+    assert best.undetermined() == ["far", "decay"]
 
 
 def test_a_parameter_that_ended_at_its_bound_is_named() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ..identify.records.checks import at_limit
+from ..identify.records.checks import STRUCTURE, at_limit
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
@@ -18,7 +18,6 @@ from ..recordings.table import moving
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
 # tests/test_recordings.py -k odd`
 FACTOR = 100.0  # [1] times its declared size that a signal is too large or too small for its unit
-STRUCTURE = 20.0  # [1] times the noise that a small signal spans, to be one
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
 ELSEWHERE = 2.0  # [1] times what an input spans in all other files together, that it lies beyond them in one
 KELVIN = 273.15  # [K] that a temperature is off where degC and K are confused

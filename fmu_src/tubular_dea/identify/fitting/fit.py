@@ -39,7 +39,7 @@ LEAST_EIGENVALUE = 1e-13  # [1] of a scaled information: directions with less ha
 LEAST_DIAGONAL = 1e-200  # [1] information that a parameter's scale is taken from at least
 
 # Set by convention. Check: `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
-UNDETERMINED = 0.5  # [1] relative standard error above which a parameter is not determined by the data
+UNDETERMINED = 0.5  # [1] standard error, of a value or its usual size, above which the data do not determine it
 
 
 class FitError(UserError, RuntimeError):
@@ -75,8 +75,9 @@ class Fit:
         return replace(self, covariance=covariance, stderr=stderr)
 
     def undetermined(self) -> list[str]:
-        """The parameters that the recordings do not determine."""
-        return [n for n in self.names if self.stderr[n] > UNDETERMINED * abs(self.values[n])]
+        """The parameters that the recordings do not determine; of one that may be 0, its usual size counts, too."""
+        sizes = {f.name: max(abs(self.values[f.name]), 0.0 if f.logarithmic else f.size) for f in self.free}
+        return [n for n in self.names if self.stderr[n] > UNDETERMINED * sizes[n]]
 
     def at_bounds(self) -> dict[str, int]:
         """The parameters that ended at a bound: -1 at the least value, 1 at the largest."""

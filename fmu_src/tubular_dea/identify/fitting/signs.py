@@ -15,6 +15,7 @@ import numpy as np
 
 from ...kernel import Kernel, KernelError
 from ...protocol import Protocol
+from ..records.checks import STRUCTURE
 from ..records.data import Experiment, Recordings
 from ..signals.monitors import noise_level
 from .cases import Case, Reading
@@ -28,7 +29,6 @@ from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
 WRONG_WAY = 0.7  # [1] share of a file's worst output that is missed before anything is said
 RIGHT_WAY = 0.25  # [1] share that may be missed with the sign changed, and in the other files
 OTHER_FILES = 2  # [files] that the declared plant follows, for one to be unlike them
-MOVING = 20.0  # [1] times its noise that an output spans, to be looked at
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,7 @@ def wrong_signs(recordings: Recordings) -> list[str]:
     if len(files) <= OTHER_FILES:
         return []
     kernel = Compiled(recordings.plant, outputs).kernel()
-    parameters = {n: v for n, v in recordings.geometry.items() if n in recordings.plant.model.parameter_values()}
-    missed = partial(_missed, recordings, kernel, parameters)
+    missed = partial(_missed, recordings, kernel)
     left = {file.name: missed(file, "") for file in files}
     followed = [name for name, share in left.items() if share < RIGHT_WAY]
     wrong = [file for file in files if left[file.name] > WRONG_WAY]
@@ -72,13 +71,13 @@ def _asked(recordings: Recordings, wrong: list[_File], missed: Callable[[_File, 
 def _file(experiment: Experiment, outputs: Sequence[str]) -> _File:
     """An experiment with those of its `outputs` that move."""
     moving = {n: experiment.outputs[n][experiment.seen(n)] for n in outputs if experiment.seen(n).any()}
-    names = [n for n, v in moving.items() if v.size > 1 and np.ptp(v) > MOVING * noise_level(v)]
+    names = [n for n, v in moving.items() if v.size > 1 and np.ptp(v) > STRUCTURE * noise_level(v)]
     records = {name: record for name in names if np.ptp((record := coarse_record(experiment, name))[-1]) > 0}
     driven = next((driven for driven, *_ in records.values()), Protocol(experiment.time, experiment.inputs))
     return _File(experiment.name, driven, {name: (times, seen) for name, (_, times, seen) in records.items()})
 
 
-def _missed(recordings: Recordings, kernel: Kernel, known: Mapping[str, float], file: _File, turned: str) -> float:
+def _missed(recordings: Recordings, kernel: Kernel, file: _File, turned: str) -> float:
     """The share (of the variance) of the file's worst output that the declared plant misses, the signal `turned` of
     the other sign; 1 where it has no answer."""
     signs = {name: -1.0 if name == turned else 1.0 for name in (*file.driven.inputs, *file.read)}
@@ -88,7 +87,7 @@ def _missed(recordings: Recordings, kernel: Kernel, known: Mapping[str, float], 
     size = np.concatenate([np.full(values.size, values.std()) for _, values in file.read.values()])
 
     def at(starts: Mapping[str, float]) -> np.ndarray:
-        run = kernel.simulate(driven, case.instants, dict(known) | dict(starts), ROUGHLY, max_steps=SCALE_STEPS)
+        run = kernel.simulate(driven, case.instants, recordings.known | dict(starts), ROUGHLY, max_steps=SCALE_STEPS)
         return case.read(run.values) / size
 
     try:

@@ -104,6 +104,11 @@ class Recordings:
     still: tuple[str, ...] = ()
 
     @property
+    def known(self) -> dict[str, float]:
+        """The model's parameters that the geometry gives [SI]."""
+        return {n: v for n, v in self.geometry.items() if n in self.plant.model.parameter_values()}
+
+    @property
     def commanded(self) -> set[str]:
         """The signals that were not measured: what stands in the files is exact."""
         return without_noise(self.noise)
