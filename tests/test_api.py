@@ -45,6 +45,7 @@ def public(name: str) -> Any:
     return functools.reduce(getattr, name.split("."), td)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_example_of_every_function_runs(name: str, folder: Path) -> None:
     (example,) = doctest.DocTestFinder(recurse=False).find(public(name), name, globs={})
@@ -308,6 +309,7 @@ td.build_fmu(found.model, "better.fmu")
 """
 
 
+@pytest.mark.long
 def test_a_users_mypy_is_strict_and_content(tmp_path: Path) -> None:
     """With the package among the installed ones, where types count only beside a py.typed: but one line is refused."""
     venv.create(tmp_path / "venv", with_pip=False)

@@ -251,6 +251,7 @@ def test_arrhythmia_is_partly_assisted(tmp_path: Path) -> None:
     assert "premature R wave" in (out / "report.html").read_text()
 
 
+@pytest.mark.long
 def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
     """Electrodes that charge with a lag of 30 ms: the largest field is lower, and the FMU says what it is."""
     import fmpy
@@ -381,6 +382,7 @@ def test_recorded_beats_are_hit(tmp_path: Path) -> None:
     assert np.allclose(at, (times - times[0])[1:7], atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     ["windkessel_alone", "heartbeat_on_ecg", "assisted_failing_heart", "snap_through_veto", "hold_beyond_the_fold"],

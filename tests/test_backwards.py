@@ -32,6 +32,7 @@ def motor() -> Plant:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", [(), ("speed",), ("speed", "torque")])
 def test_an_output_counted_the_other_way_is_found_once_the_plant_is_refitted(wrong: tuple[str, ...]) -> None:
     random, time = np.random.default_rng(3), np.arange(0, 10, 0.02)

@@ -65,6 +65,7 @@ def test_what_a_common_zero_would_move_a_parameter_by_is_uncertain() -> None:
     assert wider - alone == pytest.approx(moved**2)
 
 
+@pytest.mark.long
 def test_a_lag_shorter_than_the_rise_of_an_amplifier_is_not_seen() -> None:
     """lab-6: the amplifier rises in 1.5 ms and edges fall between samples. 0.1 ms of lag was said to be seen there."""
     found = discover(read_folder(shared("lab/lab-6"), PLANT))

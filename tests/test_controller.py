@@ -96,6 +96,7 @@ def test_without_control_the_tube_leaves_and_a_pi_holds_it_worse() -> None:
     assert held < 0.7 * pi < 0.1 * opened
 
 
+@pytest.mark.long
 def test_random_runs_of_the_stated_region() -> None:
     """A dozen of those of `python tests/benchmarks/controller.py random`."""
     generator = np.random.default_rng(4)
@@ -248,6 +249,7 @@ def test_the_controlled_loop_in_other_tools(tool: str, monkeypatch: pytest.Monke
     {"ecos": test_assist.test_ssp_in_ecos, "libcosim": test_assist.test_ssp_in_libcosim}[tool]()
 
 
+@pytest.mark.long
 def test_assist_with_the_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["assist", "--beats", "8", "--controller", "18mm", "--out", str(tmp_path / "held")]) == 0
     printed = capsys.readouterr().out

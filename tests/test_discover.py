@@ -121,6 +121,7 @@ def test_the_report_shows_what_the_effect_does_and_what_it_leaves(closed: Path) 
     assert np.ptp(heights["#2a6f97"]) < 0.5 * np.ptp(heights["#c8402f"])
 
 
+@pytest.mark.long
 def test_the_same_recordings_and_seed_give_the_same_result(closed: Path, tmp_path: Path) -> None:
     assert main(["close-loop", str(EXAMPLE), "--out", str(tmp_path / "again")]) == 0
     for name in ("result.json", "model.json", "report.html", "fmi2/TubularDEA.fmu"):
@@ -155,6 +156,7 @@ def test_what_monitors_noise_moves_is_what_noise_in_the_record_does(nothing: Dis
     assert 0 < one < constant * max(work.monitor_noise.values())
 
 
+@pytest.mark.long
 def test_records_with_other_noise_score_as_the_nulls_say(nothing: Discovery, tmp_path: Path) -> None:
     """Largest scores of the same tube with new noise of laser and monitors, against those drawn by the bootstrap.
 
@@ -214,6 +216,7 @@ def test_scores_point_to_the_refit(closed: Path) -> None:
     assert scored[0].statistic > 100 * null.threshold(0.01)
 
 
+@pytest.mark.long
 def test_a_second_effect_is_found_where_what_the_first_leaves_does_not_stand_out_of_the_noise(tmp_path: Path) -> None:
     tube = bench.make(60, tmp_path / "data", "two")
     found = engine.discover(read_folder(tmp_path / "data", PLANT))
@@ -246,6 +249,7 @@ def test_bad_recordings_leave_nothing_behind(tmp_path: Path, capsys: pytest.Capt
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "ids"), [("set-2", ["friction_hysteresis"]), ("set-3", [])])
 def test_declared_sets_of_the_bench(tmp_path: Path, name: str, ids: list[str]) -> None:
     data = shared(f"bench/{name}")

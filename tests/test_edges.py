@@ -72,6 +72,7 @@ def test_a_continuous_input_that_only_steps_has_edges(noise: float, wandering: f
     assert np.all(np.diff(driven.corners["voltage"]) > 0)
 
 
+@pytest.mark.long
 def test_a_sample_on_a_level_is_not_taken_for_one_on_the_way() -> None:
     """Two samples of a level differ by the noise of both, and of many samples beside an edge one is far off."""
     experiment, centroids = switched(1000.0, 1e-9, beats=1000, height=14.0, noise=0.02)

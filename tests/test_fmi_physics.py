@@ -41,6 +41,7 @@ STATES = ["lambda_2", "lambda_2_rate", "sigma_vis1", "sigma_vis2"]
 # Steps and tolerances -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1e-5, 1e-4, 1e-3, 1e-2, 0.1])
 def test_communication_step_does_not_matter(fmu: Path, step: float) -> None:
     """Pressure from the start, voltage at 0.1 s: the same at 0.2 s for steps of 10 us to 0.1 s."""

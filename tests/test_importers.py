@@ -125,6 +125,7 @@ def test_reference_moves(fixture: str, trajectory: Trajectory, request: pytest.F
     assert_moves(trajectory("fmpy", request.getfixturevalue(fixture)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("importer", "fixture"),
     [
@@ -184,6 +185,7 @@ def test_c_host_agrees_with_fmpy(
     assert_same(reported, trajectory("fmpy", fmi2_fmu))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", OTHER_PLATFORMS)
 def test_foreign_binaries_agree_with_fmpy(
     target: Target,

@@ -64,6 +64,7 @@ def test_samples_cover_the_protocol(name: str) -> None:
     assert tuple(facts["start"].values()) == tube.AT_REST
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_every_signal_of_the_trace_is_reproduced(name: str) -> None:
     expected, tolerance = trace(name), case(name)["tolerance"]

@@ -58,6 +58,7 @@ def hysteretic(number: int, size: float) -> dict[str, np.ndarray]:
     return {"time [s]": time, "force [N]": force, "position [m]": true + noise}
 
 
+@pytest.mark.long
 def test_the_loop_of_bouc_and_wen_is_found() -> None:
     tables = {f"multisine {n}": hysteretic(n, size) for n, size in enumerate((50.0, 50.0, 25.0))}
     found = td.discover(td.read_recordings(tables, plant=oscillator()))
@@ -102,6 +103,7 @@ def positioned(number: int) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.long
 def test_friction_and_weight_of_a_slide_are_found() -> None:
     tables = {f"moves {number}": positioned(number) for number in range(3)}
     found = td.discover(td.read_recordings(tables, plant=slide()))
@@ -139,6 +141,7 @@ def counted(number: int) -> dict[str, np.ndarray]:
     return {"time [s]": step * np.arange(voltage.size), "voltage [V]": voltage, "speed [V]": noisy}
 
 
+@pytest.mark.long
 def test_a_speed_without_its_sign_is_found() -> None:
     tables = {f"steps {number}": counted(number) for number in range(3)}
     found = td.discover(td.read_recordings(tables, plant=drives()))

@@ -8,6 +8,7 @@ from blind.laws import answer
 from test_laws import PLACES, at
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("plant", "law"), [("oscillator", "quadratic_drag(v)"), ("oscillator", "dependence(c)"), ("tanks", "power(level)")]
 )

@@ -22,6 +22,7 @@ def lagging() -> engine.Discovery:
     return engine.discover(read_folder(shared("lab/lab-2"), PLANT))
 
 
+@pytest.mark.long
 def test_a_lag_of_the_electrodes_is_confirmed_by_switching_the_voltage(lagging: engine.Discovery) -> None:
     """A sweep of the pressure was proposed: there two models differ by 240 standard deviations, of which their own
     parameters take all but 28."""
@@ -30,6 +31,7 @@ def test_a_lag_of_the_electrodes_is_confirmed_by_switching_the_voltage(lagging: 
     assert 30 < lagging.proposal.deviations < 150
 
 
+@pytest.mark.long
 def test_what_the_recordings_tell_as_well_is_not_proposed(
     lagging: engine.Discovery, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -41,6 +43,7 @@ def test_what_the_recordings_tell_as_well_is_not_proposed(
     assert next_experiment.propose(lagging.study, options[:1]) is None
 
 
+@pytest.mark.long
 def test_an_experiment_is_proposed_as_often_as_it_takes(lagging: engine.Discovery) -> None:
     """Two effects are told apart by a share of what they gain, however little noise there is."""
     name = lagging.chosen.ids[0]

@@ -62,6 +62,7 @@ def test_the_command_it_prints_runs_it(optimised: Path) -> None:
     assert here == pytest.approx(there, rel=1e-3)
 
 
+@pytest.mark.long
 def test_nothing_near_the_optimum_is_better() -> None:
     """Among 200 pulses drawn around it with another seed, within the limits; each at worst of now and LATE later."""
     best = optimise(patient("healthy"), Limits())

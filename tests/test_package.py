@@ -357,6 +357,7 @@ def test_libraries(full: Path) -> None:
 # The same bytes ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_builds_are_reproducible(full: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another folder, another working directory, a cold cache: the same bytes."""
     folder = tmp_path / "there" / "and further"

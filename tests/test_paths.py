@@ -29,6 +29,7 @@ PATHS: dict[str, Callable[[Case, pytest.FixtureRequest], np.ndarray]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("name", CASES)
 def test_reference_trace(name: str, path: str, request: pytest.FixtureRequest) -> None:

@@ -665,6 +665,7 @@ def test_python_s_log_hears_of_refusals_too(python_fmu: Path, caplog: pytest.Log
 # Many of them ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_different_fmus_in_one_process_run_their_own_code(model: Model, tmp_path: Path) -> None:
     variants = {"paper": model, "soft": model.with_values({"C_1": 250e3}), "printed": printed_sine(model)}
     paths = {name: package(variant, tmp_path / f"{name}.fmu") for name, variant in variants.items()}

@@ -126,6 +126,7 @@ def executed() -> Iterator[tuple[int, list[list[str]]]]:
             yield number, commands
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [number for number, _ in executed()])
 def test_block(number: int, folder: Path, carried_out: Callable[..., Path]) -> None:
     """Each command in turn; what --out names is there afterwards."""
@@ -186,6 +187,7 @@ def test_every_command_and_option_in_the_text_exists(
             assert re.search(rf"{option}\b", told), f"{name} has no {option}"
 
 
+@pytest.mark.long
 def test_ten_lines(folder: Path) -> None:
     """They say what the comments behind them say (up to ...)."""
     code = codes()[0]
@@ -261,6 +263,7 @@ def test_measured_pressure_example(fmi2_fmu: Path, tmp_path: Path) -> None:
         assert (tmp_path / "measured_pressure.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("text", "message"),
     [

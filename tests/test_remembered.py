@@ -78,6 +78,7 @@ def at_truth() -> Study:
     return adjusted(work, (), TRUE)
 
 
+@pytest.mark.long
 def test_a_random_walk_is_no_effect() -> None:
     """Counted as if the noise were a constant, 100 um were no wonder, and drifts and loops were seen in nulls."""
     found = td.discover(recorded(carriage()))
@@ -89,6 +90,7 @@ def test_a_random_walk_is_no_effect() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=2e-3)
 
 
+@pytest.mark.long
 def test_a_drag_beside_a_random_walk_is_found() -> None:
     found = td.discover(recorded(carriage(), 30.0))
     (drag,) = found.effects

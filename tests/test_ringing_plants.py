@@ -142,6 +142,7 @@ def swinging() -> td.Recordings:
     return td.read_recordings(tables, plant=pendulum())
 
 
+@pytest.mark.long
 def test_a_plant_that_nothing_drives_is_discovered_too(tmp_path) -> None:
     found = td.discover(swinging())
     assert [e.id for e in found.effects] == ["quadratic_drag(omega)"]

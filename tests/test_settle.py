@@ -33,6 +33,7 @@ def beats(number: int) -> dict[str, np.ndarray]:
     return {"time [s]": time, "pressure [Pa]": pressure, "voltage [V]": voltage, "displacement [m]": read}
 
 
+@pytest.mark.long
 def test_a_lost_fit_is_found_again() -> None:
     work = study(td.read_recordings({f"beats {n}": beats(n) for n in range(3)}), [], PRIOR)
     declared = PLANT.model.parameter_values()

@@ -36,6 +36,7 @@ def searched(drift: float, before: float = 0.0) -> td.DiscoveryResult:
     return td.discover(recordings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drift", [5e-5, 0.002])
 def test_a_drift_is_no_start_under_load(drift: float) -> None:
     """A faint one would hide in the starts, and a strong one in a branch that relaxes from one of its own."""

@@ -66,6 +66,7 @@ def test_workers_do_not_change_a_byte(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.long
 def test_a_killed_sweep_goes_on(tmp_path: Path) -> None:
     plan, out = write(tmp_path / "plan.toml", SLOW), tmp_path / "out"
     command = [

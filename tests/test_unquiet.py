@@ -51,6 +51,7 @@ def recordings(bent: float) -> Recordings:
     return Recordings(PLANT, listed)
 
 
+@pytest.mark.long
 def test_the_noise_is_less_where_an_effect_explains_what_looked_like_it(monkeypatch: pytest.MonkeyPatch) -> None:
     found = discover(recordings(bent=0.05))
     assert found.named.ids == ("quadratic(reading)",)

@@ -158,6 +158,7 @@ def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     assert work.problem((), [], MODEL.parameter_values()).residuals(np.empty(0)).std() == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "steep"), [(9002, "chebyshev"), (9001, "linear_phase")])
 def test_monitors_behind_steep_filters_hide_nothing(seed: int, steep: str, tmp_path: Path) -> None:
     """What rings about every edge is not the voltage, and how long the amplifier takes is hidden by it."""

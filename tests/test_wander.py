@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import tubular_dea as td
 
@@ -28,12 +29,14 @@ def found(moved: list[np.ndarray]) -> td.DiscoveryResult:
 TIME = np.arange(int(RATE * LONG)) / RATE
 
 
+@pytest.mark.long
 def test_a_drift_that_levels_off_is_told_from_wandering_zeros() -> None:
     """A straight line explains less of it than a smooth curve of each file; the drift's finer form explains more."""
     answer = found([4e-5 * (1 - np.exp(-TIME / 1.5))] * FILES)
     assert [e.id for e in answer.effects] == ["sensor_drift"]
 
 
+@pytest.mark.long
 def test_zeros_that_wander_are_no_drift() -> None:
     random = np.random.default_rng(1)
     curves = 4e-6 * random.standard_normal((FILES, 4))

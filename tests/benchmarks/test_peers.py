@@ -44,6 +44,7 @@ def test_peers_reproduce_the_trace(solve: peers.Solve, name: str) -> None:
     np.testing.assert_allclose(lambda_2, trace[:, 4], rtol=0, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("solve", [peers.solve_lsoda, pytest.param(peers.solve_cvode, marks=on_linux)])
 def test_peers_sample_anywhere(solve: peers.Solve) -> None:
     """Samples off the corners and not up to the end of the protocol."""

@@ -77,6 +77,7 @@ def test_fifty_random_settings_equal_the_kernel_to_the_last_bit(page: Page, kern
 BY_HAND = {"time": [0, 0.5, 1.2, 1.25, 3.0], "pressure": [0, 80, 80, 95, 95], "voltage": [0, 0, 4.5, 5, 5]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "inputs",
     [
@@ -113,6 +114,7 @@ def test_the_copied_tube_command_computes_the_figure_again(page: Page, tmp_path:
     assert python(tmp_path).split()[0] == f"{1e3 * max(got['values']):.4f}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "heart",
     [
@@ -151,6 +153,7 @@ def test_the_copied_heart_command_finds_the_same_indices(page: Page, tmp_path: P
             assert ours["worst"] == pytest.approx(theirs["worst"], rel=2e-5, abs=1e-9), name
 
 
+@pytest.mark.long
 def test_the_copied_data_command_and_python_leave_the_same_residual(page: Page, tmp_path: Path) -> None:
     page.run(
         "lab.adopt(lab.merged(lab.defaults(), given[0], ''));",

@@ -27,6 +27,7 @@ def test_the_page_is_small_and_carries_its_licences(lab_file: Path) -> None:
     assert "Leon Sorokin" in text and "http-equiv" not in text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_control_can_be_used(page: Page, view: str) -> None:
     """Each range, number, choice, box and button moves, and nothing is logged (the fixture looks)."""
@@ -93,6 +94,7 @@ def the_field(page: Page, name: str, place: int = 0) -> str:
     return page.run(f"return document.querySelectorAll('#main input[data-name={name}]')[{place}].id;")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shown", ["tube hand", "tube step", "tube ramp", "tube beat", "heart", "data"])
 def test_a_decimal_number_is_typed_digit_by_digit_in_every_field(page: Page, shown: str) -> None:
     view, _, kind = shown.partition(" ")
@@ -125,6 +127,7 @@ def test_a_decimal_number_is_typed_digit_by_digit_in_every_field(page: Page, sho
         assert told[-1] == [text, f"{float(text):.7g}", ""], (name, told)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "place", "text", "kept", "words"),
     [
@@ -360,6 +363,7 @@ def test_keys_alone_reach_views_handles_and_play(page: Page) -> None:
     assert page.run("return lab.state.heart.set['scheduler.on_fraction'];") == pytest.approx(0.035)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("view", VIEWS)
 def test_axe_finds_nothing(page: Page, view: str, theme: str) -> None:
@@ -376,6 +380,7 @@ def test_axe_finds_nothing(page: Page, view: str, theme: str) -> None:
     assert found == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", VIEWS)
 def test_nothing_is_wider_than_a_phone(page: Page, view: str) -> None:
     """With everything open, at every control's ends, and before plots drawn for a wide window are drawn anew."""
@@ -408,6 +413,7 @@ def test_nothing_is_wider_than_a_phone(page: Page, view: str) -> None:
     assert wider == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "theme"), [(1280, "light"), (1280, "dark"), (390, "light")])
 @pytest.mark.parametrize("view", VIEWS)
 def test_pictures_of_each_view(page: Page, view: str, width: int, theme: str) -> None:

@@ -197,6 +197,7 @@ def test_recordings_have_the_same_numbers(browser: Page, tmp_path: Path, name: s
     assert "refused" not in compare(browser.ready(), tmp_path, as_bytes(name, UNDERSTOOD[name]))
 
 
+@pytest.mark.long
 def test_files_of_any_laboratory_are_read_alike(browser: Page, tmp_path: Path) -> None:
     browser.ready()
     understood = [seed for seed in range(SEEDS) if "refused" not in compare(browser, tmp_path, drawn(seed).raw)]

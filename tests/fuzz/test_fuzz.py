@@ -43,6 +43,7 @@ FILES = [HERE / "fmi_fuzz.c", *HERE.glob("*.h")]
 MAX_STEPS = 3000  # internal steps of one doStep, so that absurd inputs cost milliseconds
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not shutil.which("gcc"), reason="the sanitizers come with gcc")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", MODELS)

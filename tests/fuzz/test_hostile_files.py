@@ -103,6 +103,7 @@ def refused(arguments: list[str | Path], folder: Path, out: Path, capsys: pytest
     return error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("text", TEXTS)
 def test_hostile_text(text: str, reader: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

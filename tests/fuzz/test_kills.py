@@ -142,6 +142,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX's")
 @pytest.mark.parametrize("name", ["build", "simulate", "assist", "identify"])
 def test_files_are_old_or_new(
@@ -171,6 +172,7 @@ def test_files_are_old_or_new(
         print(f"\n{name}: {kills} kills among {operations} file operations, {len(changed)} files old or new", end="")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX's")
 def test_a_killed_sweep_goes_on_wherever_it_was(
     call: Calls, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]

@@ -25,6 +25,7 @@ TOLERATED = 30  # tolerances, as in the driver
 NOMINAL = np.array([1.0, 10.0, 1e5, 1e5])
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not shutil.which("gcc"), reason="the driver is compiled by gcc")
 def test_random_tubes_agree_or_say_why(
     model: Model, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
