@@ -651,6 +651,10 @@ def test_a_legend_lies_between_the_toolbar_and_the_plot() -> None:
 def test_numbers_and_names_are_written_as_people_read_them() -> None:
     assert [three(v) for v in (967.0, 1024.0, 0.0012, 2.5e7)] == ["967", "1020", "0.0012", "2.5e+07"]
     assert in_words(999.9e-6, "m") == "1000 um"
+    assert in_words(999.9e-6, "m", "mm") == "1000 um"
+    assert in_words(266.6, "Pa", "mmHg") == "2 mmHg"
+    assert in_words(2e-6, "m3/s", "mL/s") == "2 mL/s"
+    assert in_words(0.5, "K", "degC") == "500 mK"
     assert with_ends(0.28, (0.2, 0.36)) == ["0.28", "0.2", "0.36"]
     assert with_ends(1.27770, (1.27750, 1.27790)) == ["1.2777", "1.2775", "1.2779"]  # three digits would be the same
     assert with_ends(5.04e-15, (0.0, 0.98)) == ["0", "0", "0.98"]

@@ -26,7 +26,7 @@ from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.nuisances import with_nuisances
 from ..identify.study.study import PRIOR, Study, study
 from ..model.declare import Model, nearest
-from ..model.units import in_words, readable
+from ..model.units import in_units_of, in_words, readable
 from ..plants.plant import Plant
 from ..plants.saved import as_json
 from . import tables
@@ -107,7 +107,7 @@ class IdentificationResult:
         each = self.content.get("outputs", {"": self.content})
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
-            fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {in_words(e['rmse'], e['unit'])}")
+            fits.append(f"{said_of}fit {e['fit_percent']:.2f} %, error {in_units_of(e['rmse'], e)}")
         return [*said, "(+- standard error; 95 % intervals in parameters.json)", *fits, *self.remarks()]
 
     def remarks(self) -> list[str]:
@@ -128,7 +128,7 @@ class IdentificationResult:
             said.append(
                 f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times what noise "
                 f"and sampling allow, and its slow part {self.content['residual_over_noise_slow']:.2f} times (the "
-                f"sensor's noise: {in_words(self.content['noise_floor'], self.content['unit'])}), so the intervals are "
+                f"sensor's noise: {in_units_of(self.content['noise_floor'], self.content)}), so the intervals are "
                 "too narrow"
             )
         if self.content["slow_noise_unknown"]:
@@ -321,7 +321,8 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
     return {
         "rmse": rmse(records, models),
         "fit_percent": goodness(records, models),
-        "unit": work.plant.quantity(output).unit,
+        "unit": (q := work.plant.quantity(output)).unit,
+        "display_unit": q.display_unit or q.unit,
         "per_experiment": each,
     }
 

@@ -15,7 +15,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -386,10 +386,19 @@ def readable(value: float, unit: str) -> tuple[float, str]:
     return 10.0**power, PREFIXES[power] + unit
 
 
-def in_words(value: float, unit: str) -> str:
-    """An SI value in three digits and a unit that suits it."""
+def in_words(value: float, unit: str, customary: str | None = None) -> str:
+    """A difference or size [SI] in three digits: in the `customary` unit, if that is more than the SI unit with a
+    prefix or another zero (mmHg, mL), else in SI with the prefix that suits it."""
     scale, shown = readable(value, unit)
+    prefixed = [prefix + unit for prefix in PREFIXES.values()]
+    if customary is not None and customary not in prefixed and parse(customary).offset == parse(unit).offset:
+        scale, shown = factor(customary, unit), customary
     return f"{three(value / scale)} {shown}".removesuffix(" 1")
+
+
+def in_units_of(value: float, told: Mapping[str, Any]) -> str:
+    """An SI value as `in_words`, in the `unit` or the `display_unit` that a result gives for its errors."""
+    return in_words(value, told["unit"], told.get("display_unit"))
 
 
 def three(value: float, digits: int = 3) -> str:

@@ -15,7 +15,7 @@ from ..discover.options.options import Option
 from ..discover.search.law_uncertainty import LAW
 from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
-from ..model.units import in_words
+from ..model.units import in_units_of
 from ..recordings.table import FEW, either, some
 from .effects import determined, effects
 from .in_short import LEFT, WHITE, about_held_out, in_short, least, may_be_louder, not_seen, oscillating, stated
@@ -155,12 +155,12 @@ def _error_line(
     """The errors of an output before and after, and its noise where it is known."""
 
     def change(error: str) -> str:
-        return " -> ".join(_amount(e[error], e["unit"]) for e in (before, after))
+        return " -> ".join(_amount(e[error], e) for e in (before, after))
 
     said = f"{name}error {change('rmse')}"
     if before["held_out_rmse"] is not None:
         said += f", held out ({some([p.name for p in found.study.held_out])}) {change('held_out_rmse')}"
-    return said if noise is None else f"{said}, noise {_amount(noise, after['unit'])}"
+    return said if noise is None else f"{said}, noise {_amount(noise, after)}"
 
 
 def _one_of(found: Discovery, effect: str) -> str:
@@ -190,7 +190,7 @@ def _errors(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
             told = [
                 text
                 for prefix in ("", "held_out_")
-                for text in (_amount(own[f"{prefix}rmse"], own["unit"]), _percent(own[f"{prefix}fit_percent"]))
+                for text in (_amount(own[f"{prefix}rmse"], own), _percent(own[f"{prefix}fit_percent"]))
             ]
             rows.append([f"{output}, {label}" if output else label, *told])
     page.table(["model", "error", "fit [%]", "held-out error", "held-out fit [%]"], rows)
@@ -359,14 +359,15 @@ def _records(found: Discovery) -> list[tuple[go.Figure, str]]:
 
 def _size(found: Discovery, value: float | None) -> str:
     """An error of the first output, in words."""
-    return _amount(value, found.study.plant.quantity(found.study.plant.outputs[0].name).unit)
+    q = found.study.plant.quantity(found.study.plant.outputs[0].name)
+    return _amount(value, {"unit": q.unit, "display_unit": q.display_unit})
 
 
-def _amount(value: float | None, unit: str) -> str:
-    """An error in words."""
+def _amount(value: float | None, told: Mapping[str, Any]) -> str:
+    """An error in words, in the unit that its result names."""
     if not value:
         return "no answer" if value is None else "none"
-    return in_words(value, unit)
+    return in_units_of(value, told)
 
 
 def _number(value: float | None) -> str:

@@ -13,7 +13,7 @@ from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
 from ..model.effect import Effect
-from ..model.units import in_words
+from ..model.units import in_units_of, in_words
 from ..recordings.table import FEW, some
 from .effects import size_words
 from .page import Page
@@ -124,7 +124,7 @@ def _left(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     if not noise_alone(found.named):
         after = beyond_noise(state, error["after"], noise)
         before = beyond_noise(found.base.lack_of_fit, error["recalibrated"], noise)
-        small, of = (in_words(size, error["after"]["unit"]) for size in (after, before))
+        small, of = (in_units_of(size, error["after"]) for size in (after, before))
         return [f"A small remainder is left: {small} rms beyond the noise, where {of} was before."]
     if found.tests_after["whiteness"] <= WHITE:
         return []
@@ -252,14 +252,21 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     """The model's error before and after, next to the noise, as bars."""
     kinds = {"": "rmse"} if not outcome["held_out"] else {", fitted": "rmse", ", held out": "held_out_rmse"}
     effects = " and ".join(e["id"] for e in outcome["effects"])
-    unit, rows = outcome["error"]["after"]["unit"], []
+    rows = []
     for kind, key in kinds.items():
         rows.append((f"{'before' if effects else 'the model'}{kind}", outcome["error"]["recalibrated"][key], BEFORE))
         rows += [(f"after{kind}", outcome["error"]["after"][key], AFTER)] if effects else []
     rows.append(("sensor's noise", outcome["noise_floor"], RECORD))
     entries = []
     for words, value, colour in rows:
-        entries.append((words, value or 0.0, "no answer" if value is None else in_words(value, unit), colour))
+        entries.append(
+            (
+                words,
+                value or 0.0,
+                "no answer" if value is None else in_units_of(value, outcome["error"]["after"]),
+                colour,
+            )
+        )
     first = found.study.plant.outputs[0].headings[0]
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
@@ -276,7 +283,7 @@ def about_held_out(found: Discovery, errors: dict[str, Any]) -> list[str]:
     declared, refitted, after = (errors[n]["held_out_rmse"] for n in ("published", "recalibrated", "after"))
     said = []
     if declared is not None and refitted is not None and declared < refitted:
-        size = in_words(declared, errors["published"]["unit"])
+        size = in_units_of(declared, errors["published"])
         said.append(f"On the held-out experiments alone the declared values do better than the refitted ones: {size}.")
     if after is not None and refitted is not None and after > WORSE * refitted:
         said.append(

@@ -14,7 +14,7 @@ from ...identify.fitting.intervals import interval
 from ...identify.study.nuisances import with_nuisances, zero_spread
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
-from ...model.declare import Model
+from ...model.declare import Model, Quantity
 from ...recordings.table import either
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
@@ -264,15 +264,16 @@ def _by_output(
     study: Study, rows: Mapping[str, Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None]
 ) -> dict[str, Any]:
     """The errors of the first output, and of all where there are several."""
-    outputs = {name: _output_errors(study.plant.quantity(name).unit, pairs) for name, pairs in rows.items()}
+    outputs = {name: _output_errors(study.plant.quantity(name), pairs) for name, pairs in rows.items()}
     return outputs[study.plant.outputs[0].name] | ({"outputs": outputs} if len(outputs) > 1 else {})
 
 
-def _output_errors(unit: str, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None) -> dict[str, Any]:
+def _output_errors(q: Quantity, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None) -> dict[str, Any]:
     """The errors of one output, given the record and the answer of every piece; None without an answer."""
     summary: dict[str, Any] = {"rmse": None, "fit_percent": None, "held_out_rmse": None, "held_out_fit_percent": None}
+    units = {"unit": q.unit, "display_unit": q.display_unit or q.unit}
     if pairs is None:
-        return summary | {"unit": unit, "per_experiment": {}}
+        return summary | units | {"per_experiment": {}}
     each = {
         p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}
         for p, r, y in pairs
@@ -282,7 +283,7 @@ def _output_errors(unit: str, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarra
         if part:
             summary[f"{prefix}rmse"] = rmse(*zip(*part, strict=True))
             summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True)))
-    return summary | {"unit": unit, "per_experiment": each}
+    return summary | units | {"per_experiment": each}
 
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from ...identify.study.spreads import most_spread
 from ...identify.study.study import Piece, Study
 from ...model.declare import Quantity
 from ...model.effect import Effect
-from ...model.units import factor, in_words
+from ...model.units import in_units_of, in_words
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
@@ -202,9 +202,7 @@ def _beyond(found: Discovery) -> list[str]:
 
 def _told(value: float, q: Quantity) -> str:
     """A value [SI] in the unit in which its quantity is shown, or one that makes a short number."""
-    if not q.display_unit:
-        return in_words(value, q.unit)
-    return f"{value / factor(q.display_unit, q.unit):.3g} {q.display_unit}".removesuffix(" 1")
+    return in_words(value, q.unit, q.display_unit)
 
 
 def _unit(effect: Effect, parameter: str) -> str:
@@ -256,8 +254,8 @@ def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
     most = max(odd, key=lambda name: odd[name])
     rest = f"in {' and '.join(odd)} it is up to" if len(odd) > 1 else f"in {most} it is"
     return [
-        f"The error is {in_words(usual, after['unit'])} in most files, and {rest} "
-        f"{in_words(odd[most], after['unit'])}: look there for something that happened in no other file, to the sensor "
+        f"The error is {in_units_of(usual, after)} in most files, and {rest} "
+        f"{in_units_of(odd[most], after)}: look there for something that happened in no other file, to the sensor "
         f"or to the {found.study.plant.name}."
     ]
 
