@@ -111,6 +111,13 @@ def test_without_zeros_of_their_own_the_spread_is_about_nothing() -> None:
     assert found.spread["reading"] < 2 * NOISE / np.sqrt(TIME.size)  # what the mean of a file tells
 
 
+def test_a_few_zeros_that_are_alike_by_chance_still_differ() -> None:
+    """So their mean is no offset that all files would have: it costs as little as zeros of that size usually do."""
+    few, more = (adjusted(set_of(np.full(count, 0.03)), (), TRUTH, FREE).spread["reading"] for count in (3, 8))
+    assert few == pytest.approx(0.1 * np.sqrt(0.16 / 2.16), rel=0.05)  # the mean takes one of three
+    assert more < 0.1 * few
+
+
 def test_an_offset_common_to_all_files_is_left_for_the_effect_that_explains_it() -> None:
     for spread in (0.0, 0.05):
         found = adjusted(set_of(drawn(10, spread, common=0.4)), (), TRUTH, FREE)
