@@ -274,9 +274,9 @@ def _with_less_noise(found: Search, monitors: bool) -> Study | None:
 
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
-    of every file: each of these takes one from the misfit by chance, and their sum varies as chi squared does. Where
-    nothing was found it has to explain more, and held-out data to support it; where what was found explains most from
-    an equilibrium too, there is no other explanation."""
+    of every file, but for what these may take from the misfit by chance: it varies as chi squared does. Where nothing
+    was found it has to explain more, and held-out data to support it; where what was found explains most from an
+    equilibrium too, there is no other explanation."""
     other = started_at_equilibrium(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
@@ -286,9 +286,10 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     known = found.rounds[0].options if found.chosen.ids else ()
     first = take_round(work, alone, alone, numeric, seed, tell, known)
     free = sum(len(found.study.unknown(found.chosen.ids, p)) for p in found.study.pieces)
-    by_chance = free + NORMAL_95 * float(np.sqrt(2 * free))
-    reached = min((o.squares for o in first.options), default=np.inf) - found.chosen.squares
-    if reached > max(by_chance, WORTH * (alone.squares - found.chosen.squares) if found.chosen.ids else 0.0):
+    by_chance = NORMAL_95 * float(np.sqrt(2 * free))
+    explained = residuals.excess(found.study, found.chosen.squares)
+    reached = min((residuals.excess(work, o.squares) for o in first.options), default=np.inf) - explained
+    if reached > max(by_chance, WORTH * (residuals.excess(work, alone.squares) - explained) if found.chosen.ids else 0):
         return found
     if first.options[0].ids[-1] in found.chosen.ids:
         return found
@@ -300,9 +301,10 @@ def _explains_more(found: Search, again: Search, by_chance: float) -> bool:
     """Whether the effects of the search `again`, from starts at equilibrium, take the place of what was `found`."""
     if not again.chosen.ids:
         return False
+    before, after = (residuals.excess(s.study, s.chosen.squares) for s in (found, again))
     if found.chosen.ids:
-        return again.chosen.squares < found.chosen.squares + by_chance
-    return again.chosen.squares < found.chosen.squares and acceptance.confirmed(again.base, again.chosen)
+        return after < before + by_chance
+    return after < before and acceptance.confirmed(again.base, again.chosen)
 
 
 def _seen_elsewhere(work: Study, fitted: Fit) -> bool:

@@ -95,6 +95,14 @@ def expected_squares(study: Study, pieces: Sequence[Piece]) -> float:
     return float(sum(np.sum(expected_variance(study, p, 1)) for p in pieces))
 
 
+def excess(study: Study, squares: float) -> float:
+    """By how much the `squares` of all experiments are more than noise makes, less what the records' own numbers take.
+
+    Sums of squares alone do not compare between studies that allow for other noise of their monitors.
+    """
+    return squares - expected_squares(study, study.pieces)
+
+
 def expected_variance(study: Study, piece: Piece, block: int) -> np.ndarray:
     """The variance of every whitened sample (N,), as it counts in averages over `block` samples."""
     sensor = piece.weight**2
