@@ -60,6 +60,12 @@ FILES: dict[str, tuple[str, str, list[str]]] = {
         "utf-16",
         [],
     ),
+    "a row of units with the form of times": (
+        "Messprotokoll\tDEA\n\nZeit\tDruck p\tHV Monitor\tRadius (Laser)\nhh:mm:ss,000\tkPa\tkV\tmm\n"
+        + table(lambda t, p, v, r: f"12:00:{1 + t:06.3f}\t{p / 1e3:.5f}\t{v / 1e3:.5f}\t{r * 1e3:.5f}", True),
+        "utf-16",
+        ["pressure=Druck p", "voltage=HV Monitor", "radius=Radius (Laser)"],
+    ),
     "pandas": (
         ",time [s],pressure [Pa],voltage [V],radius [m]\n"
         + table(

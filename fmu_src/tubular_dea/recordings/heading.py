@@ -17,6 +17,9 @@ _BRACKETS = [
 ]
 _SLASH = re.compile(r"(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)")
 _IN = re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>.+)")
+_FORM = re.compile(
+    r"(?=.*([dmyhs])\1)[dmyhs]{1,4}([:./\- T,]+([dmyhs]{1,4}|f{1,6}|0{1,6}|x{1,6}))+", re.IGNORECASE
+)  # hh:mm:ss.fff
 _WORDS = re.compile(r"(?P<name>.+?)(?:\s*,\s*|\s*;\s*|\s*:\s*|[\s_.-]+)(?P<unit>[^\s_,;:\d.-][^\s_,;:]*)")
 
 
@@ -43,9 +46,9 @@ def name(text: str) -> str:
 
 
 def is_unit_cell(cell: str) -> bool:
-    """Whether a cell of a row of units may be one: [s], (kPa), mm, or "-" for none."""
+    """Whether a cell of a row of units may be one: [s], (kPa), mm, hh:mm:ss, or "-" for none."""
     plain = cell.strip().strip("[](){}<>\"' ")
-    return plain in ("", "-", "--") or is_unit(plain)
+    return plain in ("", "-", "--") or is_unit(plain) or _is_form(plain)
 
 
 def unit_of(cell: str) -> str:
@@ -53,4 +56,9 @@ def unit_of(cell: str) -> str:
     plain = cell.strip().strip("\"' ")
     while plain[:1] in "[({<" and plain[-1:] in "])}>" and plain:
         plain = plain[1:-1].strip()
-    return "" if plain in ("-", "--") else plain
+    return "" if plain in ("-", "--") or _is_form(plain) else plain
+
+
+def _is_form(text: str) -> bool:
+    """Whether a text shows how times of a clock are written, as hh:mm:ss does: they have no unit."""
+    return _FORM.fullmatch(text) is not None and not is_unit(text)

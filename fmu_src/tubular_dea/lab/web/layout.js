@@ -130,13 +130,20 @@ function headingName(text) {
 
 function isUnitCell(cell) {
   const plain = cell.trim().replace(/^[[\](){}<>"' ]+|[[\](){}<>"' ]+$/g, "");
-  return ["", "-", "--"].includes(plain) || isUnit(plain);
+  return ["", "-", "--"].includes(plain) || isUnit(plain) || isForm(plain);
 }
 
 function unitIn(cell) {
   let plain = cell.trim().replace(/^["' ]+|["' ]+$/g, "");
   while (plain && "[({<".includes(plain[0]) && "])}>".includes(plain.at(-1))) plain = plain.slice(1, -1).trim();
-  return plain === "-" || plain === "--" ? "" : plain;
+  return plain === "-" || plain === "--" || isForm(plain) ? "" : plain;
+}
+
+/* How times of a clock are written, as hh:mm:ss: they have no unit. */
+const FORM = /^(?=.*([dmyhs])\1)[dmyhs]{1,4}(?:[:./\- T,]+(?:[dmyhs]{1,4}|f{1,6}|0{1,6}|x{1,6}))+$/i;
+
+function isForm(text) {
+  return FORM.test(text) && !isUnit(text);
 }
 
 /* The head ----------------------------------------------------------------------------------------------------- */
