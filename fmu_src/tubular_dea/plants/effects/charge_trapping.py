@@ -52,7 +52,7 @@ def _charge(model: Model, name: str, words: str, tau: sympy.Expr) -> State:
 EFFECT = Effect(
     "charge_trapping",
     "electrical",
-    "Trapped charge screens the field (dielectric absorption, leakage)",
+    "Trapped charge screens the field, or slow polarisation strengthens it (dielectric absorption)",
     _apply,
     PARAMETERS,
     off={"trap_fraction": 0.0},
