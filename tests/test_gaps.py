@@ -69,6 +69,35 @@ def test_a_gap_at_which_nothing_is_unknown_is_none(whole: Callable[[], Recording
     assert [e.name for e in found.experiments] == ["a"] and not [r for r in found.remarks() if "missing" in r]
 
 
+RAMP = np.clip(TIME - 130.0, 0.0, 40.0)  # it ends while nothing is read
+
+
+@pytest.mark.parametrize(
+    ("heat", "empty", "parted"),
+    [
+        (STAIRS, slice(150, 165), True),
+        (RAMP, slice(150, 190), True),
+        (SMOOTH, slice(150, 190), False),
+        (STAIRS, slice(150, 156), False),
+    ],
+)
+def test_empty_cells_of_an_input_are_lost_samples_where_it_moves(heat: np.ndarray, empty: slice, parted: bool) -> None:
+    """A line across them would be heat that nobody recorded, for as long as they are."""
+    table = record(heat)
+    table["heat [W]"] = table["heat [W]"].copy()
+    table["heat [W]"][empty] = np.nan
+    found = read_recordings({"a": table}, room(held=False))
+    count = empty.stop - empty.start
+    assert parts(found) == ([("a", 150), ("a_part2", 250 - count)] if parted else [("a", 400)])
+
+
+def test_an_input_that_was_read_less_often_has_no_gaps() -> None:
+    table = record(STAIRS)
+    table["heat [W]"] = np.where(TIME % 20 == 0, table["heat [W]"], np.nan)
+    table["heat [W]"][::2] = STAIRS[::2]  # every other sample, then
+    assert parts(read_recordings({"a": table}, room())) == [("a", 400)]
+
+
 def test_samples_that_are_rare_for_a_while_are_no_gaps() -> None:
     """A recorder that writes fewer lines while nothing happens: after a switching, and before the next one."""
     kept = np.unique(np.concatenate([np.arange(0, 120), np.arange(120, 280, 12), np.arange(280, 400)]))

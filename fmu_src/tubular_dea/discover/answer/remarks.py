@@ -20,7 +20,7 @@ from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
 from ..options.options import Option
 from ..options.residuals import LackOfFit
-from ..scores.parameters import at_bounds, implausible
+from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from .oscillations import Oscillation
 
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
@@ -191,7 +191,7 @@ def _beyond(found: Discovery) -> list[str]:
         best = max(step.options, key=lambda o: o.evidence, default=found.base)
         for name in best.pinned:
             effect = found.study.catalogue[name]
-            for parameter in (n for n in at_bounds(effect, best.fitted) if n in effect.off):
+            for parameter in strengths_at_bounds(effect, best.fitted):
                 end = f"{best.fitted.values[parameter]:.3g}{_unit(effect, parameter)}"
                 said.append(
                     f"{name} would explain more, but its {parameter} would have to be beyond {end}, the end of its "

@@ -11,7 +11,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit, FitError
 from ...identify.study.study import Study, log_determinant
 from ..scores.levels import passed
-from ..scores.parameters import at_bounds
+from ..scores.parameters import strengths_at_bounds
 from .refit import fit_effects
 from .residuals import LackOfFit, lack_of_fit
 from .validation import folds, held_out_residual, left_out, predictive_deviance
@@ -108,7 +108,7 @@ def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:
         lack_of_fit(study, fitted),
         refined,
         all(study.catalogue[i].exact for i in ids),
-        tuple(i for i in ids if any(n in study.catalogue[i].off for n in at_bounds(study.catalogue[i], fitted))),
+        tuple(i for i in ids if strengths_at_bounds(study.catalogue[i], fitted)),
         _unreached(study, ids, fitted),
         (log_determinant(study.training), log_determinant(study.held_out)),
     )

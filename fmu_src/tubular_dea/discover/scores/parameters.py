@@ -70,6 +70,11 @@ def size(effect: Effect, name: str) -> float:
     return abs(typical - off) or abs(quantity.nominal) or 1.0
 
 
+def strengths_at_bounds(effect: Effect, fitted: Fit) -> list[str]:
+    """Those of them that say how strong it is; what only refines its form may come to the end of its range."""
+    return [n for n in at_bounds(effect, fitted) if n in effect.off and n not in effect.refine]
+
+
 def at_bounds(effect: Effect, fitted: Fit) -> dict[str, int]:
     """The parameters of an effect that ended at a bound: -1 at the least value, 1 at the largest.
 

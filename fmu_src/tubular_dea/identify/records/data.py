@@ -283,13 +283,19 @@ def experiment_of(
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
+    known = gaps.known(values, plant.inputs)
+    time, lines, values, inputs = time[known], lines[known], _rows(values, known), _rows(inputs, known)
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
-    known = plant.model.parameter_values() | dict(geometry or {})
-    outputs, idle = _outputs(table, plant, columns, values, lines, inputs, known)
+    parameters = plant.model.parameter_values() | dict(geometry or {})
+    outputs, idle = _outputs(table, plant, columns, values, lines, inputs, parameters)
     told = _read_from(plant, {n: a.column for n, a in columns.items() if n not in chosen})
     source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
     return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
+
+
+def _rows(values: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: v[kept] for name, v in values.items()}
 
 
 def _read_from(plant: Plant, columns: Mapping[str, Column]) -> list[str]:

@@ -7,7 +7,7 @@ heated on, and a saturation of the heater explained why the room stayed cooler.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -61,6 +61,22 @@ def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
     return [_part(first, part, number, plant.least_samples) for number, part in enumerate(parts)]
 
 
+def known(values: Mapping[str, np.ndarray], inputs: Sequence[Input]) -> np.ndarray:
+    """The rows (n,) of a file but those in which the cells of an input that moves about them are empty for long.
+
+    Any number there would be a guess. Long is so for that input: it may have been read less often than others.
+    """
+    rows = np.ones(next(iter(values.values())).size, dtype=bool)
+    for signal in inputs:
+        there = np.flatnonzero(np.isfinite(values[signal.name]))
+        steps = np.diff(there)
+        usual = float(np.median(steps)) if steps.size else 1.0
+        for at in np.flatnonzero(steps > (MISSING + 0.5) * usual):
+            if _moves(values[signal.name][there], signal, int(at), round(float(steps[at]) / usual) - 1):
+                rows[there[at] + 1 : there[at + 1]] = False
+    return rows
+
+
 def _read_in(experiment: Experiment, part: slice, least: int) -> list[str]:
     """The outputs of which a part has so many readings at least."""
     return [name for name, values in experiment.outputs.items() if np.isfinite(values[part]).sum() >= least]
@@ -68,16 +84,29 @@ def _read_in(experiment: Experiment, part: slice, least: int) -> list[str]:
 
 def _moving(experiment: Experiment, inputs: Sequence[Input], at: int, lost: int) -> list[str]:
     """The inputs that move about a gap after sample `at`, in which so many samples are missing."""
-    found = []
-    for signal in inputs:
-        values = experiment.inputs[signal.name]
-        near = values[max(at + 1 - ABOUT * lost, 0) : at + 1], values[at + 1 : at + 1 + ABOUT * lost]
-        moved = np.concatenate([_elsewhere(v, lost, signal.held) for v in near])
-        noise = min(noise_level(values), LARGEST * float(np.abs(values).max()))  # more may be the signal itself
-        least = max(OF_SPAN * float(np.ptp(values)), OF_NOISE * noise)
-        if moved.size and float(np.sqrt(np.mean(moved**2))) > least:
-            found.append(signal.name)
-    return found
+    return [s.name for s in inputs if _moves(experiment.inputs[s.name], s, at, lost)]
+
+
+def _moves(values: np.ndarray, signal: Input, at: int, lost: int) -> bool:
+    """Whether an input (n,) moves about a gap after sample `at`, in which so many samples are missing."""
+    near = values[max(at + 1 - ABOUT * lost, 0) : at + 1], values[at + 1 : at + 1 + ABOUT * lost]
+    moved = np.concatenate([_elsewhere(v, lost, signal.held) for v in near])
+    noise = min(noise_level(values), LARGEST * float(np.abs(values).max()))  # more may be the signal itself
+    least = max(OF_SPAN * float(np.ptp(values)), OF_NOISE * noise)
+    across = 0.0 if signal.held else _beside_the_line(*near, lost)
+    return moved.size > 0 and max(float(np.sqrt(np.mean(moved**2))), across) > least
+
+
+def _beside_the_line(before: np.ndarray, after: np.ndarray, lost: int) -> float:
+    """By how much the values on either side of a gap, gone on with as they go there, miss the line across at its
+    middle: a ramp that ended in the gap does."""
+    count = min(max(lost // 2, 2), before.size, after.size)
+    if count < 2:
+        return 0.0
+    x = np.arange(count)
+    (rise, end), (fall, begin) = np.polyfit(x - count + 1, before[-count:], 1), np.polyfit(x, after[:count], 1)
+    middle, half = 0.5 * (end + begin), 0.5 * (lost + 1)
+    return float(max(abs(end + rise * half - middle), abs(begin - fall * half - middle)))
 
 
 def _elsewhere(values: np.ndarray, lost: int, held: bool) -> np.ndarray:
