@@ -406,6 +406,10 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     assert unusual.findings(read_recordings(usual, tank)) == []
     (copied,) = unusual.findings(read_recordings(usual | {"c": table(0.0)}, tank))
     assert copied == "a and c hold the same numbers: held out, one tests nothing of the other; remove one"
+    whole = read_recordings(usual, tank)
+    (typed,) = unusual.findings(replace(whole, noise={"reading": 1e-2}))
+    assert typed.startswith("bench.toml: [noise] reading is 10 mm, but from sample to sample these records tell ")
+    assert unusual.findings(replace(whole, noise={"reading": 1e-4, "pump": 0.0})) == []
     (small,) = unusual.findings(read_recordings({"a": table(0.0, "mm"), "b": table(1.0, "mm")}, tank))
     assert small.startswith("reading reaches 0.0001 m in these records, 0.001 times its declared size (nominal: 0.1 m)")
     (large,) = unusual.findings(read_recordings({"a": table(0.0) | {"pump [V]": 1e3 * table(0.0)["pump [V]"]}}, tank))

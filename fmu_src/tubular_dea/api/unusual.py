@@ -12,7 +12,7 @@ from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
 from ..identify.signals.sampling import usual_step
 from ..model.declare import Quantity
-from ..model.units import converted, three
+from ..model.units import converted, in_words, three
 from ..recordings.table import moving
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
@@ -30,13 +30,15 @@ STUCK, STUCK_BESIDE = 20, 4  # [samples] and [1] times any other run: readings t
 MOVED_SHARE = 0.05  # [1] of its span by which an input moves meanwhile
 JUMP = 5.0  # [1] times any other step from sample to sample that an output jumps by where two records are joined
 CENTRED_FILES, ROUNDED = 3, 1e-3  # [files] and [1] of its span: records whose mean is nothing but for rounding
+MISTYPED = 50.0  # [1] times the noise that records of so many samples show, by which a stated one is another unit
+FEWEST = 20  # [samples] of these
 GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
     signals = (_spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _flickers, _stuck, _ended)
-    return [said for one in (*signals, _clocks, _gaps, _copies) for said in one(recordings)]
+    return [said for one in (*signals, _clocks, _gaps, _copies, _stated) for said in one(recordings)]
 
 
 def _sizes(recordings: Recordings) -> Iterator[str]:
@@ -326,6 +328,21 @@ def _copies(recordings: Recordings) -> Iterator[str]:
         first = seen.setdefault(numbers, e.name)
         if first != e.name:
             yield f"{first} and {e.name} hold the same numbers: held out, one tests nothing of the other; remove one"
+
+
+def _stated(recordings: Recordings) -> Iterator[str]:
+    """Noise that bench.toml gives, far from what differs from sample to sample."""
+    names = {s.name: s.name for s in recordings.plant.inputs}
+    names |= {heading: o.name for o in recordings.plant.outputs for heading in (*o.headings, o.name)}
+    for said, level in recordings.noise.items():
+        records = [v for e in recordings.experiments if (v := _values(e, names[said])).size > FEWEST]
+        seen = float(np.median([noise_level(v) for v in records])) if records else 0.0
+        if level and seen and not seen / MISTYPED < level < seen * MISTYPED:
+            q = recordings.plant.quantity(names[said])
+            yield (
+                f"bench.toml: [noise] {said} is {in_words(level, q.unit, q.display_unit)}, but from sample to sample "
+                f"these records tell {in_words(seen, q.unit, q.display_unit)}: is its unit right?"
+            )
 
 
 def _values(experiment: Experiment, name: str, rate: bool = False) -> np.ndarray:

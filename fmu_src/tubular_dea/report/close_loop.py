@@ -126,10 +126,12 @@ def error_lines(found: Discovery, errors: dict[str, Any]) -> list[str]:
     """The errors before and after, a zero that no sensor has, and whether the data are few, a line each."""
     before, after = errors["recalibrated"], errors["after"]
     little, unmoved = thin(found), still(found)
+    quick = {o.name for o in found.study.plant.outputs if o.feels_rates}
     said = [_error_line(found, "", before, after, floor(found.study, after["rmse"])) + _moved_by_monitors(found, after)]
     for name in list(after.get("outputs", ()))[1:]:
         noise = found.study.noise[name].rms if name in found.study.noise else None
-        said.append(_error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise))
+        line = _error_line(found, f"{name}: ", before["outputs"][name], after["outputs"][name], noise)
+        said.append(line + "; it feels how fast inputs change, and takes no part in the fits" * (name in quick))
     few = [f"these recordings prove little: {little}"] if little and found.verdict != "no_effect" else []
     few += [f"{unmoved}: what it does is not tested"] if unmoved else []
     beside = [*counted_backwards(found), *implausible_zero(found), *unexplained_output(found)]
