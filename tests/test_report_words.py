@@ -312,7 +312,7 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
     found, page = isolated(True, shifted=False), Page("a", "b")
     close_loop._channels(page, found, outcome.channel(found))
     assert "uncertain" not in page.document() + outcome.advice(found)
-    assert outcome.advice(found).endswith("because the residual is largest where this channel acts.")
+    assert outcome.advice(found).endswith("because the residual is largest where the electrical channel acts.")
 
 
 @pytest.mark.parametrize(("equal", "told"), [("stiffness_drift", "sensor"), ("permittivity_drift", "electrical")])

@@ -185,7 +185,8 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
         alike = {found.study.catalogue[name].channel for name in found.equivalent.get(found.chosen.ids[0], [])}
         if found.isolated and found.isolated.channel in alike:
             return found.isolated.channel, isolated_words(found.isolated)
-        return found.study.catalogue[found.chosen.ids[0]].channel, "that channel explains most of it"
+        first = found.study.catalogue[found.chosen.ids[0]].channel
+        return first, f"the {first} channel explains most of it"
     if found.shifted:
         own = _own_channel(found, found.shifted.output)
         return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
@@ -206,11 +207,11 @@ def _own_channel(found: Discovery, output: str) -> str:
     return next(o.channel for o in found.study.plant.outputs if o.name == output)
 
 
-def isolated_words(isolation: Isolation, channel: str = "this") -> str:
-    """Why the isolation tells a channel; `channel` is how the sentence calls it."""
+def isolated_words(isolation: Isolation) -> str:
+    """Why the isolation tells its channel."""
     if isolation.disturbance:
-        return f"the residual is largest where {channel} channel acts"
-    return f"{channel} channel explains most of it"
+        return f"the residual is largest where the {isolation.channel} channel acts"
+    return f"the {isolation.channel} channel explains most of it"
 
 
 def contested(found: Discovery) -> str:
@@ -357,7 +358,7 @@ def _beside(found: Discovery) -> str:
     said = f"{at_channel(found.study.plant, told or '')}, because {why}"
     if not contested(found) or found.isolated is None:
         return said
-    other = isolated_words(found.isolated, f"the {found.isolated.channel}")
+    other = isolated_words(found.isolated)
     return f"{said}; the channel is uncertain, as {other}"
 
 
