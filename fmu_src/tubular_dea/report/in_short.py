@@ -259,14 +259,8 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
     rows.append(("sensor's noise", outcome["noise_floor"], RECORD))
     entries = []
     for words, value, colour in rows:
-        entries.append(
-            (
-                words,
-                value or 0.0,
-                "no answer" if value is None else in_units_of(value, outcome["error"]["after"]),
-                colour,
-            )
-        )
+        told = "no answer" if value is None else in_units_of(value, outcome["error"]["after"])
+        entries.append((words, value or 0.0, told, colour))
     first = found.study.plant.outputs[0].headings[0]
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""

@@ -113,7 +113,7 @@ def findings(recordings: Recordings) -> list[str]:
     """Signals whose scale contradicts the declared plant, in words."""
     plant, chosen = recordings.plant, _informative(recordings.experiments)
     output = next(o for o in plant.outputs if chosen and o.name in recordings.experiments[chosen[0]].outputs)
-    parameters = recordings.known
+    parameters = recordings.known_parameters
     kernel = Compiled(plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's, so compiled once
     experiments = [recordings.experiments[i] for i in chosen]
     records = [coarse_record(e, output.name) for e in experiments]

@@ -87,7 +87,9 @@ def _missed(recordings: Recordings, kernel: Kernel, file: _File, turned: str) ->
     size = np.concatenate([np.full(values.size, values.std()) for _, values in file.read.values()])
 
     def at(starts: Mapping[str, float]) -> np.ndarray:
-        run = kernel.simulate(driven, case.instants, recordings.known | dict(starts), ROUGHLY, max_steps=SCALE_STEPS)
+        run = kernel.simulate(
+            driven, case.instants, recordings.known_parameters | dict(starts), ROUGHLY, max_steps=SCALE_STEPS
+        )
         return case.read(run.values) / size
 
     try:

@@ -104,7 +104,7 @@ class Recordings:
     still: tuple[str, ...] = ()
 
     @property
-    def known(self) -> dict[str, float]:
+    def known_parameters(self) -> dict[str, float]:
         """The model's parameters that the geometry gives [SI]."""
         return {n: v for n, v in self.geometry.items() if n in self.plant.model.parameter_values()}
 
@@ -283,8 +283,8 @@ def experiment_of(
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
-    known = gaps.known(values, plant.inputs)
-    time, lines, values, inputs = time[known], lines[known], _rows(values, known), _rows(inputs, known)
+    kept = gaps.rows_with_inputs(values, plant.inputs)
+    time, lines, values, inputs = time[kept], lines[kept], _rows(values, kept), _rows(inputs, kept)
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     parameters = plant.model.parameter_values() | dict(geometry or {})

@@ -61,7 +61,7 @@ def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
     return [_part(first, part, number, plant.least_samples) for number, part in enumerate(parts)]
 
 
-def known(values: Mapping[str, np.ndarray], inputs: Sequence[Input]) -> np.ndarray:
+def rows_with_inputs(values: Mapping[str, np.ndarray], inputs: Sequence[Input]) -> np.ndarray:
     """The rows (n,) of a file but those in which the cells of an input that moves about them are empty for long.
 
     Any number there would be a guess. Long is so for that input: it may have been read less often than others.
