@@ -458,6 +458,18 @@ def test_a_signal_that_counts_the_other_way_in_one_file_is_asked_about(signal: s
     assert [line[: len(expected)] for line in asked] == ([expected] if signal else [])
 
 
+def test_columns_of_inputs_that_are_exchanged_in_one_file_are_asked_about() -> None:
+    """The numbers of the columns, in kPa and kV as they are headed there, not their SI values."""
+    bench = read_folder(EXAMPLE, PLANT)
+    one = next(e for e in bench.experiments if e.name == "08_heartbeat_5kV")
+    swapped = {"pressure": one.inputs["voltage"] * 133.322e-3, "voltage": one.inputs["pressure"] * 1e3 / 133.322}
+    units = {"pressure": "mmHg", "voltage": "kV"}
+    wrong = dataclasses.replace(one, inputs=swapped, source=SimpleNamespace(units=units))
+    others = [wrong if e is one else e for e in bench.experiments]
+    (said,) = signs.wrong_signs(dataclasses.replace(bench, experiments=others))
+    assert said.startswith(f"{one.name}: are pressure and voltage exchanged there? As they are, the declared Tubular")
+
+
 def test_no_sign_is_asked_about_where_too_few_files_tell_what_is_right() -> None:
     recordings = read_folder(EXAMPLE, PLANT)
     first = recordings.experiments[:2]

@@ -1,19 +1,24 @@
-"""Detection of single files in which a signal counts the other way: a transducer upside down, a swapped cable.
+"""Detection of single files in which a signal counts the other way, or two inputs are exchanged: a transducer upside
+down, swapped cables.
 
 The declared plant answers every file by itself. Its values may be rough, so only the shape counts: what is missed is
 what a positive gain and an offset of each output leave. Where that is most of one file, little of the others, and
-little of this one with the sign of one signal changed, the sign is asked about. Nothing is changed.
+little of this one with the sign of one signal changed, or the columns of two inputs exchanged, that is asked about.
+Nothing is changed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
 from ...kernel import Kernel, KernelError
+from ...model.units import converted
+from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.checks import STRUCTURE
 from ..records.data import Experiment, Recordings
@@ -28,68 +33,96 @@ from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
 # `pytest tests/test_reading.py -k no_sign_is_asked`
 WRONG_WAY = 0.7  # [1] share of a file's worst output that is missed before anything is said
 RIGHT_WAY = 0.25  # [1] share that may be missed with the sign changed, and in the other files
+SWAPPED = 0.1  # [1] share of a file that is missed, and share of that which two inputs exchanged may leave
 OTHER_FILES = 2  # [files] that the declared plant follows, for one to be unlike them
 
 
 @dataclass(frozen=True)
 class _File:
-    """What drove one experiment, and by output the times and the values read; thinned, with their noise."""
+    """What drove one experiment, in which `units` the file has it, and by output the times and the values read."""
 
     name: str
     driven: Protocol
+    units: Mapping[str, str]
     read: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 def wrong_signs(recordings: Recordings) -> list[str]:
-    """Signals of single files that seem to count the other way, in words."""
+    """Signals of single files that seem to count the other way, or inputs to be exchanged, in words."""
     outputs = [o.name for o in recordings.fitted_outputs]
     files = [file for file in (_file(e, outputs) for e in recordings.experiments) if file.read]
     if len(files) <= OTHER_FILES:
         return []
-    kernel = Compiled(recordings.plant, outputs).kernel()
-    missed = partial(_missed, recordings, kernel)
-    left = {file.name: missed(file, "") for file in files}
+    missed = partial(_missed, recordings, Compiled(recordings.plant, outputs).kernel())
+    left = {file.name: missed(file) for file in files}
     followed = [name for name, share in left.items() if share < RIGHT_WAY]
-    wrong = [file for file in files if left[file.name] > WRONG_WAY]
+    odd = [file for file in files if left[file.name] > SWAPPED]
+    wrong = [file for file in odd if left[file.name] > WRONG_WAY]
     if len(followed) < max(OTHER_FILES, 2 * len(wrong)):
         return []
-    return list(_asked(recordings, wrong, missed))
+    swapped = [said for file in odd for said in _swapped(recordings.plant, file, missed, left[file.name])]
+    return [*_asked(recordings.plant, wrong, missed), *swapped]
 
 
-def _asked(recordings: Recordings, wrong: list[_File], missed: Callable[[_File, str], float]) -> Iterator[str]:
+def _asked(plant: Plant, wrong: list[_File], missed: Callable[[_File], float]) -> Iterator[str]:
     """A sentence for every file that one sign would put right."""
     for file in wrong:
-        signals = [s.name for s in recordings.plant.inputs if np.any(file.driven.inputs[s.name])]
-        right = [name for name in (*signals, *file.read) if missed(file, name) < RIGHT_WAY]
+        signals = [s.name for s in plant.inputs if np.any(file.driven.inputs[s.name])]
+        right = [name for name in (*signals, *file.read) if missed(_turned(file, name)) < RIGHT_WAY]
         if right:
             yield (
-                f"{file.name}: is {' or '.join(right)} of the wrong sign there? As it is, the declared "
-                f"{recordings.plant.name} goes the other way in this file and follows the others; if so, correct it"
+                f"{file.name}: is {' or '.join(right)} of the wrong sign there? As it is, the declared {plant.name} "
+                "goes the other way in this file and follows the others; if so, correct it"
+            )
+
+
+def _swapped(plant: Plant, file: _File, missed: Callable[[_File], float], left: float) -> Iterator[str]:
+    """A sentence for every two inputs that, exchanged, explain nearly all of what is `left` of the file."""
+    for one, other in combinations([s.name for s in plant.inputs], 2):
+        if missed(_exchanged(plant, file, one, other)) < SWAPPED * left:
+            yield (
+                f"{file.name}: are {one} and {other} exchanged there? As they are, the declared {plant.name} does not "
+                "follow this file as it does the others; if so, correct it"
             )
 
 
 def _file(experiment: Experiment, outputs: Sequence[str]) -> _File:
-    """An experiment with those of its `outputs` that move."""
+    """An experiment with those of its `outputs` that move; thinned, with their noise."""
     moving = {n: experiment.outputs[n][experiment.seen(n)] for n in outputs if experiment.seen(n).any()}
     names = [n for n, v in moving.items() if v.size > 1 and np.ptp(v) > STRUCTURE * noise_level(v)]
     records = {name: record for name in names if np.ptp((record := coarse_record(experiment, name))[-1]) > 0}
     driven = next((driven for driven, *_ in records.values()), Protocol(experiment.time, experiment.inputs))
-    return _File(experiment.name, driven, {name: (times, seen) for name, (_, times, seen) in records.items()})
+    units = experiment.source.units if experiment.source else {}
+    return _File(experiment.name, driven, units, {name: (times, seen) for name, (_, times, seen) in records.items()})
 
 
-def _missed(recordings: Recordings, kernel: Kernel, file: _File, turned: str) -> float:
-    """The share (of the variance) of the file's worst output that the declared plant misses, the signal `turned` of
-    the other sign; 1 where it has no answer."""
-    signs = {name: -1.0 if name == turned else 1.0 for name in (*file.driven.inputs, *file.read)}
-    driven = Protocol(file.driven.time, {n: signs[n] * v for n, v in file.driven.inputs.items()})
-    case = Case(driven, tuple(Reading(name, times) for name, (times, _) in file.read.items()))
-    seen = np.concatenate([signs[name] * values / values.std() for name, (_, values) in file.read.items()])
+def _turned(file: _File, name: str) -> _File:
+    """The file with a signal of the other sign."""
+    inputs = {n: -v if n == name else v for n, v in file.driven.inputs.items()}
+    read = {n: (times, -v if n == name else v) for n, (times, v) in file.read.items()}
+    return replace(file, driven=Protocol(file.driven.time, inputs), read=read)
+
+
+def _exchanged(plant: Plant, file: _File, one: str, other: str) -> _File:
+    """The file with the numbers of two inputs' columns exchanged."""
+    si = {name: plant.quantity(name).unit for name in (one, other)}
+    inputs = dict(file.driven.inputs)
+    for to, of in ((one, other), (other, one)):
+        written = converted(file.driven.inputs[of], si[of], file.units.get(of, si[of]))
+        inputs[to] = converted(written, file.units.get(to, si[to]), si[to])
+    return replace(file, driven=Protocol(file.driven.time, inputs))
+
+
+def _missed(recordings: Recordings, kernel: Kernel, file: _File) -> float:
+    """The share (of the variance) of the file's worst output that the declared plant misses; 1 where it has no
+    answer."""
+    case = Case(file.driven, tuple(Reading(name, times) for name, (times, _) in file.read.items()))
     size = np.concatenate([np.full(values.size, values.std()) for _, values in file.read.values()])
+    seen = np.concatenate([values for _, values in file.read.values()]) / size
+    known = recordings.known_parameters
 
     def at(starts: Mapping[str, float]) -> np.ndarray:
-        run = kernel.simulate(
-            driven, case.instants, recordings.known_parameters | dict(starts), ROUGHLY, max_steps=SCALE_STEPS
-        )
+        run = kernel.simulate(file.driven, case.instants, known | dict(starts), ROUGHLY, max_steps=SCALE_STEPS)
         return case.read(run.values) / size
 
     try:
