@@ -71,6 +71,7 @@ def option(
 LARGE = 40_000.0  # what a large effect leaves unexplained
 BASE = option(excess=LARGE, held_out=12_000.0)
 STUDY = SimpleNamespace(
+    pieces=(),
     catalogue={
         name: SimpleNamespace(
             typical={name: 1.0},

@@ -280,6 +280,7 @@ def test_assist_with_the_controller(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.long
 def test_a_radius_that_is_held_is_told_so(tmp_path: Path) -> None:
     """The same radius below a field limit that is never met."""
     result = td.assist(beats=6, controller="18 mm", settings={"scheduler.field_limit": "100 V/um"})

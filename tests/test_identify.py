@@ -156,6 +156,7 @@ def test_linearised_intervals_hold() -> None:
     assert 0.5 < np.sqrt(np.mean(off**2)) < 1.3
 
 
+@pytest.mark.long
 def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
     out = carried_out("identify", str(EXAMPLE))
     said = out.with_suffix(".said").read_text(encoding="utf-8")

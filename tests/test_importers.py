@@ -200,6 +200,7 @@ def test_foreign_binaries_agree_with_fmpy(
     assert_same(reported, trajectory("fmpy", fmi2_fmu))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("giver", "taker"),
     [

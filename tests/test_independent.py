@@ -74,6 +74,7 @@ def test_every_signal_of_the_trace_is_reproduced(name: str) -> None:
         assert difference.max() <= tolerance[signal], f"{signal} is off the most at {where} s"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_agreement_is_far_below_the_tolerance(name: str) -> None:
     """Ten printed digits: the two implementations differ by rounding and by their integrators."""

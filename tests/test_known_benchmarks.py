@@ -178,6 +178,7 @@ def heated(number: int) -> dict[str, np.ndarray]:
     return {"time [s]": step * np.arange(power.size), "power [W]": power, "temperature [K]": noisy}
 
 
+@pytest.mark.long
 def test_a_loss_that_grows_with_the_temperature_is_found() -> None:
     """Named before, but taken back for a parameter that was always at its bound: it had the size 1 in any unit."""
     tables = {f"steps {number}": heated(number) for number in range(3)}
@@ -223,6 +224,7 @@ def turned(levels: list[float], seed: int) -> dict[str, np.ndarray]:
     return {"time [s]": time, "voltage [V]": voltage, **read}
 
 
+@pytest.mark.long
 def test_the_contact_voltage_of_brushes_is_found() -> None:
     """It has the sign of the current, which no law of the voltage's way follows; a loop of the voltage comes near."""
     levels = {"steps": [0.0, 6.0, 12.0, 0.0], "reversing": [0.0, 8.0, -8.0, 3.0], "stairs": [0.0, 3.0, 9.0, 4.0]}

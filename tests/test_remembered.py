@@ -99,6 +99,7 @@ def test_a_drag_beside_a_random_walk_is_found() -> None:
     assert low < 30.0 / MASS < high < 2 * low
 
 
+@pytest.mark.long
 def test_intervals_include_the_random_walk(tmp_path: Path) -> None:
     for number in range(4):
         table = moved(number)
@@ -139,6 +140,7 @@ def test_every_corner_has_its_own_number() -> None:
     assert told == pytest.approx(at_truth().monitor_noise["force"] * known.mean(), rel=0.1)
 
 
+@pytest.mark.long
 def test_what_noise_moves_between_corners() -> None:
     """Beside the corners' line, as noise of the force that was drawn moves the model."""
     random, piece, left = np.random.default_rng(1), at_truth().pieces[0], []

@@ -14,6 +14,7 @@ from measured.table import PLANTS
 LOOP = PLANTS.parent / "data" / "mock_loop"
 
 
+@pytest.mark.long
 def test_the_shipped_levels_of_the_mock_loop_name_its_resistance(carried_out: Callable[..., Path]) -> None:
     out = carried_out("close-loop", str(LOOP), "--plant", str(PLANTS / "mock_loop.py"), "--hold-out", "level_10")
     result = json.loads((out / "result.json").read_text())

@@ -33,6 +33,7 @@ def record(seed: int) -> dict[str, np.ndarray]:
     return {"time [s]": TIME, "flow [m3/s]": flow, "level [m]": h + 2e-3 * random.standard_normal(SAMPLES)}
 
 
+@pytest.mark.long
 def test_what_nothing_explains_leaves_intervals_as_wide_as_identify_gives_them() -> None:
     """They were a seventh as wide in a building with visitors and sun: those of white noise."""
     fitted = {name: record(seed) for seed, name in enumerate(("a", "b", "c"))}

@@ -20,6 +20,7 @@ LOOP = Path(__file__).parents[2] / "cosim_examples" / "plants" / "mock_loop.py"
 TANKS = Path(__file__).parents[2] / "cosim_examples" / "plants" / "cascaded_tanks.py"
 
 
+@pytest.mark.long
 def test_a_plant_file_gets_its_page(browser: Page, tmp_path: Path) -> None:
     path, plant = tmp_path / "tanks.html", load_plant(str(TANKS))
     assert main(["lab", "--plant", str(TANKS), "--out", str(path)]) == 0

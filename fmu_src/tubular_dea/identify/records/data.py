@@ -63,7 +63,8 @@ class Experiment:
     the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
     starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
     where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
-    understood. `part_of` names the whole of which it is what comes before or after a long gap (`gaps`).
+    understood. `part_of` names the whole of which it is what comes before or after a long gap; `guessed` (n,) tells at
+    which samples an input is a guess, as it was not recorded for long while it moves (`gaps`).
     """
 
     name: str
@@ -78,6 +79,7 @@ class Experiment:
     follows: str = ""
     source: Source | None = None
     part_of: str = ""
+    guessed: np.ndarray | None = None
 
     def seen(self, output: str) -> np.ndarray:
         """Where an output was recorded, shape (n,); all False if it is not in the file."""
@@ -283,19 +285,14 @@ def experiment_of(
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
-    kept = gaps.rows_with_inputs(values, plant.inputs)
-    time, lines, values, inputs = time[kept], lines[kept], _rows(values, kept), _rows(inputs, kept)
     for finding in checks.inputs(values, plant, lines, commanded):
         raise DataError(f"{path}, {finding}")
     parameters = plant.model.parameter_values() | dict(geometry or {})
     outputs, idle = _outputs(table, plant, columns, values, lines, inputs, parameters)
     told = _read_from(plant, {n: a.column for n, a in columns.items() if n not in chosen})
     source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
-    return Experiment(path.stem, time, inputs, outputs, lines, _switched(values.get(TRIGGER)), source=source)
-
-
-def _rows(values: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: v[kept] for name, v in values.items()}
+    trigger, guessed = _switched(values.get(TRIGGER)), gaps.guessed(values, plant.inputs)
+    return Experiment(path.stem, time, inputs, outputs, lines, trigger, source=source, guessed=guessed)
 
 
 def _read_from(plant: Plant, columns: Mapping[str, Column]) -> list[str]:

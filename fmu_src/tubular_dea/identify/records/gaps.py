@@ -1,5 +1,5 @@
-"""Long gaps in a record: where an input moves about them, nobody knows what it did meanwhile, nor where the plant is
-after that. What comes after such a gap is an experiment of its own, whose start is unknown.
+"""Long gaps in a record, or in an input's cells: where that moves about them, nobody knows what it did, nor where the
+plant is after that. What comes after such a gap is an experiment of its own, whose start is unknown.
 
 Across a gap a held input keeps its last value: a heater that happened to be at its largest before 15 hours were lost
 heated on, and a saturation of the heater explained why the room stayed cooler.
@@ -35,8 +35,11 @@ def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
 
     One whose place among others bench.toml tells ([order]) is left as it is: these follow all of it.
     """
+    if experiment.begins is not None:
+        return [experiment]
+    experiment = _certain(experiment)
     time = experiment.time
-    if not plant.model.remembers or experiment.begins is not None:
+    if not plant.model.remembers:
         return [experiment]
     steps = np.diff(time)
     usual = float(np.median(steps))
@@ -61,20 +64,37 @@ def cut(experiment: Experiment, plant: Plant) -> list[Experiment]:
     return [_part(first, part, number, plant.least_samples) for number, part in enumerate(parts)]
 
 
-def rows_with_inputs(values: Mapping[str, np.ndarray], inputs: Sequence[Input]) -> np.ndarray:
-    """The rows (n,) of a file but those in which the cells of an input that moves about them are empty for long.
+def guessed(values: Mapping[str, np.ndarray], inputs: Sequence[Input]) -> np.ndarray | None:
+    """The rows (n,) of a file in which the cells of an input that moves about them are empty for long; None if there
+    are none.
 
-    Any number there would be a guess. Long is so for that input: it may have been read less often than others.
+    Any number there is a guess. Long is so for that input: it may have been read less often than others.
     """
-    rows = np.ones(next(iter(values.values())).size, dtype=bool)
+    rows = np.zeros(next(iter(values.values())).size, dtype=bool)
     for signal in inputs:
         there = np.flatnonzero(np.isfinite(values[signal.name]))
         steps = np.diff(there)
         usual = float(np.median(steps)) if steps.size else 1.0
         for at in np.flatnonzero(steps > (MISSING + 0.5) * usual):
             if _moves(values[signal.name][there], signal, int(at), round(float(steps[at]) / usual) - 1):
-                rows[there[at] + 1 : there[at + 1]] = False
-    return rows
+                rows[there[at] + 1 : there[at + 1]] = True
+    return rows if rows.any() else None
+
+
+def _certain(experiment: Experiment) -> Experiment:
+    """The experiment without samples at which an input is a guess: they are lost."""
+    if experiment.guessed is None:
+        return experiment
+    kept = ~experiment.guessed
+    return replace(
+        experiment,
+        time=experiment.time[kept],
+        inputs={n: v[kept] for n, v in experiment.inputs.items()},
+        outputs={n: v[kept] for n, v in experiment.outputs.items()},
+        lines=experiment.lines[kept],
+        trigger=None if experiment.trigger is None else experiment.trigger[kept],
+        guessed=None,
+    )
 
 
 def _read_in(experiment: Experiment, part: slice, least: int) -> list[str]:
