@@ -83,7 +83,7 @@ STUDY = SimpleNamespace(
             delicate=name == "set",
         )
         for name, refine in (("lag", ("finer",)), ("slew", ()), ("creep", ()), ("set", ("shape",)))
-    }
+    },
 )
 
 

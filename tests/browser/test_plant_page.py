@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from lab_page import Page, commands, table
 
 from tubular_dea.api.recordings import read_recordings
