@@ -321,8 +321,7 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
     return {
         "rmse": rmse(records, models),
         "fit_percent": goodness(records, models),
-        "unit": (q := work.plant.quantity(output)).unit,
-        "display_unit": q.display_unit or q.unit,
+        **work.plant.quantity(output).units,
         "per_experiment": each,
     }
 

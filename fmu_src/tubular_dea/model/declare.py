@@ -77,6 +77,11 @@ class Quantity:
         return min(max(value, low), math.inf if self.maximum is None else self.maximum)
 
     @property
+    def units(self) -> dict[str, str]:
+        """Its SI unit and the one that people read, as results name them."""
+        return {"unit": self.unit, "display_unit": self.display_unit or self.unit}
+
+    @property
     def allowed(self) -> str:
         """The bounds in words, with the unit: "at least 0 N"."""
         unit = "" if self.unit == "1" else f" {self.unit}"

@@ -361,8 +361,7 @@ def _records(found: Discovery) -> list[tuple[go.Figure, str]]:
 
 def _size(found: Discovery, value: float | None) -> str:
     """An error of the first output, in words."""
-    q = found.study.plant.quantity(found.study.plant.outputs[0].name)
-    return _amount(value, {"unit": q.unit, "display_unit": q.display_unit})
+    return _amount(value, found.study.plant.quantity(found.study.plant.outputs[0].name).units)
 
 
 def _amount(value: float | None, told: Mapping[str, Any]) -> str:

@@ -272,9 +272,8 @@ def _by_output(
 def _output_errors(q: Quantity, pairs: Sequence[tuple[Piece, np.ndarray, np.ndarray]] | None) -> dict[str, Any]:
     """The errors of one output, given the record and the answer of every piece; None without an answer."""
     summary: dict[str, Any] = {"rmse": None, "fit_percent": None, "held_out_rmse": None, "held_out_fit_percent": None}
-    units = {"unit": q.unit, "display_unit": q.display_unit or q.unit}
     if pairs is None:
-        return summary | units | {"per_experiment": {}}
+        return summary | q.units | {"per_experiment": {}}
     each = {
         p.name: {"rmse": rmse([r], [y]), "fit_percent": _finite(goodness([r], [y])), "held_out": p.held_out}
         for p, r, y in pairs
@@ -284,7 +283,7 @@ def _output_errors(q: Quantity, pairs: Sequence[tuple[Piece, np.ndarray, np.ndar
         if part:
             summary[f"{prefix}rmse"] = rmse(*zip(*part, strict=True))
             summary[f"{prefix}fit_percent"] = _finite(goodness(*zip(*part, strict=True)))
-    return summary | units | {"per_experiment": each}
+    return summary | q.units | {"per_experiment": each}
 
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:

@@ -71,7 +71,7 @@ def size(effect: Effect, name: str) -> float:
 
 
 def strengths_at_bounds(effect: Effect, fitted: Fit) -> list[str]:
-    """Those of them that say how strong it is; what only refines its form may come to the end of its range."""
+    """The parameters at a bound that say how strong an effect is; one that refines its form may end its range."""
     return [n for n in at_bounds(effect, fitted) if n in effect.off and n not in effect.refine]
 
 

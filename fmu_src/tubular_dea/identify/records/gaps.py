@@ -85,15 +85,18 @@ def _certain(experiment: Experiment) -> Experiment:
     """The experiment without samples at which an input is a guess: they are lost."""
     if experiment.guessed is None:
         return experiment
-    kept = ~experiment.guessed
+    return replace(_of_rows(experiment, ~experiment.guessed), guessed=None)
+
+
+def _of_rows(experiment: Experiment, rows: slice | np.ndarray) -> Experiment:
+    """Some samples of an experiment."""
     return replace(
         experiment,
-        time=experiment.time[kept],
-        inputs={n: v[kept] for n, v in experiment.inputs.items()},
-        outputs={n: v[kept] for n, v in experiment.outputs.items()},
-        lines=experiment.lines[kept],
-        trigger=None if experiment.trigger is None else experiment.trigger[kept],
-        guessed=None,
+        time=experiment.time[rows],
+        inputs={n: v[rows] for n, v in experiment.inputs.items()},
+        outputs={n: v[rows] for n, v in experiment.outputs.items()},
+        lines=experiment.lines[rows],
+        trigger=None if experiment.trigger is None else experiment.trigger[rows],
     )
 
 
@@ -148,15 +151,11 @@ def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
 def _part(experiment: Experiment, part: slice, number: int, least: int) -> Experiment:
     """A part of an experiment, with outputs of so many readings at least; the first keeps its name, and if it is at its
     begin its start."""
-    read = _read_in(experiment, part, least)
+    read, found = _read_in(experiment, part, least), _of_rows(experiment, part)
     found = replace(
-        experiment,
+        found,
         name=f"{experiment.name}_part{number + 1}" if number else experiment.name,
-        time=experiment.time[part],
-        inputs={n: v[part] for n, v in experiment.inputs.items()},
-        outputs={n: v[part] if n in read else np.full_like(v[part], np.nan) for n, v in experiment.outputs.items()},
-        lines=experiment.lines[part],
-        trigger=None if experiment.trigger is None else experiment.trigger[part],
+        outputs={n: v if n in read else np.full_like(v, np.nan) for n, v in found.outputs.items()},
         part_of=experiment.name,
     )
     return found if part.start == 0 else replace(found, start=UNKNOWN, start_said=True)
