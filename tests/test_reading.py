@@ -470,6 +470,22 @@ def test_columns_of_inputs_that_are_exchanged_in_one_file_are_asked_about() -> N
     assert said.startswith(f"{one.name}: are pressure and voltage exchanged there? As they are, the declared Tubular")
 
 
+def test_columns_of_inputs_that_are_exchanged_in_all_files_are_asked_about() -> None:
+    """The numbers of the columns, in mmHg and kV as they are headed there, not their SI values."""
+    bench = read_folder(EXAMPLE, PLANT)
+    units = {"pressure": "mmHg", "voltage": "kV"}
+    swapped = [
+        dataclasses.replace(
+            e,
+            inputs={"pressure": e.inputs["voltage"] * 133.322e-3, "voltage": e.inputs["pressure"] * 1e3 / 133.322},
+            source=SimpleNamespace(units=units, columns=("pressure", "voltage", "radius")),
+        )
+        for e in bench.experiments
+    ]
+    (said,) = scales.findings(dataclasses.replace(bench, experiments=swapped))
+    assert said.startswith("are the columns of pressure and voltage exchanged? With the numbers as they are")
+
+
 def test_no_sign_is_asked_about_where_too_few_files_tell_what_is_right() -> None:
     recordings = read_folder(EXAMPLE, PLANT)
     first = recordings.experiments[:2]

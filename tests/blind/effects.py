@@ -53,6 +53,7 @@ EFFECTS: dict[str, Hidden] = {
     "radius_gain": _effect(24, "sensor", (1.015, 1.05)),
     "sensor_lag": _effect(25, "sensor", (4e-3, 2e-2)),  # s
     "sensor_delay": _effect(26, "sensor", (6e-3, 2e-2)),  # s
+    "sensor_average": _effect(40, "sensor", (8e-3, 4e-2)),  # s
     "sensor_drift": _effect(30, "sensor", (4e-5, 1.5e-4), (5.0, 40.0), either_sign=True),  # m, s
 }
 FOREIGN: dict[str, Hidden] = {
@@ -67,7 +68,7 @@ FOREIGN: dict[str, Hidden] = {
     "gas_temperature": _effect(39, "pressure", (0.01, 0.04), (0.6, 4.0)),  # share, s
 }
 EVERYTHING = EFFECTS | FOREIGN
-TABLE_ROWS = 40  # in tube.c: N_EFFECTS
+TABLE_ROWS = 41  # in tube.c: N_EFFECTS
 
 
 def channel(name: str) -> str:

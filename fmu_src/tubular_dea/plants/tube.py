@@ -103,6 +103,9 @@ RADIUS = {
     "lag.tau": "tau_sensor",
     "lag.share": "sensor_share",
     "lag.slow": "lagging_reading",
+    "average": "sensor_average",
+    "average.window": "averaging_window",
+    "average.swing": "averaged_reading",
     "drift": "sensor_drift",
 }
 PLACES = (
@@ -125,7 +128,7 @@ PLACES = (
         seconds=0.02,
         size=5e-3,
         names=RADIUS,
-        laws=("offset", "delay", "lag", "drift"),
+        laws=("offset", "delay", "lag", "average", "drift"),
     ),
     Coefficient(
         "dW_dI_1",

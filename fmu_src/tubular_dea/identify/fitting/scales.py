@@ -1,4 +1,5 @@
-"""Detection of mislabelled units: a factor or sign of one signal that makes the records agree with the declared plant.
+"""Detection of mislabelled columns: a factor or sign of one signal, or an exchange of two inputs, that makes the
+records agree with the declared plant.
 
 The ranges of single signals (`checks`) reveal kV labelled V, but kPa labelled mbar is a plausible pressure too. A plant
 that responds ten times as strongly as declared is less likely than a wrong label. So the factors of usual mistakes are
@@ -10,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from ...kernel import KernelError
-from ...model.units import three
+from ...model.units import converted, three
 from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.data import Experiment, Recordings
@@ -75,15 +77,19 @@ INVERSE = {  # the same, so many times too small
 
 @dataclass(frozen=True)
 class Mislabelling:
-    """A signal whose numbers are `factor` times what they should be; `words` describe the mistake."""
+    """A signal whose numbers are `factor` times what they should be, or those of the input `other`, and the other way
+    round; `words` describe the mistake."""
 
     signal: str
     factor: float
     words: str
+    other: str = ""
 
 
 def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:
     """All single mistakes."""
+    for one, other in combinations([s.name for s in plant.inputs], 2):
+        yield Mislabelling(one, 1.0, "", other)
     for name in [*(s.name for s in plant.inputs), *outputs]:
         quantity = plant.quantity(name)
         yield from _both_ways(name, FACTORS.get(quantity.unit, OTHERWISE))
@@ -117,6 +123,7 @@ def findings(recordings: Recordings) -> list[str]:
     kernel = Compiled(plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's, so compiled once
     experiments = [recordings.experiments[i] for i in chosen]
     records = [coarse_record(e, output.name) for e in experiments]
+    units = [e.source.units if e.source else {} for e in experiments]
     zero = _zero(plant, experiments[0], parameters)
 
     def answer(driven: Protocol, times: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -132,8 +139,9 @@ def findings(recordings: Recordings) -> list[str]:
         rest = zero if scale > 0 else 0.0  # a laser that counts the other way does so from where the plant rests
         seen = [(y + rest) / scale - rest for *_, y in records]
         clock = _clock(wrong)
+        driven = [_corrected(plant, d, u, wrong) for (d, *_), u in zip(records, units, strict=True)]
         try:
-            answers = [answer(_rescaled(d, wrong), t / clock, y) for (d, t, _), y in zip(records, seen, strict=True)]
+            answers = [answer(d, t / clock, y) for d, (_, t, _), y in zip(driven, records, seen, strict=True)]
         except KernelError:
             return float("inf")
         far = max(float(np.abs(a).max(initial=0.0)) for a in answers)
@@ -157,9 +165,11 @@ def findings(recordings: Recordings) -> list[str]:
     likely = [w for share, w in tried if share < most]
     if not likely:
         return []
-    what = " or ".join(f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely)
+    scaled = [f"{name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in likely if not w.other]
+    asked = [f"is {' or '.join(scaled)}"] if scaled else []
+    asked += [f"are the columns of {w.signal} and {w.other} exchanged" for w in likely if w.other]
     return [
-        f"is {what}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
+        f"{' or '.join(asked)}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
         f"(rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with --columns)"
     ]
 
@@ -219,12 +229,24 @@ def coarse_record(experiment: Experiment, output: str) -> tuple[Protocol, np.nda
     return driven, experiment.time[taken], experiment.outputs[output][taken]
 
 
-def _rescaled(protocol: Protocol, wrong: Mislabelling | None) -> Protocol:
-    """The protocol with what was recorded wrongly put right."""
-    protocol = Protocol(protocol.time / _clock(wrong), protocol.inputs)
-    if wrong is None or wrong.signal not in protocol.inputs:
-        return protocol
-    return Protocol(protocol.time, protocol.inputs | {wrong.signal: protocol.inputs[wrong.signal] / wrong.factor})
+def _corrected(plant: Plant, driven: Protocol, units: Mapping[str, str], wrong: Mislabelling | None) -> Protocol:
+    """What drove the plant, with what was recorded wrongly put right; `units` are those of the file."""
+    driven = Protocol(driven.time / _clock(wrong), driven.inputs)
+    if wrong is None or wrong.signal not in driven.inputs:
+        return driven
+    if wrong.other:
+        return exchanged(plant, driven, units, wrong.signal, wrong.other)
+    return Protocol(driven.time, driven.inputs | {wrong.signal: driven.inputs[wrong.signal] / wrong.factor})
+
+
+def exchanged(plant: Plant, driven: Protocol, units: Mapping[str, str], one: str, other: str) -> Protocol:
+    """What drove the plant with the numbers of two inputs' columns exchanged; `units` are those of the file."""
+    si = {name: plant.quantity(name).unit for name in (one, other)}
+    inputs = dict(driven.inputs)
+    for to, of in ((one, other), (other, one)):
+        written = converted(driven.inputs[of], si[of], units.get(of, si[of]))
+        inputs[to] = converted(written, units.get(to, si[to]), si[to])
+    return Protocol(driven.time, inputs)
 
 
 def _clock(wrong: Mislabelling | None) -> float:

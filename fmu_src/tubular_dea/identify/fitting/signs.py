@@ -17,7 +17,6 @@ from itertools import combinations
 import numpy as np
 
 from ...kernel import Kernel, KernelError
-from ...model.units import converted
 from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.checks import STRUCTURE
@@ -25,7 +24,7 @@ from ..records.data import Experiment, Recordings
 from ..signals.monitors import noise_level
 from .cases import Case, Reading
 from .compiled import Compiled
-from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
+from .scales import ROUGHLY, SCALE_STEPS, coarse_record, exchanged, from_best_start
 
 # Set by measurement: of the laboratory's tubes, a house, a servo, a motor and an inverter the declared plants miss 0 to
 # 74 % of a file so, with a sign changed nearly all of it, and put right as before; files of which a model misses all (a
@@ -106,12 +105,7 @@ def _turned(file: _File, name: str) -> _File:
 
 def _exchanged(plant: Plant, file: _File, one: str, other: str) -> _File:
     """The file with the numbers of two inputs' columns exchanged."""
-    si = {name: plant.quantity(name).unit for name in (one, other)}
-    inputs = dict(file.driven.inputs)
-    for to, of in ((one, other), (other, one)):
-        written = converted(file.driven.inputs[of], si[of], file.units.get(of, si[of]))
-        inputs[to] = converted(written, file.units.get(to, si[to]), si[to])
-    return replace(file, driven=Protocol(file.driven.time, inputs))
+    return replace(file, driven=exchanged(plant, file.driven, file.units, one, other))
 
 
 def _missed(recordings: Recordings, kernel: Kernel, file: _File) -> float:
