@@ -4,11 +4,11 @@
 
     signal ---[ mean over the last `window` ]--->
 
-Equation: signal' = signal + share (mean - signal), where window^2/12 d2(mean)/dt2 + window/2 d(mean)/dt + mean = signal.
-These are the first terms of the average's (1 - exp(-window s)) / (window s); the next is (window s)^4 / 720. It is the
-Bessel filter of second order, so an instrument with that one is found as well: its cut-off is at 0.43 / window.
+Equation: window^2/12 d2(mean)/dt2 + window/2 d(mean)/dt + mean = signal; signal' = signal + share (mean - signal).
+These are the first terms of (window s) / (1 - exp(-window s)); the next is of the fourth order. It is the Bessel filter
+of second order, so an instrument with that one is found as well: its cut-off is at 0.43 / window.
 
-Source: S. W. Smith, "The Scientist and Engineer's Guide to Digital Signal Processing", 1997, chapter 15 (moving average);
+Source: S. W. Smith, "The Scientist and Engineer's Guide to Digital Signal Processing", 1997, chapter 15 (averages);
 W. E. Thomson, "Delay networks having maximally flat frequency characteristics", Proc. IEE 96 (1949) 487-490.
 
 Typical: the usual time there; where none is declared, an instrument's is a tenth of the plant's own times.

@@ -169,8 +169,9 @@ def findings(recordings: Recordings) -> list[str]:
     asked = [f"is {' or '.join(scaled)}"] if scaled else []
     asked += [f"are the columns of {w.signal} and {w.other} exchanged" for w in likely if w.other]
     return [
-        f"{' or '.join(asked)}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of these records "
-        f"(rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with --columns)"
+        f"{' or '.join(asked)}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of "
+        f"these records (rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with "
+        "--columns)"
     ]
 
 
