@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import firwin, lfilter, welch
 
 from tubular_dea.identify.signals import noise, noise_bound
+from tubular_dea.identify.signals.bridges import bridged
 from tubular_dea.identify.signals.colour import Colour, filtered
 from tubular_dea.identify.signals.colour_estimate import as_told
 from tubular_dea.identify.signals.colour_estimate import coloured as colour_of
@@ -58,6 +59,25 @@ def test_level_and_colour(phi: float) -> None:
     assert abs(found.slow / truth - 1) < 3 * max(found.uncertainty, 0.02)
     assert found.hum == found.lines == ()
     assert found.uncertainty == 0.012 if phi == 0 else 0.012 < found.uncertainty < 0.1
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_lines_lost_at_random_leave_stretches_that_tell_the_noise(phi: float) -> None:
+    """A rig's four per cent left 25 samples between gaps, and "no part of the recordings is quiet"."""
+    random = np.random.default_rng(3)
+    lossy = []
+    for time, values, events in records(with_hum(coloured(phi), 50.0, 1.5 * RMS)):
+        there = random.random(time.size) > 0.04
+        lossy.append((time[there], values[there], events))
+    found = estimate(lossy)
+    assert found.quiet and found.hum == pytest.approx((50.0,), abs=0.01)
+    assert found.rms == pytest.approx(RMS, rel=0.05)
+    assert found.correlation == pytest.approx(phi, abs=0.06)
+
+
+def test_a_logger_that_samples_more_slowly_for_a_while_has_lost_no_line() -> None:
+    time = np.concatenate([np.arange(500) / 250, 2 + np.arange(60) / 125, 2.48 + np.arange(500) / 250])
+    assert bridged(time, np.sin(time))[0].size == time.size
 
 
 def test_white_and_slow_noise_together() -> None:

@@ -1,7 +1,8 @@
 """Samples that stand out: a bit that flipped, a laser that lost its target. No plant moves there and back.
 
 A sample is a spike if it is off the median of itself and the two on either side (Hampel, J. Am. Stat. Assoc. 69 (1974)
-383) by far more than noise, and by far more than these four differ among each other: an edge makes them differ.
+383) by far more than noise, and by far more than these four differ among each other: an edge makes them differ. One of
+the four may be a spike itself; two side by side are spikes if they are off to either side.
 Where an input was there and back just before, as rain may be for a day, it is the plant.
 
 Several in a row are a lapse of the sensor if they are as far off what stands before and after them, come and go within
@@ -21,7 +22,8 @@ OFF_NOISE = 12.0  # [standard deviations] of the noise by which a spike is off
 FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
-MEDIAN_OF = 5  # [samples] that each one is compared with: itself and two on either side
+MEDIAN_OF = 5  # [samples] that each one is compared with: itself and two on either side,
+NEIGHBOURS = [0, 1, 3, 4]  # [samples] which are those
 ANSWER_LASTS = 3  # [samples] from which an input is there and back on, in which a plant answers that is there and back
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
 
@@ -40,16 +42,30 @@ def spikes(values: np.ndarray, inputs: Iterable[np.ndarray] = ()) -> np.ndarray:
         return there[:0]
     middle = (np.arange(there.size) >= 2) & (np.arange(there.size) < there.size - 2)  # the others have one side only
     off, beside = _off_beside(values[there])
-    found = middle & (off > _least(values[there])) & (off > OFF_OTHERS * np.ptp(beside, axis=1))
+    out = middle & (np.abs(off) > _least(values[there]))
+    found = out & (np.abs(off) > OFF_OTHERS * np.ptp(beside, axis=1))
+    found |= _in_pairs(out, off, beside)
     if found.any():
         found &= ~_pulsed(inputs, values.size)[there]
     return there[found] if np.count_nonzero(found) <= SPIKY * there.size else there[:0]
 
 
 def _off_beside(read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far samples (n,) are off the median of themselves and the two on either side, and these four (n, 4)."""
+    """How far samples (n,) are off the median of themselves and the two on either side, and these four (n, 4) too."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(read, 2, mode="reflect"), MEDIAN_OF)
-    return np.abs(read - np.median(near, axis=1)), near[:, [0, 1, 3, 4]]
+    off = near - np.median(near, axis=1)[:, None]
+    return off[:, 2], off[:, NEIGHBOURS]
+
+
+def _in_pairs(out: np.ndarray, off: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Which of the samples that are `out` (n,) stand out but for one beside them that does so as well; (n,) of bool."""
+    worst = np.argmax(np.abs(beside), axis=1)
+    rest = np.ptp(np.take_along_axis(beside, np.argsort(np.abs(beside), axis=1)[:, :-1], axis=1), axis=1)
+    other = np.arange(off.size) + np.array(NEIGHBOURS)[worst] - 2
+    likely = out & (np.abs(off) > OFF_OTHERS * rest)
+    next_to_it = np.abs(other - np.arange(off.size)) == 1
+    turned = off * np.take_along_axis(beside, worst[:, None], axis=1)[:, 0] < 0
+    return likely & likely[np.clip(other, 0, off.size - 1)] & (turned | ~next_to_it)
 
 
 def _pulsed(inputs: Iterable[np.ndarray], size: int) -> np.ndarray:
@@ -57,7 +73,7 @@ def _pulsed(inputs: Iterable[np.ndarray], size: int) -> np.ndarray:
     found = np.zeros(size, dtype=bool)
     for values in inputs:
         noise = 0.0 if changes_by_itself(values) else noise_level(values)
-        found |= _off_beside(values)[0] > max(OFF_NOISE * noise, ABRUPT_PART * float(np.ptp(values)))
+        found |= np.abs(_off_beside(values)[0]) > max(OFF_NOISE * noise, ABRUPT_PART * float(np.ptp(values)))
     return np.convolve(found, np.ones(ANSWER_LASTS), mode="full")[:size] > 0
 
 

@@ -18,6 +18,7 @@ from scipy.special import rel_entr
 
 from ..threads import one_blas_thread
 from . import hum as hums
+from .bridges import bridged
 from .colour import Colour
 from .colour_estimate import as_told, coloured, freedom, unlikely
 from .monitors import resolution
@@ -193,6 +194,7 @@ def estimate(records: Records, bandwidth: float = np.inf) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps. A plant passes hardly more
     than its `bandwidth` [Hz]."""
     faster = 1 / (2 * np.pi * bandwidth)
+    records = [(*bridged(time, values), events) for time, values, events in records]
     chosen, quiet, rings = _chosen(records)
     found, still = _told(records, chosen, quiet, rings, faster), _before_events(records)
     if freedom(still) < CALMEST:
