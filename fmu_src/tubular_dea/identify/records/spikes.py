@@ -23,7 +23,7 @@ FEWEST_SEEN = 12  # [samples] of a record from which on its noise can be told
 OFF_STEPS = 4.0  # [1] times the resolution by which it is
 OFF_OTHERS = 4.0  # [1] times what the samples beside it differ by
 MEDIAN_OF = 5  # [samples] that each one is compared with: itself and two on either side,
-NEIGHBOURS = [0, 1, 3, 4]  # [samples] which are those
+EITHER_SIDE = [0, 1, 3, 4]  # [samples] which are those
 ANSWER_LASTS = 3  # [samples] from which an input is there and back on, in which a plant answers that is there and back
 SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slowly that moves there and back
 
@@ -54,14 +54,14 @@ def _off_beside(read: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far samples (n,) are off the median of themselves and the two on either side, and these four (n, 4) too."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(read, 2, mode="reflect"), MEDIAN_OF)
     off = near - np.median(near, axis=1)[:, None]
-    return off[:, 2], off[:, NEIGHBOURS]
+    return off[:, 2], off[:, EITHER_SIDE]
 
 
 def _in_pairs(out: np.ndarray, off: np.ndarray, beside: np.ndarray) -> np.ndarray:
     """Which of the samples that are `out` (n,) stand out but for one beside them that does so as well; (n,) of bool."""
     worst = np.argmax(np.abs(beside), axis=1)
     rest = np.ptp(np.take_along_axis(beside, np.argsort(np.abs(beside), axis=1)[:, :-1], axis=1), axis=1)
-    other = np.arange(off.size) + np.array(NEIGHBOURS)[worst] - 2
+    other = np.arange(off.size) + np.array(EITHER_SIDE)[worst] - 2
     likely = out & (np.abs(off) > OFF_OTHERS * rest)
     next_to_it = np.abs(other - np.arange(off.size)) == 1
     turned = off * np.take_along_axis(beside, worst[:, None], axis=1)[:, 0] < 0
