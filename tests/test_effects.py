@@ -219,6 +219,19 @@ def test_pairs_compose_in_any_order(pair: tuple[str, str], expected) -> None:
     assert np.max(np.abs(measured[0] - measured[1])) < 2e-4  # chains that do not commute differ a little
 
 
+def test_electrostriction_pulls_as_the_energy_says(base) -> None:
+    """A tube rests where the electric energy C V^2 / 2 changes as the load works: the effect changes both by C alone."""
+    stretch, slope, volts = np.array([1.1, 1.2, 1.3]), -0.2, {"pressure": 0.0, "voltage": 5e3}
+    values = base.parameter_values()
+    (plain, *_), (rest, *_) = (Kernel(base).curve(stretch, volts | {"voltage": v}, {}) for v in (5e3, 0.0))
+    changed, *_ = kernel_of("stretch_dependent_permittivity").curve(stretch, volts, {"eps_stretch": slope})
+    cone = (values["r_o"] / values["l_o"]) ** 2 * (stretch - 1)
+    along = np.sqrt(1 + cone * (stretch - 1))
+    grows = 2 * (cone / along**2 + 1 / stretch)  # the logarithm of the capacitance, with the stretch
+    expected = np.exp(slope * (along + stretch - 2)) * (1 + slope * (cone / along + 1) / grows)
+    assert (changed - rest) / (plain - rest) == pytest.approx(expected, rel=5e-3)
+
+
 def test_all_of_them_compose(base) -> None:
     for order in (IDS, IDS[::-1]):
         model = with_effects(base, order)

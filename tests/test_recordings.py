@@ -18,6 +18,7 @@ from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.records.data import DataError, read_experiment
 from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
+from tubular_dea.identify.records.updates import repeated_readings
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.units import converted, factor
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -556,6 +557,30 @@ def read_slowly(time: np.ndarray, moved: np.ndarray, voltage: np.ndarray) -> dic
     radius = 0.015 + 1e-3 * np.clip(time - 2, 0, 1) + moved
     monitors = {"pressure [Pa]": pressure + 25 * noise[0], "voltage [V]": voltage + 4 * noise[1]}
     return {"time [s]": time, **monitors, "radius [m]": radius + 15e-6 * noise[2]}
+
+
+@pytest.mark.parametrize(("rate", "lasts"), [(500.0, 2), (400.0, 2), (200.0, 5), (1000.0, 1)])
+def test_a_repeated_reading_of_a_slow_sensor_is_left_out_and_said(rate: float, lasts: int) -> None:
+    """A laser of 400 Hz behind a logger of 1 kHz was a sensor's lag, and one of 500 Hz `unexplained`."""
+    time = np.arange(4000) / 1000
+    table = read_slowly(time, np.zeros(time.size), np.zeros(time.size))
+    measured = np.round(table["radius [m]"], 6)[np.floor(time * rate + 1e-9).astype(int) * round(1000 / rate) % 4000]
+    found = read_recordings({"a": {**table, "radius [m]": measured}})
+    left = np.flatnonzero(np.isfinite(found["a"].outputs["measured_displacement"]))
+    said = [m for m in found.remarks() if "repeated" in m]
+    if lasts == 1:
+        assert left.size == time.size and not said
+        return
+    assert f"radius is new in every {lasts} or {lasts + 1} samples only" in said[0]
+    assert left.size == pytest.approx(time.size * rate / 1000, rel=0.07)
+
+
+def test_readings_in_coarse_steps_are_not_repeated_readings() -> None:
+    time = np.arange(4000) / 1000
+    slow = 0.015 + 1e-3 * time
+    for steps in (np.round(slow, 5), np.round(slow + 3e-6 * np.random.default_rng(2).standard_normal(time.size), 5)):
+        again, lasts = repeated_readings(steps)
+        assert lasts == 1 and not again.any()
 
 
 def test_a_lapse_of_the_sensor_is_left_out_and_said() -> None:

@@ -101,6 +101,7 @@ def test_few_data_and_what_was_held_out_are_said_with_the_errors(monkeypatch: py
         study=SimpleNamespace(plant=PLANT, held_out=held),
         shifted=None,
         missed=None,
+        unlike=None,
         turned=None,
     )
     errors = {"rmse": 15e-6, "held_out_rmse": 16e-6, "unit": "m"}
@@ -282,6 +283,7 @@ def isolated(disturbance: bool, shifted: bool = True) -> SimpleNamespace:
         isolated=Isolation("electrical", {"electrical": 9.0, "sensor": 2.0}, {}, disturbance),
         shifted=Shift("measured_displacement", "trap1", 654e-6) if shifted else None,
         missed=None,
+        unlike=None,
         strained=(),
         equivalent={},
         repeated=False,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..discover import engine
-from ..discover.answer import outcome
+from ..discover.answer import outcome, remarks
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
 from ..identify.study.study import Piece
@@ -20,7 +20,7 @@ from . import tables
 from .ended import recorded
 from .given import AnyPlant, whole
 from .identify import ParameterEstimate
-from .recordings import Data, folder_of, recordings_of
+from .recordings import Data, asked, folder_of, recordings_of
 from .work import steps
 
 if TYPE_CHECKING:
@@ -97,6 +97,7 @@ class DiscoveryResult:
         from ..report.close_loop import error_lines
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
+        said += remarks.unlike(self.discovery)
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said
@@ -216,7 +217,9 @@ def discover(
     with recorded(recordings.plant), steps(progress, None) as tell:
         found = engine.discover(recordings, tell, chosen, hold_out)
         tell("model and report")
-        return DiscoveryResult(outcome.final_model(found), found, outcome.result(found))
+        content = outcome.result(found)
+        content["remarks"] = [*(f"Asked before the search: {said}." for said in asked(recordings)), *content["remarks"]]
+        return DiscoveryResult(outcome.final_model(found), found, content)
 
 
 def _begun_alone(piece: Piece, model: Model) -> dict[str, float]:

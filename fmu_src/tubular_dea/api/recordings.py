@@ -82,9 +82,13 @@ class RecordingSet(Recordings):
         """What was not used, as text."""
         return not_used(self)
 
+    @cached_property
+    def _asked(self) -> list[str]:
+        return [*scales.findings(self), *signs.wrong_signs(self)]
+
     def findings(self) -> list[str]:
         """Units and signs that may be wrong, spikes, gaps, and files that are copies of others, as text."""
-        return [*scales.findings(self), *signs.wrong_signs(self), *unusual.findings(self)]
+        return [*asked(self), *unusual.findings(self)]
 
     def to_pandas(self) -> pandas.DataFrame:
         """All samples as a DataFrame over experiment and time [s]: inputs, and outputs as the model puts them out.
@@ -180,6 +184,13 @@ def recording_set(found: Recordings) -> RecordingSet:
 def recordings_of(data: Data, plant: AnyPlant) -> Recordings:
     """Recordings as they are, or those of a folder."""
     return data if isinstance(data, Recordings) else read_recordings(data, plant)
+
+
+def asked(recordings: Recordings) -> list[str]:
+    """Questions about units, signs and exchanged columns, which the declared plant's answers raise, as text."""
+    if isinstance(recordings, RecordingSet):
+        return recordings._asked
+    return [*scales.findings(recordings), *signs.wrong_signs(recordings)]
 
 
 def folder_of(recordings: Recordings) -> str:

@@ -16,6 +16,7 @@ from ..identify.threads import one_blas_thread
 from .alternatives import input_noise, numerics, zeros
 from .alternatives.backwards import Backwards, backwards
 from .alternatives.settled_start import started_at_equilibrium
+from .alternatives.unlike_files import Unlike
 from .experiments import next_experiment
 from .experiments.next_experiment import Proposal
 from .judgement import competitors, held_ratio, judge
@@ -76,6 +77,7 @@ class Discovery:
     wandering: tuple[str, float] | None = None
     shifted: zeros.Shift | None = None
     missed: second_output.Missed | None = None
+    unlike: Unlike | None = None
     limits: dict[str, Sizes] = field(default_factory=dict)
     held_at_first: tuple[str, ...] = ()
     strained: tuple[str, ...] = ()
@@ -162,6 +164,7 @@ def discover(
         wandering=judged.wandering,
         shifted=judged.shifted,
         missed=judged.missed,
+        unlike=judged.unlike,
         limits=_limits(found),
         held_at_first=() if other is None else tuple(p.name for p in prepared.held_out),
         strained=judged.strained,

@@ -17,6 +17,7 @@ from ..identify.study.study import Study
 from ..identify.threads import side_by_side
 from .alternatives import wander, zeros
 from .alternatives.operating_point import repeats
+from .alternatives.unlike_files import Unlike, unlike_files
 from .options import acceptance, residuals
 from .options.options import Option, fitted_option
 from .scores.parameters import implausible
@@ -38,9 +39,9 @@ class Judgement:
 
     `described` is the choice as it is reported, `equivalent` what would do in place of each of its effects, by id.
     `held_ratio` is the error on held-out experiments over noise. `wandering` is where a zero wanders, and by how much;
-    `shifted` a zero that no sensor has; `missed` what another output shows and the model does not have. `strained` are
-    parameters of the plant that speak against the choice. `repeated` is True where all records repeat one course at
-    one operating point.
+    `shifted` a zero that no sensor has; `missed` what another output shows and the model does not have; `unlike` a gain
+    that no monitor has in some file. `strained` are parameters of the plant that speak against the choice. `repeated`
+    is True where all records repeat one course at one operating point.
     """
 
     word: str
@@ -51,6 +52,7 @@ class Judgement:
     wandering: tuple[str, float] | None = None
     shifted: zeros.Shift | None = None
     missed: second_output.Missed | None = None
+    unlike: Unlike | None = None
     strained: tuple[str, ...] = ()
 
 
@@ -65,13 +67,15 @@ def judge(found: Search, turned: bool) -> Judgement:
     work, chosen = found.study, found.chosen
     ratio, wandering = held_ratio(work, chosen), _wandering(work, found)
     shifted, missed = zeros.impossible(work, chosen), second_output.missed(work, chosen)
-    word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, missed is not None, turned)
+    unlike = unlike_files(work, chosen)
+    speaks = missed is not None or unlike is not None
+    word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, speaks, turned)
     if word == "unexplained":  # then the base is what is handed out, with intervals of its own
         same = chosen is found.base and work is found.base_study
         found.base = described if same else _described(found.base_study, found.base, [], {})
     strained = _strained(found, described) if word in ("no_effect", "effect_found", "ambiguous") else ()
     word = "partly_explained" if strained and described.ids else word  # without effects, one null of 33 had some, too
-    return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, strained)
+    return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, unlike, strained)
 
 
 def _with_equivalents(found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:
@@ -134,8 +138,8 @@ def decide(
 
     `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do; `shifted`
     whether a file would need a zero that no sensor has; `missed` whether an output that takes no part in fits shows
-    something that the model does not have; `turned` whether one is counted the other way, so that what explains it is
-    not there.
+    something that the model does not have, or a file needs a gain that no monitor has; `turned` whether one is counted
+    the other way, so that what explains it is not there.
     """
     if turned:
         return "unexplained"

@@ -133,6 +133,8 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
     if found.missed and noise_alone(found.named) and not found.named.ids:
         return _left(found, found.missed.output, found.missed.value, 1.0)
+    if found.unlike and noise_alone(found.named) and not found.named.ids:
+        return _left(found, found.unlike.output, found.unlike.value, 1.0)
     if found.named.ids and noise_alone(found.named):
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
@@ -187,12 +189,8 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
             return found.isolated.channel, isolated_words(found.isolated)
         first = found.study.catalogue[found.chosen.ids[0]].channel
         return first, f"the {first} channel explains most of it"
-    if found.shifted:
-        own = _own_channel(found, found.shifted.output)
-        return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
-    if found.missed and noise_alone(found.base):
-        own = _own_channel(found, found.missed.output)
-        return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
+    if (impossible := _in_a_file(found)) is not None:
+        return impossible
     known = found.study.plant.own_channels
     moved = [n for n in implausible(found.study.plant, found.base.fitted) if n in known]
     for own in dict.fromkeys(known[n] for n in moved):
@@ -200,6 +198,20 @@ def _told_channel(found: Discovery) -> tuple[str | None, str]:
         if len(names) >= TELL_CHANNEL:  # far from where they belong, they have taken up what their own part lacks
             return own, f"the fit needs implausible values of {' and '.join(names)}, which belong to it"
     return (found.isolated.channel, isolated_words(found.isolated)) if found.isolated else (None, "")
+
+
+def _in_a_file(found: Discovery) -> tuple[str, str] | None:
+    """The channel of what cannot be right in one file, and what that is."""
+    if found.shifted:
+        own = _own_channel(found, found.shifted.output)
+        return own, f"in {found.shifted.piece} the zero of {found.shifted.output} would have to be far too large"
+    if found.missed and noise_alone(found.base):
+        own = _own_channel(found, found.missed.output)
+        return own, f"in {found.missed.piece} {found.missed.output} shows what the model does not have"
+    if found.unlike and noise_alone(found.base):
+        own = next(s.channel or s.name for s in found.study.plant.inputs if s.name == found.unlike.input)
+        return own, f"in {found.unlike.piece} the gain of {found.unlike.input} would have to be far off"
+    return None
 
 
 def _own_channel(found: Discovery, output: str) -> str:
@@ -353,6 +365,11 @@ def _beside(found: Discovery) -> str:
     if found.repeated and found.verdict == "partly_explained" and alike:
         moved = " and ".join(s.name for s in found.study.plant.inputs)
         return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
+    if found.unlike and not found.named.ids:
+        return (
+            f"find out what differs between the files (another {_plant(found)}, dimensions, a part that was lost, a "
+            "monitor's scale), and analyse those that are alike on their own"
+        )
     told, why = _told_channel(found)
     said = f"{at_channel(found.study.plant, told or '')}, because {why}"
     if not contested(found) or found.isolated is None:

@@ -1,6 +1,6 @@
 """What each record has of its own at the named model: where it starts, and what its sensors and monitors read too much.
 
-With these beside model.json a simulation gives the errors of result.json, but for what instants, delays and gains do.
+With these beside model.json a simulation gives the errors of result.json, but for what instants and delays do.
 """
 
 from __future__ import annotations
@@ -8,15 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ...identify.study.nuisances import START_OF, own_numbers
+from ...identify.study.nuisances import GAIN_OF, START_OF, own_numbers
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ..engine import Discovery
 
 
 def own_records(found: Discovery) -> dict[str, dict[str, Any]]:
-    """By experiment the likeliest `start` (parameters of the model) and `zeros` (of outputs and inputs, to be taken off
-    the record), in SI units; without experiments at which the model has no answer.
+    """By experiment the likeliest `start` (parameters of the model), `zeros` (of outputs and inputs, to be taken off
+    the record; SI units) and `gains` (of inputs, by which what the record then says is to be multiplied); without
+    experiments at which the model has no answer.
 
     One that goes on from another has no start: it says which it `follows`.
     """
@@ -25,7 +26,10 @@ def own_records(found: Discovery) -> dict[str, dict[str, Any]]:
         known = own_numbers(study, option.ids, option.fitted.values)
     except KernelError:
         return {}
-    return {p.name: _start(study, found, p, own) | {"zeros": _zeros(study, p, own)} for p, own in known}
+    return {
+        p.name: _start(study, found, p, own) | {"zeros": _zeros(study, p, own), "gains": _gains(own)}
+        for p, own in known
+    }
 
 
 def _start(study: Study, found: Discovery, piece: Piece, own: Mapping[str, float]) -> dict[str, Any]:
@@ -35,6 +39,11 @@ def _start(study: Study, found: Discovery, piece: Piece, own: Mapping[str, float
         return {"follows": piece.follows}
     sizes = study.unknown(found.named.ids, piece)
     return {"start": {n: v + sizes.get(n, 0.0) * own.get(f"{START_OF}{n}", 0.0) for n, v in piece.case.own.items()}}
+
+
+def _gains(own: Mapping[str, float]) -> dict[str, float]:
+    """By input, what multiplies its record."""
+    return {n.removeprefix(GAIN_OF): 1.0 + v for n, v in own.items() if n.startswith(GAIN_OF)}
 
 
 def _zeros(study: Study, piece: Piece, own: Mapping[str, float]) -> dict[str, float]:

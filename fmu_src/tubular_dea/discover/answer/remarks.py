@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...identify.records.start import UNKNOWN
-from ...identify.study.nuisances import LATE_OF, own_numbers, step_of, zero_spread
+from ...identify.study.nuisances import GAIN, LATE_OF, own_numbers, step_of, zero_spread
 from ...identify.study.remembered import at_corners
 from ...identify.study.spreads import most_spread
 from ...identify.study.study import Piece, Study
@@ -38,6 +38,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     said = [
         *counted_backwards(found),
         *implausible_zero(found),
+        *unlike(found),
         *unexplained_output(found),
         *_one_point(found),
         *_ended(found),
@@ -406,6 +407,25 @@ def implausible_zero(found: Discovery) -> list[str]:
     return [
         f"In {shift.piece}, {shift.output} would have to read {off} too much; its zero is usually {usual}. The plant "
         "differs between the files, or the model lacks what shifts it. Errors are computed without this shift."
+    ]
+
+
+def unlike(found: Discovery) -> list[str]:
+    """Gains that no monitor has, file by file."""
+    if found.unlike is None:
+        return []
+    changes = found.unlike.changes
+    inputs = dict.fromkeys(name for own in changes.values() for name in own)
+    told = [
+        f"{n} {', '.join(f'{own[n]:+.1%} in {piece}' for piece, own in changes.items() if n in own)}" for n in inputs
+    ]
+    moved = _told(found.unlike.value, found.study.plant.quantity(found.unlike.output))
+    return [
+        f"The files are explained together only as if gains of monitors changed between them ({'; '.join(told)}). In "
+        f"{found.unlike.piece} that of {found.unlike.input} moves {found.unlike.output} by {moved} (rms). Monitors "
+        f"hardly change by more than {GAIN:.1%}: is it another {found.study.plant.name} in some files, was a part of "
+        "it lost, or a scale set anew? All errors here allow for these gains (`records` in result.json); parameters "
+        "are those of a mean of the files."
     ]
 
 

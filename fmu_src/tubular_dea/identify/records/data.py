@@ -26,6 +26,7 @@ from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unus
 from .lost import is_mark, lost_samples
 from .spikes import lapses, spikes
 from .start import RESTED, UNKNOWN, anywhere, detected
+from .updates import repeated_readings
 
 DataError = ReadError  # recordings that cannot be used: as files, or for what they say
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
@@ -364,6 +365,13 @@ def _outputs(
         read = values[heading]
         if not output.feels_rates:  # a current peaks where its voltage switches
             unit = plant.quantity(output.name).unit
+            again, lasts = repeated_readings(read)
+            if lasts > 1:
+                said.append(
+                    f"{heading} is new in every {lasts} or {lasts + 1} samples only, as of a sensor that is read more "
+                    "often than it measures: readings that are repeated are left out"
+                )
+            read = np.where(again, np.nan, read)
             gone, stand_out = _standing_out(
                 read, heading, (unit, columns[heading].unit or unit), lines, table.row, inputs
             )
@@ -393,7 +401,7 @@ def _standing_out(
     if alone.size:
         said.append(_spiky(heading, written, units[1], alone, lines, row))
     for lapse in lapses(np.where(gone, np.nan, read), inputs.values()) if inputs else ():
-        off = abs(written[lapse[lapse.size // 2]] - written[: lapse[0]][~gone[: lapse[0]]][-1])
+        off = abs(written[lapse[lapse.size // 2]] - _there(np.where(gone, np.nan, written)[: lapse[0]])[-1])
         said.append(
             f"{heading} is off by {off:.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}, and back at "
             "once, while no input moves abruptly: left out as a lapse of the sensor"

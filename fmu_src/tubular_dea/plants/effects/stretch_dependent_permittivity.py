@@ -31,8 +31,8 @@ def _apply(model: Model) -> Model:
     model = scaled(model, "eps_effective", exp(slope * (one + two - 2)))
     eps = model["eps_o"] * model["eps_effective"]
     pull = model["electrostriction"] * slope / 2 * model["phi"] * eps * model["active_field"] ** 2
-    model = added(model, "sigma_m", pull * one)
-    model = added(model, "sigma_hoop", pull * two)
+    model = added(model, "sigma_m", -pull * one)
+    model = added(model, "sigma_hoop", -pull * two)
     speed = (model["dlambda_1_dlambda_2"] + 1) * model["lambda_2_rate"]
     return added(model, "capacitance_rate", model["capacitance"] * slope * speed)
 

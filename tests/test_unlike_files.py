@@ -1,0 +1,38 @@
+"""Files that differ by more than monitors do are told, and no answer says that nothing is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
+from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
+from tubular_dea.discover.answer import remarks
+from tubular_dea.identify.study.adjust import adjusted
+from tubular_dea.plants.plant import Input, Output
+
+BASE = SimpleNamespace(ids=(), fitted=SimpleNamespace(values=TRUTH))
+
+
+def unlike(change: float) -> Unlike | None:
+    """What is told of six files, every second one of which has a load that is larger by a share."""
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    listed = [recorded(i, ramps(i), gain=1 + change * (i % 2 - 0.5)) for i in range(6)]
+    return unlike_files(adjusted(study_of(listed, plant), (), TRUTH, FREE), BASE)
+
+
+def test_files_that_differ_as_no_monitor_does_are_told() -> None:
+    found = unlike(0.03)
+    assert found is not None and found.input == "load" and found.output == "reading"
+    changes = [own["load"] for own in found.changes.values()]
+    assert changes == pytest.approx([0.015 * (-1) ** i for i in range(6)], abs=3e-3)
+    study = SimpleNamespace(plant=PLANT)
+    (said,) = remarks.unlike(SimpleNamespace(unlike=found, study=study))
+    assert "load +1.5% in file-0, -1.5% in file-1" in said and "another" in said
+
+
+def test_gains_as_monitors_have_them_are_no_finding() -> None:
+    assert unlike(0.006) is None
+    assert remarks.unlike(SimpleNamespace(unlike=None)) == []
