@@ -220,7 +220,7 @@ def test_pairs_compose_in_any_order(pair: tuple[str, str], expected) -> None:
 
 
 def test_electrostriction_pulls_as_the_energy_says(base) -> None:
-    """A tube rests where the electric energy C V^2 / 2 changes as the load works: the effect changes both by C alone."""
+    """What the voltage adds to the load goes with the slope of the capacitance, as energy does: the rest cancels."""
     stretch, slope, volts = np.array([1.1, 1.2, 1.3]), -0.2, {"pressure": 0.0, "voltage": 5e3}
     values = base.parameter_values()
     (plain, *_), (rest, *_) = (Kernel(base).curve(stretch, volts | {"voltage": v}, {}) for v in (5e3, 0.0))
