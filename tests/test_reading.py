@@ -498,6 +498,8 @@ def test_without_out_there_is_only_a_dry_run(tmp_path: Path, capsys: pytest.Capt
     written(tmp_path / "data", headed())
     assert main(["identify", str(tmp_path / "data")]) == 2
     assert "--out is missing" in capsys.readouterr().err
+    assert main(["identify", str(tmp_path / "data"), "--out", str(tmp_path / "data" / ".")]) == 2
+    assert "that is the folder of the recordings" in capsys.readouterr().err
 
 
 def test_a_file_that_starts_under_a_small_load_is_told(tmp_path: Path) -> None:

@@ -50,6 +50,8 @@ def recordings_of(
     """
     if options.out is None and not options.dry_run:
         raise UserError("--out is missing: expected a folder to write to, or --dry-run")
+    if options.out is not None and Path(options.out).resolve() == Path(options.data).resolve():
+        raise UserError(f"--out {options.out}: that is the folder of the recordings; expected another one")
     recordings = td.read_recordings(options.data, options.plant, columns=options.columns)
     known = [e.name for e in recordings.experiments]
     for name in getattr(options, "hold_out", None) or ():

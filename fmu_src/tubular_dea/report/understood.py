@@ -28,7 +28,7 @@ DAY = 86400.0
 DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
 EXPLAINED = (
     "edges: how often inputs switch; rise: how long that takes; start: rested, in equilibrium, after the file\n"
-    "that it follows, unknown or estimated (by the fits); the columns after it: the first reading of each signal"
+    "that it follows, unknown or estimated (by the fits); the columns after it: what each signal begins with"
 )
 
 

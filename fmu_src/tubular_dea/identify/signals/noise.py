@@ -41,8 +41,9 @@ from .sampling import usual_step
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 MOST_LINES = 12  # [1] lines that are looked for
 
-# Set by judgement. Check: `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
-ANOTHER = 50.0  # [squared standard deviations] by which what is before the first events tells of another noise
+# Set by theory: of noise of the longer memory, less than one rest in 100 000 says so (a likelihood ratio). Check:
+# `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
+ANOTHER = 25.0  # [squared standard deviations] by which what is before the first events tells of another noise
 
 # Set by theory: hardly any reading repeats then. Check: `pytest tests/test_noise.py -k encoder`
 MOST_CHANGES = 0.99  # [1] share of samples at which readings in steps change, at most
