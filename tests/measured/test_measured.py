@@ -10,6 +10,7 @@ import pytest
 from measured.table import MMHG, cases, run
 from shared_data import shared
 
+pytestmark = pytest.mark.long
 FITTED, HELD_OUT = ("NV_step03", "NV_step21"), ("NV_step05", "NV_step10", "NV_step15")  # of the mock loop's levels
 
 
