@@ -42,7 +42,7 @@ def signals_beyond_noise(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 NEAR = made_up.option()
-FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect", base=NEAR)
+FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect", base=NEAR, named=NEAR)
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
 
 
@@ -56,6 +56,22 @@ def table(invisible: dict[str, dict[str, float | None]]) -> str:
     return page.document()
 
 
+@pytest.mark.parametrize("refitted", [True, False])
+@pytest.mark.parametrize(("left", "told"), [(1200.0, True), (60.0, False)])
+def test_what_another_form_may_explain_is_told_where_it_is_not_named(left: float, told: bool, refitted: bool) -> None:
+    """Trapped charge beside Mullins explained all that was left, and nothing was said of it."""
+    named = made_up.option("mullins_softening", excess=left)
+    both = [made_up.option("mullins_softening", "charge_trapping")] if refitted else []
+    scores = [SimpleNamespace(id="charge_trapping", statistic=left)]
+    last = SimpleNamespace(accepted=False, options=both, scores=scores, threshold=35.0)
+    search = SimpleNamespace(rounds=[last])
+    said = remarks.not_named(SimpleNamespace(named=named, base=made_up.option(excess=9e4), search=search))
+    assert len(said) == told
+    assert not told or said[0].startswith(
+        "Beside mullins_softening, charge_trapping would explain 100% of what is left"
+    )
+
+
 def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     effect = PLANT.catalogue["pressure_gain"]
     said = hidden({"pressure_gain": {"pressure_gain": 0.05}})
@@ -64,7 +80,9 @@ def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:
     assert "Larger" not in said
     limits = {"effects": [], "invisible": {"pressure_gain": {"pressure_gain": 0.05}}}
     missed = made_up.option(excess=(23.0**2 - 1) * made_up.SAMPLES)
-    beside = SimpleNamespace(study=FOUND.study, verdict="unexplained", base=missed)  # what remains may hide more
+    beside = SimpleNamespace(
+        study=FOUND.study, verdict="unexplained", base=missed, named=missed
+    )  # what remains may hide more
     short = " ".join(in_short._hidden(beside, limits))
     assert "Stronger ones" not in short
     page = Page("a", "b")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.answer.outcome import beyond_noise
-from ..discover.answer.remarks import hidden_by_noise, loud
+from ..discover.answer.remarks import hidden_by_noise, loud, not_named
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
@@ -344,7 +344,7 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     shown = [(e, name, value, _held_at(found, outcome, e.id)) for _, e, name, value in known[:SHOWN]]
     said = "; ".join(f"{e.id} ({_meaning(e, name)}{at}: {_limit(e, name, value)})" for e, name, value, at in shown)
     seen = "The table below lists all effects."
-    if found.verdict not in ("unexplained", "partly_explained"):  # what remains may hide more
+    if found.verdict not in ("unexplained", "partly_explained") and not not_named(found):  # what remains may hide more
         seen = "Stronger ones would have been seen; the table below lists all effects."
     texts = [f"{said}. {seen}{_beside_misfit(found)}"] if said else []
     if strongest:

@@ -17,10 +17,11 @@ from ...model.effect import Effect
 from ...model.units import in_units_of, in_words
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
-from ..options.acceptance import PREDICTED, clean, far, noise_alone, size_interval
+from ..options.acceptance import PREDICTED, STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
 from ..options.residuals import LackOfFit
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
+from ..search.rounds import Round
 from .oscillations import Oscillation
 
 # Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
@@ -46,6 +47,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_late(found),
         *_remembered(found),
         *_beyond(found),
+        *not_named(found),
         *_implausible(found),
         *_as_declared(found),
         *swinging,
@@ -199,6 +201,34 @@ def _beyond(found: Discovery) -> list[str]:
                     "range. So something else acts there, or its range in the plant is too narrow."
                 )
     return list(dict.fromkeys(said))
+
+
+def not_named(found: Discovery) -> list[str]:
+    """An effect beside the named ones that these data would bear, but that another form of these may stand for."""
+    named = found.named
+    rounds = found.search.rounds if named.ids else []
+    if not rounds or rounds[-1].accepted:
+        return []
+    name, gain = _next(rounds[-1], named)
+    if not name or gain < STRONG * rounds[-1].threshold:
+        return []
+    left = max(named.lack_of_fit.excess, gain)
+    return [
+        f"Beside {' and '.join(named.ids)}, {name} would explain {gain / left:.0%} of what is left. That is "
+        f"{gain / (found.base.cost - named.cost):.1%} of what is explained already, which another form of the same may "
+        "do, so it is not named: it may be there all the same."
+    ]
+
+
+def _next(step: Round, named: Option) -> tuple[str, float]:
+    """The effect that explains most beside the named ones, and its gain: as refitted, else its score; "" for none."""
+    if not step.options:
+        score = next(iter(step.scores), None)
+        return ("", 0.0) if score is None else (score.id, score.statistic)
+    best = max(step.options, key=lambda o: o.evidence)
+    more = [i for i in best.ids if i not in named.ids]
+    alone = len(more) == 1 and len(best.ids) == len(named.ids) + 1 and not best.impossible
+    return (more[0], named.cost - best.cost) if alone else ("", 0.0)
 
 
 def _told(value: float, q: Quantity) -> str:
