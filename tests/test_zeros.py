@@ -45,7 +45,7 @@ def test_usual_zeros_are_no_effect_and_are_told_for_each_record() -> None:
         zero = 1e-3 * drawn.standard_normal()
         drawn.standard_normal(TIME.size)
         told = found.content["records"][f"file {number}"]
-        assert told == {"start": {}, "zeros": {"stretch": pytest.approx(zero, abs=5e-5)}}
+        assert told == {"start": {}, "zeros": {"stretch": pytest.approx(zero, abs=5e-5)}, "gains": {}}
 
 
 def test_starts_and_zeros_of_records_give_the_error_again() -> None:

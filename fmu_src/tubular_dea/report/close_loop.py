@@ -8,7 +8,15 @@ from typing import Any
 import plotly.graph_objects as go
 
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import counted_backwards, implausible_zero, loud, still, thin, unexplained_output
+from ..discover.answer.remarks import (
+    counted_backwards,
+    disagree,
+    implausible_zero,
+    loud,
+    still,
+    thin,
+    unexplained_output,
+)
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.options.options import Option
@@ -69,6 +77,11 @@ def _averaged(samples: int) -> str:
     return f"; averages over {each} samples" if each > 1 else ""
 
 
+UNLIKE = (
+    "the files do not agree with one model, unless the gain of {input} changed from file to file as no monitor's does."
+)
+
+
 def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     """The verdict of a discovery and its result.json in a sentence."""
     named = _one_of if found.verdict == "partly_explained" else summary
@@ -92,6 +105,8 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
         return f"nothing is seen to be missing, but these recordings prove little: {little}."
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
+    if found.verdict == "unexplained" and disagree(found):
+        return UNLIKE.format(input=found.unlike.input if found.unlike else "")
     lacks = "seems to lack" if may_be_louder(found) else "lacks"
     words = WORDS[found.verdict]
     return words.format(names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks)

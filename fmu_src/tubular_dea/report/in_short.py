@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.answer.outcome import beyond_noise
-from ..discover.answer.remarks import hidden_by_noise, loud, not_named
+from ..discover.answer.remarks import disagree, hidden_by_noise, loud, not_named
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
@@ -58,6 +58,11 @@ LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
 UNKNOWN = "Something {is_} missing, but none of the effects that were tried explains it, so none is named."
+UNLIKE = "The files differ: no one model explains all of them, though nothing is missing in any of them alone."
+NO_MONITOR = (
+    "It is certain that something differs between the files: the residual is noise only with a gain for each file that "
+    "no monitor has. What it is they do not tell; it may also be an effect that is no candidate."
+)
 MOST_OF = 0.5  # share of what an error is beyond the sensor's noise from which on a cause is said to be its reason
 SLIGHTLY = 1.05  # times what an effect leaves from which on another one in its place explains the recordings less well
 MORE = 1.1  # times the sensor's noise from which on an error is seen to be more
@@ -96,6 +101,8 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _unknown(found: Discovery) -> str:
     """That something is missing, or seems to be."""
+    if disagree(found):
+        return UNLIKE
     return UNKNOWN.format(is_="seems to be" if may_be_louder(found) else "is")
 
 
@@ -106,6 +113,8 @@ def may_be_louder(found: Discovery) -> bool:
 
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
+    if found.verdict == "unexplained" and disagree(found):
+        return NO_MONITOR
     if may_be_louder(found):
         return LOUDER
     if found.strained:

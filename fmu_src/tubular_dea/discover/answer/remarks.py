@@ -440,15 +440,20 @@ def implausible_zero(found: Discovery) -> list[str]:
     ]
 
 
+def disagree(found: Discovery) -> bool:
+    """Whether all that is missing is that files differ: with gains that no monitor has, the base explains them."""
+    return found.unlike is not None and not found.named.ids and noise_alone(found.named)
+
+
 def unlike(found: Discovery) -> list[str]:
     """Gains that no monitor has, file by file."""
     if found.unlike is None:
         return []
     changes = found.unlike.changes
     inputs = dict.fromkeys(name for own in changes.values() for name in own)
-    told = [
-        f"{n} {', '.join(f'{own[n]:+.1%} in {piece}' for piece, own in changes.items() if n in own)}" for n in inputs
-    ]
+    large = [n for n in inputs if max(abs(own.get(n, 0.0)) for own in changes.values()) > GAIN]
+    each = {n: [f"{own[n]:+.1%} in {piece}" for piece, own in changes.items() if n in own] for n in large}
+    told = [f"{n} {', '.join(files)}" for n, files in each.items()]
     moved = _told(found.unlike.value, found.study.plant.quantity(found.unlike.output))
     return [
         f"The files are explained together only as if gains of monitors changed between them ({'; '.join(told)}). In "

@@ -23,6 +23,7 @@ from .colour import Colour
 from .colour_estimate import as_told, coloured, freedom, unlikely
 from .monitors import resolution
 from .quiet import (
+    APART,
     BARELY_CALM,
     CALMEST,
     NOT_CALM,
@@ -47,6 +48,12 @@ ANOTHER = 25.0  # [squared standard deviations] by which what is before the firs
 
 # Set by theory: hardly any reading repeats then. Check: `pytest tests/test_noise.py -k encoder`
 MOST_CHANGES = 0.99  # [1] share of samples at which readings in steps change, at most
+
+# Set by measurement: a motor's 0.24 s between time constants that are four apart left 18 to 75 times the slow noise of
+# its sensor, and none with these; slow noise itself stays. Check: `pytest tests/test_noise.py -k settles_at`
+CLOSER = 2.0  # [1] ratio of the time constants of creep where noise seems slow
+SEEMS_SLOW = 3.0  # [1] times the noise that white noise would be as slow as, for that
+CREPT = 0.5  # [1] share of what is slow that is left, where it was creep
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
@@ -196,8 +203,18 @@ def estimate(records: Records, bandwidth: float = np.inf) -> Noise:
     than its `bandwidth` [Hz]."""
     faster = 1 / (2 * np.pi * bandwidth)
     records = [(*bridged(time, values), events) for time, values, events in records]
-    chosen, quiet, rings = _chosen(records)
-    found, still = _told(records, chosen, quiet, rings, faster), _before_events(records)
+    found = _estimated(records, faster, APART)
+    if not found.quiet or found.slow < SEEMS_SLOW * found.rms:
+        return found
+    finer = _estimated(records, faster, CLOSER)
+    return finer if finer.quiet and finer.slow < CREPT * found.slow else found
+
+
+def _estimated(records: Records, faster: float, apart: float) -> Noise:
+    """The noise beside creep whose time constants are `apart`, and a plant's bandwidth of the time constant `faster`
+    [s]."""
+    chosen, quiet, rings = _chosen(records, apart)
+    found, still = _told(records, chosen, quiet, rings, faster), _before_events(records, apart)
     if freedom(still) < CALMEST:
         return found
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
@@ -264,11 +281,11 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
     return Noise(rms, 0.0, told, found.hum, found.lines, found.step, white=1.0, faster=found.faster)
 
 
-def _before_events(records: Records) -> list[Stretches]:
+def _before_events(records: Records, apart: float) -> list[Stretches]:
     """The calm stretches before anything happens in their records."""
     first = [first_event(time, events) for time, _, events in records]
     kept = []
-    for one in calm(stretches(records), usual_resolution(records)):
+    for one in calm(stretches(records, apart=apart), usual_resolution(records)):
         ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
         kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
     return [k for k in kept if k.record.size]
@@ -319,19 +336,20 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, f
     )
 
 
-def _chosen(records: Records) -> tuple[list[Stretches], bool, bool]:
+def _chosen(records: Records, apart: float) -> tuple[list[Stretches], bool, bool]:
     """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
-    coarse, every = usual_resolution(records), stretches(records)
+    coarse, every = usual_resolution(records), stretches(records, apart=apart)
     chosen = calm(every, coarse)
     mains = _mains(chosen, records)
     if mains:
         every = _with_room(every, mains)
         chosen = calm(every, coarse, lines=mains)
     if freedom(chosen) < CALMEST:
-        every = stretches(records, short=True)
+        every = stretches(records, short=True, apart=apart)
         chosen = calm(every, coarse, BARELY_CALM)
     if freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
-        other = calm(stretches(records, 0.0) or stretches([(t, y, t[[0, -1]]) for t, y, _ in records], 0.0), coarse)
+        whole = [(t, y, t[[0, -1]]) for t, y, _ in records]
+        other = calm(stretches(records, 0.0, apart=apart) or stretches(whole, 0.0, apart=apart), coarse)
         if freedom(other) > 2 * freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, freedom(chosen) < CALM_SHARE * freedom(every)

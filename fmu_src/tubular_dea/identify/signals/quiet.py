@@ -27,7 +27,7 @@ SETTLED = 0.1  # [s] after an event until the plant moves slowly
 DEGREE = 3  # [1] degree of the polynomial that is taken out
 BENDS = 0.3  # [1/s] by which it is more in longer stretches
 FASTEST = 0.02  # [s] shortest time constant of creep that is taken out
-APART = 2.0  # [1] ratio of one time constant to the next
+APART = 4.0  # [1] ratio of one time constant to the next
 POLYNOMIAL_ROOM = 4  # [samples] of a stretch for each degree of the polynomial,
 CREEP_ROOM = 8  # [samples] and for each time constant
 LIKE_ANOTHER = 1e-7  # [1] of the largest singular value: curves with less are others once more
@@ -97,11 +97,11 @@ class Stretches:
         return squares, float(np.log(np.diag(factor)).sum())
 
 
-def stretches(records: Records, settled: float = SETTLED, short: bool = False) -> list[Stretches]:
+def stretches(records: Records, settled: float = SETTLED, short: bool = False, apart: float = APART) -> list[Stretches]:
     """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other.
 
     `short` ones too: half a second before the first event may be all that a record rests. What comes before that, if
-    not long, is a stretch of its own length.
+    not long, is a stretch of its own length. `apart` is the ratio of the time constants of creep that are taken out.
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
     for number, (time, _, events) in enumerate(records):
@@ -123,7 +123,7 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False) -
     made = []
     for (step, size), places in sorted(cut.items()):
         values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
-        smooth = basis(size, step)
+        smooth = basis(size, step, apart)
         values -= smooth @ (smooth.T @ values)  # the rest is small beside it: no digits are lost later
         made.append(Stretches(step, values, smooth, *np.array(places).T))
     return made
@@ -152,16 +152,16 @@ def _sizes(step: float) -> list[int]:
     return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST_STRETCH)) + 1)]
 
 
-def basis(size: int, step: float) -> np.ndarray:
+def basis(size: int, step: float, apart: float = APART) -> np.ndarray:
     """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
     lasts = size * step
     degree = min(DEGREE + int(BENDS * lasts), size // POLYNOMIAL_ROOM)
     columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]
     time = np.arange(size) * step
     tau = FASTEST
-    while tau < lasts / APART and len(columns) < size // CREEP_ROOM:
+    while tau < lasts / apart and len(columns) < size // CREEP_ROOM:
         columns.append(np.exp(-time / tau)[:, None])
-        tau *= APART
+        tau *= apart
     return _orthonormal(np.concatenate(columns, axis=1))
 
 
