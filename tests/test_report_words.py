@@ -590,7 +590,7 @@ def test_what_may_be_noise_is_not_certain(quiet: bool, excess: float, certain: b
     """Where no part is quiet, twice the noise that could be told may be noise; many times is not."""
     study = SimpleNamespace(plant=PLANT, noise={PLANT.outputs[0].name: Noise(9e-6, 0.0, quiet=quiet)})
     found = SimpleNamespace(verdict="unexplained", study=study, named=made_up.option(excess=excess), wandering=None)
-    found.strained = ()
+    found.strained, found.unlike = (), None
     assert ("certain" in in_short._confidence(found)) == certain
 
 

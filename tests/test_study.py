@@ -108,4 +108,5 @@ def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> Non
     assert len(settled.response((), settled.pieces).runs) == 1
     told = td.discover(tmp_path, plant=plant, hold_out=["w2"]).content["records"]
     assert told["w0"]["start"]["T_start"] == pytest.approx(12.0, abs=0.05)
-    assert [told[n] for n in ("w1", "w2")] == [{"follows": "w0", "zeros": {}}, {"follows": "w1", "zeros": {}}]
+    own = {"zeros": {}, "gains": {}}
+    assert [told[n] for n in ("w1", "w2")] == [{"follows": "w0", **own}, {"follows": "w1", **own}]

@@ -32,6 +32,9 @@ from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
 from .residuals import answered
 
+UNLIKE = (
+    "the files do not agree with one model, unless the gain of {input} changed from file to file as no monitor's does."
+)
 WORDS = {
     "no_effect": "nothing is missing: the model explains these recordings to within their noise.",
     "effect_found": "the model lacks {names}.",
@@ -75,11 +78,6 @@ def _averaged(samples: int) -> str:
     """Over how many samples the points of a figure are averages."""
     each = samples // POINTS
     return f"; averages over {each} samples" if each > 1 else ""
-
-
-UNLIKE = (
-    "the files do not agree with one model, unless the gain of {input} changed from file to file as no monitor's does."
-)
 
 
 def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
