@@ -50,6 +50,16 @@ def written(
     return path
 
 
+def test_an_absolute_pressure_is_told_as_one(tmp_path: Path) -> None:
+    """101 325 Pa too much were "Pa labelled mmHg or kPa?"."""
+    table = rows()
+    table[:, 1] += 101_325.0
+    with pytest.raises(
+        DataError, match=r"'pressure'.* expected at most 100000 Pa: an absolute pressure, with the air's\?"
+    ):
+        read_experiment(written(tmp_path, table))
+
+
 @pytest.mark.parametrize("beside", [(), ("b.csv",)])
 def test_a_spreadsheet_is_refused_until_it_is_saved_as_csv(tmp_path: Path, beside: tuple[str, ...]) -> None:
     for name in beside:

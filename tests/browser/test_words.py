@@ -88,6 +88,7 @@ REFUSED = {
     "s labelled ms": GOOD.replace("time [s]", "time [ms]"),
     "ms labelled s": column(0, lambda i, v: 1e3 * v),
     "mmHg labelled Pa": column(1, lambda i, v: v / 133.322),
+    "an absolute pressure": column(1, lambda i, v: v + 101_325.0),
     "kV labelled V": column(2, lambda i, v: v / 1e3),
     "V labelled kV": GOOD.replace("voltage [V]", "voltage [kV]"),
     "mm labelled m": column(3, lambda i, v: 1e3 * v),

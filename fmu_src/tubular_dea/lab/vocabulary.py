@@ -26,6 +26,7 @@ def vocabulary() -> dict[str, Any]:
         "quoted": text.QUOTED,
         "often": text.OFTEN,
         "standstill": checks.STANDSTILL,
+        "air": list(checks.AIR),
         "lively": checks.LIVELY,
         "order": checks.HIGH_ORDER,
         "smooth": checks.SMOOTHED_OUT,

@@ -12,6 +12,9 @@ from ...plants.plant import Input, Output, Plant
 from ...runs import runs
 from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
 
+# Set by convention: weather, and places up to 1 km. Check: `pytest tests/test_data.py -k absolute`
+AIR = (0.88e5, 1.07e5)  # [Pa] that the air's pressure is
+
 # Set by judgement. Check: `pytest tests/test_data.py tests/test_unusual_recordings.py`
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
@@ -93,7 +96,9 @@ def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
         noise = max(noise, resolution(values))
     what = f"the largest value is {largest:g} {unit}"
     if top > signal.most:
-        return f"{what}; expected at most {signal.most:g} {unit}: {signal.mislabelled[1]}?"
+        absolute = unit == "Pa" and AIR[0] < float(values.min()) < AIR[1]
+        wrong = "an absolute pressure, with the air's" if absolute else signal.mislabelled[1]
+        return f"{what}; expected at most {signal.most:g} {unit}: {wrong}?"
     if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
         return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
     return ""

@@ -249,7 +249,10 @@ function wrongUnit(values, name, signal, lines) {
   let noise = noiseLevel(values);
   if (steps(values).filter((s) => s > 0).length >= words.standstill) noise = Math.max(noise, resolution(values));
   const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${g(values[at])} ${signal.unit}`;
-  if (size > (signal.most ?? Infinity)) return [`${what}; expected at most ${g(signal.most)} ${signal.unit}: ${signal.mislabelled[1]}?`];
+  if (size > (signal.most ?? Infinity)) {
+    const least = values.reduce((a, b) => Math.min(a, b)), absolute = signal.unit === "Pa" && words.air[0] < least && least < words.air[1];
+    return [`${what}; expected at most ${g(signal.most)} ${signal.unit}: ${absolute ? "an absolute pressure, with the air's" : signal.mislabelled[1]}?`];
+  }
   if (size > 0 && size < signal.least && wide > words.structure * noise && size > 0.02 * signal.least) return [`${what}; expected at least ${g(signal.least)} ${signal.unit}: ${signal.mislabelled[0]}?`];
   return [];
 }
