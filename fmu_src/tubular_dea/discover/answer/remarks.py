@@ -455,8 +455,11 @@ def unlike(found: Discovery) -> list[str]:
     each = {n: [f"{own[n]:+.1%} in {piece}" for piece, own in changes.items() if n in own] for n in large}
     told = [f"{n} {', '.join(files)}" for n, files in each.items()]
     moved = _told(found.unlike.value, found.study.plant.quantity(found.unlike.output))
+    together = "The files are explained together only as if gains of monitors changed between them"
+    if not noise_alone(found.named):
+        together = "In the fits gains of monitors changed between the files, which may make up for what the model lacks"
     return [
-        f"The files are explained together only as if gains of monitors changed between them ({'; '.join(told)}). In "
+        f"{together} ({'; '.join(told)}). In "
         f"{found.unlike.piece} that of {found.unlike.input} moves {found.unlike.output} by {moved} (rms). Monitors "
         f"hardly change by more than {GAIN:.1%}: is it another {found.study.plant.name} in some files, was a part of "
         "it lost, or a scale set anew? All errors here allow for these gains (`records` in result.json); parameters "
