@@ -21,6 +21,7 @@ from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import parameters
 from tubular_dea.discover.scores.channels import Isolation
 from tubular_dea.identify.fitting.cases import Case, Reading
+from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.model.units import in_words, three, with_ends
 from tubular_dea.plants.effects import with_effects
@@ -70,6 +71,19 @@ def test_what_another_form_may_explain_is_told_where_it_is_not_named(left: float
     assert not told or said[0].startswith(
         "Beside mullins_softening, charge_trapping would explain 100% of what is left"
     )
+
+
+@pytest.mark.parametrize(("stderr", "told"), [(0.5, "only show that it is at least 5.0"), (40.0, "do not tell it")])
+def test_a_parameter_at_its_bound_whose_interval_is_its_range_is_not_told(stderr: float, told: str) -> None:
+    """ "At least -6", where -6 is the least that is allowed."""
+    option = made_up.option("heat_stretch")
+    free = [Free("base", 1.0), Free("heat_stretch", 1.0, -6.0, 6.0)]
+    wide = np.diag([0.01, stderr**2])
+    fitted = replace(option.fitted, values={"base": 1.0, "heat_stretch": 6.0}, scaled=np.array([1.0, 6.0]), free=free)
+    fitted = replace(fitted, covariance=wide)
+    named = SimpleNamespace(ids=("thermal_softening",), fitted=fitted)
+    (said,) = remarks._ended(SimpleNamespace(named=named, study=SimpleNamespace(catalogue=PLANT.catalogue)))
+    assert said.startswith("The fit of heat_stretch ended at its largest allowed value") and told in said
 
 
 def test_limits_say_which_side_was_seen_and_what_they_limit() -> None:

@@ -104,10 +104,11 @@ def _ended(found: Discovery) -> list[str]:
         for parameter, side in at_bounds(effect, found.named.fitted).items():
             low, high = size_interval(effect, found.named.fitted, parameter)
             end, least = ("largest", f"at least {low:.3g}") if side > 0 else ("least", f"at most {high:.3g}")
-            said.append(
-                f"The fit of {parameter} ended at its {end} allowed value: these recordings only show that it is "
-                f"{least}{_unit(effect, parameter)}."
-            )
+            q = next(q for q in effect.parameters if q.name == parameter)
+            far = q.minimum if side > 0 else q.maximum
+            anything = far is not None and (low <= far if side > 0 else high >= far)
+            shown = "do not tell it" if anything else f"only show that it is {least}{_unit(effect, parameter)}"
+            said.append(f"The fit of {parameter} ended at its {end} allowed value: these recordings {shown}.")
     return said
 
 
