@@ -103,8 +103,8 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
         return f"nothing is seen to be missing, but these recordings prove little: {little}."
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
-    if found.verdict == "unexplained" and disagree(found):
-        return UNLIKE.format(input=found.unlike.input if found.unlike else "")
+    if disagree(found) and found.unlike:
+        return UNLIKE.format(input=found.unlike.input)
     lacks = "seems to lack" if may_be_louder(found) else "lacks"
     words = WORDS[found.verdict]
     return words.format(names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks)

@@ -58,7 +58,7 @@ LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
 UNKNOWN = "Something {is_} missing, but none of the effects that were tried explains it, so none is named."
-UNLIKE = "The files differ: no one model explains all of them, though nothing is missing in any of them alone."
+NO_ONE_MODEL = "The files differ: no one model explains all of them, though nothing is missing in any of them alone."
 NO_MONITOR = (
     "It is certain that something differs between the files: the residual is noise only with a gain for each file that "
     "no monitor has. What it is they do not tell; it may also be an effect that is no candidate."
@@ -102,7 +102,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 def _unknown(found: Discovery) -> str:
     """That something is missing, or seems to be."""
     if disagree(found):
-        return UNLIKE
+        return NO_ONE_MODEL
     return UNKNOWN.format(is_="seems to be" if may_be_louder(found) else "is")
 
 
@@ -113,7 +113,7 @@ def may_be_louder(found: Discovery) -> bool:
 
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
-    if found.verdict == "unexplained" and disagree(found):
+    if disagree(found):
         return NO_MONITOR
     if may_be_louder(found):
         return LOUDER

@@ -133,7 +133,7 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
     if found.missed and noise_alone(found.named) and not found.named.ids:
         return _left(found, found.missed.output, found.missed.value, 1.0)
-    if found.unlike and noise_alone(found.named) and not found.named.ids:
+    if remarks.disagree(found) and found.unlike:
         return _left(found, found.unlike.output, found.unlike.value, 1.0)
     if found.named.ids and noise_alone(found.named):
         return _unpredicted(found)

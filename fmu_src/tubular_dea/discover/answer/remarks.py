@@ -443,7 +443,7 @@ def implausible_zero(found: Discovery) -> list[str]:
 
 def disagree(found: Discovery) -> bool:
     """Whether all that is missing is that files differ: with gains that no monitor has, the base explains them."""
-    return found.unlike is not None and not found.named.ids and noise_alone(found.named)
+    return found.verdict == "unexplained" and found.unlike is not None and noise_alone(found.named)
 
 
 def unlike(found: Discovery) -> list[str]:

@@ -19,15 +19,15 @@ def repeated_readings(values: np.ndarray) -> tuple[np.ndarray, int]:
     """Which samples (n,) repeat the reading before, and how many samples a reading lasts at least; none and 1 where the
     sensor is as fast as the logger."""
     there = np.flatnonzero(np.isfinite(values))
-    none = np.zeros(values.size, dtype=bool)
+    again = np.zeros(values.size, dtype=bool)
     if there.size < FEWEST_READINGS:
-        return none, 1
+        return again, 1
     new = np.concatenate([[True], np.diff(values[there]) != 0])
     lasts = np.diff(np.flatnonzero(new))
     if lasts.size < FEWEST_READINGS:
-        return none, 1
+        return again, 1
     usual = int(np.quantile(lasts, SOONER, method="higher"))
     if usual < 2 or np.mean((lasts == usual) | (lasts == usual + 1)) < AS_LONG:
-        return none, 1
-    none[there[~new]] = True
-    return none, usual
+        return again, 1
+    again[there[~new]] = True
+    return again, usual
