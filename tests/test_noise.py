@@ -307,6 +307,19 @@ def test_a_coarse_sensor_that_rests_in_the_middle_of_a_step_is_no_measure_of_noi
     assert estimate(records).rms ** 2 == pytest.approx(alike, rel=0.1)
 
 
+def test_slow_noise_that_coarse_readings_show_at_rest_keeps_its_memory() -> None:
+    """Ten bits: rounding is white where the plant moves, and hides less at rest than noise of two thirds of a step."""
+    random, time, listed = np.random.default_rng(8), np.arange(0, 16, 0.004), []
+    for size in (40.0, -60.0, 90.0, -75.0, 30.0, 55.0):
+        creep = size * (1 - np.exp(-np.maximum(time - 6.0, 0.0) / 4.0))
+        noise = 0.67 * Colour(0.9625).sample(time.size, random)
+        listed.append((time, np.round(random.uniform(0, 1) + creep + noise), np.array([6.0])))
+    found = rounded(estimate(listed), 1.0)
+    assert found.quiet
+    assert 0.95 < found.rms / np.hypot(0.67, 12**-0.5) < 1.25
+    assert 3.0 < found.slow < 7.0  # 0.67 of this memory has 4.8 per sample in averages; without one it would have 0.7
+
+
 def test_half_a_second_of_rest_tells_the_noise_of_a_plant_that_never_rests_again() -> None:
     """What moves smoothly at all times afterwards would be noise with a long memory, 30 times as large."""
     random, time = np.random.default_rng(6), np.arange(1000) * 0.02

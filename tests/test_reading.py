@@ -13,7 +13,7 @@ import pytest
 import tubular_dea
 from laboratory import drawn, numbers
 from tubular_dea.cli import main
-from tubular_dea.discover.answer import remarks
+from tubular_dea.discover.answer import between_files
 from tubular_dea.errors import UserError
 from tubular_dea.identify.fitting import scales, signs
 from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
@@ -191,7 +191,7 @@ def test_files_that_follow_one_another_say_so(tmp_path: Path, capsys: pytest.Cap
     pieces = {p.name: p for p in study(loaded_run).pieces}
     assert pieces["b"].before is not None and not pieces["b"].loose and pieces["b"].case.own == {}
     found = SimpleNamespace(study=SimpleNamespace(pieces=pieces.values()), recordings=loaded_run)
-    (said,) = remarks._starts(found)
+    (said,) = between_files.starts(found)
     assert "b follows a" in said and "under load" not in said
     assert main(["identify", str(tmp_path), "--dry-run"]) == 0
     (row,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("b "))

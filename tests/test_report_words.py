@@ -15,7 +15,7 @@ from tubular_dea.api import identify, simulate
 from tubular_dea.cosim import course
 from tubular_dea.discover.alternatives.backwards import Backwards
 from tubular_dea.discover.alternatives.zeros import Shift
-from tubular_dea.discover.answer import outcome, remarks
+from tubular_dea.discover.answer import between_files, outcome, remarks, reservations
 from tubular_dea.discover.options import residuals
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.scores import parameters
@@ -32,13 +32,13 @@ from tubular_dea.report import assist, close_loop, effects, in_short
 from tubular_dea.report.page import Page
 from tubular_dea.report.parts import parameter_row
 
-hidden_by_noise = remarks.hidden_by_noise
+hidden_by_noise = reservations.hidden_by_noise
 
 
 @pytest.fixture(autouse=True)
 def signals_beyond_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """What these tests make up has no records: they count as moving by far more than noise."""
-    for room in (remarks, in_short):
+    for room in (reservations, in_short):
         monkeypatch.setattr(room, "hidden_by_noise", lambda found: "")
 
 
@@ -177,7 +177,7 @@ def test_a_noise_that_hardly_shows_how_large_it_is_proves_little() -> None:
     pieces = [SimpleNamespace(source=f"file {i}") for i in range(9)]
     for verdict, ratio, little in (("no_effect", 2.37, True), ("no_effect", 1.1, False), ("effect_found", 2.37, False)):
         named = SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=ratio))
-        said = remarks.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
+        said = reservations.thin(SimpleNamespace(study=SimpleNamespace(pieces=pieces), verdict=verdict, named=named))
         assert ("2.4 times the noise" in said) == little
 
 
@@ -197,7 +197,7 @@ def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(
         strained=(),
         wandering=None,
     )
-    said = remarks.loud(found)
+    said = reservations.loud(found)
     assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
     assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
     assert (in_short._nothing(found) == in_short.NOTHING) == quiet and said in in_short._nothing(found)
@@ -215,10 +215,10 @@ def test_records_in_which_noise_may_be_all_that_moves_prove_little(
     study = SimpleNamespace(pieces=[piece], noise={"discharge": SimpleNamespace(slow=0.1, rms=0.1)})
     found = SimpleNamespace(verdict="no_effect", strained=(), wandering=None, study=study)
     found.named = made_up.option(excess=-50.0, z_slow=-0.9)
-    for room in (remarks, in_short):
+    for room in (reservations, in_short):
         monkeypatch.setattr(room, "hidden_by_noise", hidden_by_noise)
     why = "what noise may make of discharge, the inputs' too, is 1.4 times as large as all that it does"
-    assert remarks.loud(found) == (why if said else "")
+    assert reservations.loud(found) == (why if said else "")
     assert in_short._confidence(found) == (in_short.DROWNED if said else in_short.CONFIDENCE["no_effect"])
     case.readings, piece.weight = [SimpleNamespace(output="discharge")], np.ones(400)
     study.noise["discharge"] = SimpleNamespace(slow=2.0, rms=0.2)  # a sensor's slow noise is no larger than its rms
@@ -231,7 +231,7 @@ def test_files_with_far_larger_errors_than_the_others_are_named() -> None:
 
     def said(*errors: float) -> list[str]:
         each = {f"rec{n}": {"rmse": rms} for n, rms in enumerate(errors)}
-        return remarks.odd_files(found, {"unit": "m", "per_experiment": each})
+        return between_files.odd_files(found, {"unit": "m", "per_experiment": each})
 
     (one,) = said(16e-6, 15e-6, 16e-6, 65e-6)
     assert one.startswith("The error is 16 um in most files, and in rec3 it is 65 um: ")
@@ -382,20 +382,20 @@ def test_a_parameter_that_is_not_determined_has_no_interval() -> None:
 
 
 def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
+    monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 1e9)
     spread = {"measured_displacement": 1e-6, "pressure": 20.0}
     study = SimpleNamespace(plant=PLANT, spread=spread, zero=lambda name: 30e-6 if name[0] == "m" else 20.0)
     found = {"study": study, "named": made_up.option(excess=0.0, z_slow=0.0)}
-    said = remarks._spread(SimpleNamespace(**found, shifted=Shift("measured_displacement", "trap1", 654e-6)))
+    said = between_files.spread(SimpleNamespace(**found, shifted=Shift("measured_displacement", "trap1", 654e-6)))
     assert len(said) == 1 and said[0].startswith("The zero of pressure")
-    assert len(remarks._spread(SimpleNamespace(**found, shifted=None))) == 2
+    assert len(between_files.spread(SimpleNamespace(**found, shifted=None))) == 2
 
 
 def test_a_zero_beside_what_the_model_lacks_is_not_said_to_be_the_monitors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where more than noise is left, zeros make up for it."""
-    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 1e9)
+    monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 1e9)
     study = SimpleNamespace(plant=PLANT, spread={"pressure": 20.0}, zero=lambda name: 20.0)
-    (said,) = remarks._spread(SimpleNamespace(study=study, named=made_up.option(excess=4e3), shifted=None))
+    (said,) = between_files.spread(SimpleNamespace(study=study, named=made_up.option(excess=4e3), shifted=None))
     assert said.startswith("In the fits the zero of pressure") and "make up for what the model lacks" in said
 
 
@@ -411,7 +411,7 @@ def test_files_of_one_specimen_belong_together_where_what_was_found_outlasts_the
         study=SimpleNamespace(catalogue=catalogue),
         recordings=SimpleNamespace(experiments=files),
     )
-    assert bool(remarks._in_a_row(found)) == told
+    assert bool(between_files.in_a_row(found)) == told
 
 
 def test_parameters_that_may_be_exchanged_are_plausible_in_each_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -446,10 +446,10 @@ def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() 
 
 
 def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remarks, "zero_spread", lambda study, name: 390.0)
+    monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 390.0)
     study = SimpleNamespace(plant=PLANT, spread={"pressure": 1e9}, zero=lambda name: 130.0)
     named = made_up.option(excess=0.0, z_slow=0.0)
-    (said,) = remarks._spread(SimpleNamespace(study=study, named=named, shifted=None))
+    (said,) = between_files.spread(SimpleNamespace(study=study, named=named, shifted=None))
     assert "do not tell" in said and "2.93 mmHg" in said
 
 

@@ -10,7 +10,7 @@ import pytest
 import made_up
 from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
 from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
-from tubular_dea.discover.answer import remarks
+from tubular_dea.discover.answer import between_files
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.plants.plant import Input, Output
 
@@ -30,15 +30,16 @@ def test_files_that_differ_as_no_monitor_does_are_told() -> None:
     changes = [own["load"] for own in found.changes.values()]
     assert changes == pytest.approx([0.015 * (-1) ** i for i in range(6)], abs=3e-3)
     study = SimpleNamespace(plant=PLANT)
-    (said,) = remarks.unlike(SimpleNamespace(unlike=found, study=study, named=made_up.option()))
+    (said,) = between_files.unlike(SimpleNamespace(unlike=found, study=study, named=made_up.option()))
     assert said.startswith("The files are explained together only as if")
     far = made_up.option("lag", excess=1e5)
     assert (
-        "make up for what the model lacks" in remarks.unlike(SimpleNamespace(unlike=found, study=study, named=far))[0]
+        "make up for what the model lacks"
+        in between_files.unlike(SimpleNamespace(unlike=found, study=study, named=far))[0]
     )
     assert "load +1.5% in file-0, -1.5% in file-1" in said and "another" in said
 
 
 def test_gains_as_monitors_have_them_are_no_finding() -> None:
     assert unlike(0.006) is None
-    assert remarks.unlike(SimpleNamespace(unlike=None)) == []
+    assert between_files.unlike(SimpleNamespace(unlike=None)) == []

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..discover import engine
-from ..discover.answer import outcome, remarks
+from ..discover.answer import between_files, outcome
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
 from ..identify.study.study import Piece
@@ -97,7 +97,7 @@ class DiscoveryResult:
         from ..report.close_loop import error_lines
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
-        said += remarks.unlike(self.discovery)
+        said += between_files.unlike(self.discovery)
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said

@@ -12,7 +12,7 @@ from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_runs, noise_level
 from ..identify.signals.sampling import usual_step
 from ..model.declare import Quantity
-from ..model.units import converted, in_words, three
+from ..model.units import converted, three
 from ..recordings.table import moving
 
 # Set by judgement: signals of the examples reach 0.5 to 9 times their nominal values. Check: `pytest
@@ -340,8 +340,8 @@ def _stated(recordings: Recordings) -> Iterator[str]:
         if level and seen and not seen / MISTYPED < level < seen * MISTYPED:
             q = recordings.plant.quantity(names[said])
             yield (
-                f"bench.toml: [noise] {said} is {in_words(level, q.unit, q.display_unit)}, but from sample to sample "
-                f"these records tell {in_words(seen, q.unit, q.display_unit)}: is its unit right?"
+                f"bench.toml: [noise] {said} is {q.in_words(level)}, but from sample to sample "
+                f"these records tell {q.in_words(seen)}: is its unit right?"
             )
 
 

@@ -20,6 +20,7 @@ from threading import local
 import sympy
 
 from ..errors import UserError
+from .units import in_words
 
 TIME = sympy.Symbol("time", real=True)
 
@@ -94,6 +95,10 @@ class Quantity:
     def told(self, value: float) -> str:
         """A value (in `unit`) with its unit."""
         return f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
+
+    def in_words(self, value: float) -> str:
+        """A difference or size (in `unit`) in three digits, in the unit in which it is shown or with a prefix."""
+        return in_words(value, self.unit, self.display_unit)
 
 
 def sized(

@@ -7,16 +7,10 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from ..discover.answer.between_files import disagree, implausible_zero
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
-from ..discover.answer.remarks import (
-    counted_backwards,
-    disagree,
-    implausible_zero,
-    loud,
-    still,
-    thin,
-    unexplained_output,
-)
+from ..discover.answer.remarks import counted_backwards, unexplained_output
+from ..discover.answer.reservations import loud, still, thin
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.options.options import Option

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..discover.answer.between_files import disagree
 from ..discover.answer.outcome import beyond_noise
-from ..discover.answer.remarks import disagree, hidden_by_noise, loud, not_named
+from ..discover.answer.remarks import not_named
+from ..discover.answer.reservations import hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR

@@ -26,7 +26,7 @@ from ..options.residuals import LackOfFit
 from ..scores.channels import Isolation
 from ..scores.parameters import implausible, switched_on
 from ..search import equivalence, second_output
-from . import remarks
+from . import between_files, remarks, reservations
 from .oscillations import Oscillation, oscillations
 from .own_records import own_records
 
@@ -71,7 +71,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "residual": {"channel": channel(found), "tests": _tests(found), "remainder": remainder(found)},
         "invisible": found.limits,
         "invisible_at": _shapes(found),
-        "remarks": [*remarks.remarks(found, waves), *remarks.odd_files(found, after)],
+        "remarks": [*remarks.remarks(found, waves), *between_files.odd_files(found, after)],
         "next_experiment": advice(found),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
         "undetermined": chosen.fitted.undetermined(),
@@ -133,7 +133,7 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
         return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
     if found.missed and noise_alone(found.named) and not found.named.ids:
         return _left(found, found.missed.output, found.missed.value, 1.0)
-    if remarks.disagree(found) and found.unlike:
+    if between_files.disagree(found) and found.unlike:
         return _left(found, found.unlike.output, found.unlike.value, 1.0)
     if found.named.ids and noise_alone(found.named):
         return _unpredicted(found)
@@ -315,11 +315,11 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
 def advice(found: Discovery) -> str:
     """One sentence: what to measure next, and why."""
     why, proposal = IMPLAUSIBLE if found.strained else WHY[found.verdict], found.proposal
-    little = found.verdict == "no_effect" and (remarks.thin(found) or remarks.still(found))
+    little = found.verdict == "no_effect" and (reservations.thin(found) or reservations.still(found))
     if little:
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
-    unsure = remarks.loud(found)
+    unsure = reservations.loud(found)
     if unsure:
         return f"{why}, but {unsure}: record some rest in each file, or state the noise under [noise] in bench.toml."
     if found.verdict == "no_effect" and found.strained:

@@ -1,36 +1,23 @@
-"""Remarks beside the verdict: implausible parameters, oscillations, starts, too few recordings."""
+"""Remarks beside the verdict: what its answer does not say by itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from ...identify.records.start import UNKNOWN
-from ...identify.study.nuisances import GAIN, LATE_OF, own_numbers, step_of, zero_spread
+from ...identify.study.nuisances import LATE_OF, own_numbers, step_of
 from ...identify.study.remembered import at_corners
-from ...identify.study.spreads import most_spread
 from ...identify.study.study import Piece, Study
-from ...model.declare import Quantity
 from ...model.effect import Effect
-from ...model.units import in_units_of, in_words
-from ..alternatives.input_noise import allowed_rms
+from ...model.units import in_words
 from ..engine import Discovery
-from ..options.acceptance import PREDICTED, STRONG, clean, far, noise_alone, size_interval
+from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
-from ..options.residuals import LackOfFit
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from ..search.rounds import Round
+from . import between_files, reservations
 from .oscillations import Oscillation
-
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
-FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
-AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
-ODD = 1.4  # [1] times the usual error of a file from which on one is odd: nine samples that a laser lost made 4
-FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they differ in what was done
-DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
-MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
@@ -38,8 +25,8 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     swinging = [_swinging(found, w) for w in waves]
     said = [
         *counted_backwards(found),
-        *implausible_zero(found),
-        *unlike(found),
+        *between_files.implausible_zero(found),
+        *between_files.unlike(found),
         *unexplained_output(found),
         *_one_point(found),
         *_ended(found),
@@ -55,14 +42,14 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
     said += [
         *_held_anew(found),
         *_partly(found),
-        *_starts(found),
-        *_in_a_row(found),
-        *_spread(found),
+        *between_files.starts(found),
+        *between_files.in_a_row(found),
+        *between_files.spread(found),
         *_wandering(found),
         *_coloured(found),
     ]
-    little = thin(found)
-    return [*said, f"The result is based on little data: {little}."] if little else said
+    thin = reservations.thin(found)
+    return [*said, f"The result is based on little data: {thin}."] if thin else said
 
 
 def counted_backwards(found: Discovery) -> list[str]:
@@ -170,7 +157,7 @@ def _remembered(found: Discovery) -> list[str]:
             output, by = max(told, key=lambda t: t[1])
             said.append(
                 f"The plant remembers the noise of the recorded {name}, which leads {output} astray by up to "
-                f"{_told(by, study.plant.model.quantities()[output])} (rms) in a file; errors contain that. The "
+                f"{study.plant.model.quantities()[output].in_words(by)} (rms) in a file; errors contain that. The "
                 "verdict rests on what is left beside the likeliest course of that noise in each file."
             )
     return said
@@ -232,11 +219,6 @@ def _next(step: Round, named: Option) -> tuple[str, float]:
     return (more[0], named.cost - best.cost) if alone else ("", 0.0)
 
 
-def _told(value: float, q: Quantity) -> str:
-    """A value [SI] in the unit in which its quantity is shown, or one that makes a short number."""
-    return in_words(value, q.unit, q.display_unit)
-
-
 def _unit(effect: Effect, parameter: str) -> str:
     """The unit of an effect's parameter behind a number."""
     unit = next(q.unit for q in effect.parameters if q.name == parameter)
@@ -248,7 +230,7 @@ def _swinging(found: Discovery, wave: Oscillation) -> str:
     reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output)
     return (
         f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
-        f"{_told(amplitude, q)}, most in {name}. Look for something that runs at this "
+        f"{q.in_words(amplitude)}, most in {name}. Look for something that runs at this "
         "frequency near the plant or in its supply (a pump, a fan, a shaker, a regulator), and record it."
     )
 
@@ -260,7 +242,7 @@ def _implausible(found: Discovery) -> list[str]:
         q = found.study.plant.quantity(name)
         lacks = "unless that was a first guess, it compensates for something that the model lacks"
         why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
-        said.append(f"{name} was fitted to {_told(value, q)} (declared: {_told(usual, q)}): {why}.")
+        said.append(f"{name} was fitted to {q.in_words(value)} (declared: {q.in_words(usual)}): {why}.")
     return said
 
 
@@ -270,88 +252,9 @@ def _as_declared(found: Discovery) -> list[str]:
         return []
     fixed = [p.quantity for p in found.study.plant.model.parameters if not p.tunable and not p.start]
     known = found.study.plant.model.parameter_values() | found.recordings.geometry
-    values = [f"{q.name} = {_told(known[q.name], q)}" for q in fixed if known[q.name]]
+    values = [f"{q.name} = {q.in_words(known[q.name])}" for q in fixed if known[q.name]]
     may = "One of them may be wrong, unless it only scales others, which are fitted."
     return [f"Taken as declared, and not fitted: {', '.join(values)}. {may}"] if values else []
-
-
-def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
-    """A few files with a far larger error than the others: something may have happened in these alone; `after` are the
-    errors of the first output as `outcome.errors` gives them."""
-    each = {name: e["rmse"] for name, e in after["per_experiment"].items() if e["rmse"] is not None}
-    usual = float(np.median([*each.values()])) if each else 0.0
-    odd = {name: rms for name, rms in each.items() if rms > ODD * usual}
-    if not usual or not 0 < len(odd) <= FEW_ODD * len(each):
-        return []
-    most = max(odd, key=lambda name: odd[name])
-    rest = f"in {' and '.join(odd)} it is up to" if len(odd) > 1 else f"in {most} it is"
-    return [
-        f"The error is {in_units_of(usual, after)} in most files, and {rest} "
-        f"{in_units_of(odd[most], after)}: look there for something that happened in no other file, to the sensor "
-        f"or to the {found.study.plant.name}."
-    ]
-
-
-def thin(found: Discovery) -> str:
-    """Why these recordings can show little; "" where they are many."""
-    files = {p.source for p in found.study.pieces}
-    if len(files) < FEW_EXPERIMENTS:
-        what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
-        return f"there {'is' if len(files) == 1 else 'are'} only {what}"
-    ratio = found.named.lack_of_fit.ratio
-    if found.verdict == "no_effect" and ratio > PREDICTED:
-        return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
-    return ""
-
-
-def loud(found: Discovery) -> str:
-    """Why it is open whether a residual beside which nothing is named is noise: no stretch is quiet, or noise may be
-    all that there is; "" where it is not."""
-    if found.verdict != "no_effect":
-        return ""
-    if drowned := hidden_by_noise(found):
-        return drowned
-    if clean(found.named.lack_of_fit) or _quiet(found):
-        return ""
-    return f"no stretch is quiet, and {_slow_part(found.named.lack_of_fit, 'could be told')}"
-
-
-def hidden_by_noise(found: Discovery) -> str:
-    """Which output hardly moves by more than its noise and that of the inputs, with their edges, allow; "" for none."""
-    for name, allowed in allowed_rms(found.study).items():
-        read = [
-            p.record[part]
-            for p in found.study.pieces
-            for reading, part in zip(p.case.readings, p.case.parts, strict=True)
-            if reading.output == name
-        ]
-        noise = found.study.noise[name]  # where it is slow, it weighs more on averages than it is large
-        most = float(np.sqrt(noise.rms**2 + max(allowed**2 - noise.slow**2, 0.0)))
-        share = most / max(float(np.std(np.concatenate(read))), 1e-300)
-        if share > DROWNED:
-            return f"what noise may make of {name}, the inputs' too, is {share:.2g} times as large as all that it does"
-    return ""
-
-
-def _quiet(found: Discovery) -> bool:
-    """Whether quiet stretches tell the noise of every output."""
-    return all(noise.quiet for noise in found.study.noise.values())
-
-
-def _slow_part(state: LackOfFit, told: str) -> str:
-    """How the slow part of a residual compares with the noise that was `told`."""
-    return f"the slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that {told}"
-
-
-def still(found: Discovery) -> str:
-    """Which inputs barely move in any experiment, nor from one to the next; "" where all do."""
-    names = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
-    return f"{' and '.join(names)} barely move{'s' if len(names) == 1 else ''} in any experiment" if names else ""
-
-
-def _moves(found: Discovery, name: str) -> bool:
-    values = np.concatenate([p.case.protocol.inputs[name] for p in found.study.pieces])
-    return float(np.ptp(values)) > MOVES * found.study.monitor_noise.get(name, 0.0)
 
 
 def _partly(found: Discovery) -> list[str]:
@@ -364,116 +267,12 @@ def _partly(found: Discovery) -> list[str]:
     ]
 
 
-def _starts(found: Discovery) -> list[str]:
-    """Files that do not begin at rest, and files that follow others."""
-    own, starts = {p.source for p in found.study.pieces if p.loose}, found.recordings.starts
-    after = [e for e in found.recordings.experiments if e.follows]
-    loaded = [e.name for e in found.recordings.experiments if starts[e.name] == UNKNOWN and not e.follows]
-    free, settled = ([n for n in loaded if (n in own) == is_free] for is_free in (True, False))
-    said = []
-    if after:
-        pairs = ", ".join(f"{e.name} follows {e.follows}" for e in after)
-        said.append(
-            f"As bench.toml says ([order]), {pairs}: each is computed from where the one before it ends; in between, "
-            "the plant is under the inputs with which the next one begins."
-        )
-    if free:
-        said.append(
-            f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
-            "estimated from the record, and a slow effect may hide in them. If a file began at rest under its first "
-            'load, say so in bench.toml ([start] and NAME = "equilibrium"): smaller effects can then be seen in it.'
-        )
-    if settled:
-        effects = " and ".join(found.search.chosen.ids) or "an effect"
-        said.append(
-            f"{', '.join(settled)} begin{'s' if len(settled) == 1 else ''} under load, and at equilibrium with it: "
-            f"together with {effects}, this explains more than unknown states at every start. If it was not so, say so "
-            'in bench.toml: [start] and NAME = "unknown".'
-        )
-    return said
-
-
-def _in_a_row(found: Discovery) -> list[str]:
-    """That files of one specimen belong together, where what was found outlasts a record."""
-    lasting = [n for n in found.named.ids if found.study.catalogue[n].lasting]
-    files = found.recordings.experiments
-    if not lasting or len(files) < 2 or any(e.follows for e in files):
-        return []
-    return [
-        f"What {' and '.join(lasting)} change{'s' * (len(lasting) == 1)} outlasts a record, but each was computed as "
-        "if nothing had been done to the plant before. If files were recorded one after the other, say when each began "
-        "([order] in bench.toml)."
-    ]
-
-
-def _spread(found: Discovery) -> list[str]:
-    """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
-    said, lacks = [], not noise_alone(found.named)
-    for name in found.study.spread:
-        told_before = found.shifted is not None and found.shifted.output == name
-        if not told_before and 0 < found.study.zero(name) < (spread := zero_spread(found.study, name)):
-            told = _told(spread, found.study.plant.quantity(name))
-            if lacks:
-                said.append(
-                    f"In the fits the zero of {name} differs by {told} from file to file: it may make up for what the "
-                    "model lacks."
-                )
-            elif found.study.spread[name] >= AT_MOST * most_spread(found.study, name):
-                said.append(
-                    f"By how much the zero of {name} differs from file to file, these recordings do not tell: up to "
-                    f"{told} was allowed for. Record each file from rest, or its zero before."
-                )
-            else:
-                said.append(f"The zero of {name} differs by {told} from file to file.")
-    return said
-
-
-def implausible_zero(found: Discovery) -> list[str]:
-    """A zero that no sensor has."""
-    if found.shifted is None:
-        return []
-    shift = found.shifted
-    q = found.study.plant.quantity(shift.output)
-    off, usual = (_told(v, q) for v in (shift.value, found.study.zero(shift.output)))
-    return [
-        f"In {shift.piece}, {shift.output} would have to read {off} too much; its zero is usually {usual}. The plant "
-        "differs between the files, or the model lacks what shifts it. Errors are computed without this shift."
-    ]
-
-
-def disagree(found: Discovery) -> bool:
-    """Whether all that is missing is that files differ: with gains that no monitor has, the base explains them."""
-    return found.verdict == "unexplained" and found.unlike is not None and noise_alone(found.named)
-
-
-def unlike(found: Discovery) -> list[str]:
-    """Gains that no monitor has, file by file."""
-    if found.unlike is None:
-        return []
-    changes = found.unlike.changes
-    inputs = dict.fromkeys(name for own in changes.values() for name in own)
-    large = [n for n in inputs if max(abs(own.get(n, 0.0)) for own in changes.values()) > GAIN]
-    each = {n: [f"{own[n]:+.1%} in {piece}" for piece, own in changes.items() if n in own] for n in large}
-    told = [f"{n} {', '.join(files)}" for n, files in each.items()]
-    moved = _told(found.unlike.value, found.study.plant.quantity(found.unlike.output))
-    together = "The files are explained together only as if gains of monitors changed between them"
-    if not noise_alone(found.named):
-        together = "In the fits gains of monitors changed between the files, which may make up for what the model lacks"
-    return [
-        f"{together} ({'; '.join(told)}). In "
-        f"{found.unlike.piece} that of {found.unlike.input} moves {found.unlike.output} by {moved} (rms). Monitors "
-        f"hardly change by more than {GAIN:.1%}: is it another {found.study.plant.name} in some files, was a part of "
-        "it lost, or a scale set anew? All errors here allow for these gains (`records` in result.json); parameters "
-        "are those of a mean of the files."
-    ]
-
-
 def unexplained_output(found: Discovery) -> list[str]:
     """An output beside those of the fits that shows what the model does not have."""
     missed = found.missed
     if missed is None:
         return []
-    size = _told(missed.value, found.study.plant.quantity(missed.output))
+    size = found.study.plant.quantity(missed.output).in_words(missed.value)
     return [
         f"In {missed.piece}, {missed.output} differs by {size} (rms) between stretches in which it is next to nothing "
         "as the model has it: something acts on it that the model lacks (a leakage, for instance, or its monitor)."
@@ -488,7 +287,7 @@ def _wandering(found: Discovery) -> list[str]:
     q = found.study.plant.quantity(output.name)
     reading = output.headings[0]
     return [
-        f"The zero of the {reading} drifts slowly within files, most in {name} ({_told(rms, q)} "
+        f"The zero of the {reading} drifts slowly within files, most in {name} ({q.in_words(rms)} "
         "rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
     ]
 
@@ -498,10 +297,10 @@ def _coloured(found: Discovery) -> list[str]:
     state = found.named.lack_of_fit
     if clean(state) or not noise_alone(found.named):
         return []
-    quiet = _quiet(found)
+    quiet = reservations.quiet(found)
     told = (
         "quiet stretches tell. It may be noise that is slower than these stretches last" if quiet else "could be told"
     )
     also = "or a weak effect: record longer ones, in which nothing moves" if quiet else "as no stretch is quiet"
-    part = _slow_part(state, told)
+    part = reservations.slow_part(state, told)
     return [f"{part[0].upper()}{part[1:]}, {also}."]

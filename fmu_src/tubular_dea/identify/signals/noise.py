@@ -264,8 +264,8 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
 
 
 def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> Noise:
-    """Noise of readings in coarse steps, which hide it at rest: as it is there, without a memory that nothing shows, if
-    readings change there less often than noise as `found` would make them."""
+    """Noise of readings in coarse steps, which hide it at rest: as it is there, with no more memory than it shows
+    there, if readings change less often than noise as `found` would make them."""
     rests = whole_rests(records)
     if not rests:  # they have gaps
         return found
@@ -277,8 +277,11 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
     worse = 2 * changed.size * float(rel_entr(seen, expected) + rel_entr(1 - seen, 1 - expected))
     if seen >= expected or worse < ANOTHER:
         return found
-    rms, told = float(np.sqrt(_left(still))), float(freedom(still))
-    return Noise(rms, 0.0, told, found.hum, found.lines, found.step, white=1.0, faster=found.faster)
+    told = _told(records, still, True, True, found.faster)
+    if told.quiet and freedom(still) >= SOME_FREEDOM:
+        return replace(told, hum=found.hum, lines=found.lines)
+    rms, known = float(np.sqrt(_left(still))), float(freedom(still))
+    return Noise(rms, 0.0, known, found.hum, found.lines, found.step, white=1.0, faster=found.faster)
 
 
 def _before_events(records: Records, apart: float) -> list[Stretches]:

@@ -1,0 +1,77 @@
+"""Why an answer rests on little: few experiments, noise that nothing tells, inputs that hardly move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..alternatives.input_noise import allowed_rms
+from ..engine import Discovery
+from ..options.acceptance import PREDICTED, clean
+from ..options.residuals import LackOfFit
+
+# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
+DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
+MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
+
+
+def thin(found: Discovery) -> str:
+    """Why these recordings can show little; "" where they are many."""
+    files = {p.source for p in found.study.pieces}
+    if len(files) < FEW_EXPERIMENTS:
+        what = "one experiment" if len(files) == 1 else f"{len(files)} experiments"
+        return f"there {'is' if len(files) == 1 else 'are'} only {what}"
+    ratio = found.named.lack_of_fit.ratio
+    if found.verdict == "no_effect" and ratio > PREDICTED:
+        return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
+    return ""
+
+
+def loud(found: Discovery) -> str:
+    """Why it is open whether a residual beside which nothing is named is noise: no stretch is quiet, or noise may be
+    all that there is; "" where it is not."""
+    if found.verdict != "no_effect":
+        return ""
+    if drowned := hidden_by_noise(found):
+        return drowned
+    if clean(found.named.lack_of_fit) or quiet(found):
+        return ""
+    return f"no stretch is quiet, and {slow_part(found.named.lack_of_fit, 'could be told')}"
+
+
+def hidden_by_noise(found: Discovery) -> str:
+    """Which output hardly moves by more than its noise and that of the inputs, with their edges, allow; "" for none."""
+    for name, allowed in allowed_rms(found.study).items():
+        read = [
+            p.record[part]
+            for p in found.study.pieces
+            for reading, part in zip(p.case.readings, p.case.parts, strict=True)
+            if reading.output == name
+        ]
+        noise = found.study.noise[name]  # where it is slow, it weighs more on averages than it is large
+        most = float(np.sqrt(noise.rms**2 + max(allowed**2 - noise.slow**2, 0.0)))
+        share = most / max(float(np.std(np.concatenate(read))), 1e-300)
+        if share > DROWNED:
+            return f"what noise may make of {name}, the inputs' too, is {share:.2g} times as large as all that it does"
+    return ""
+
+
+def still(found: Discovery) -> str:
+    """Which inputs barely move in any experiment, nor from one to the next; "" where all do."""
+    names = [s.name for s in found.study.plant.inputs if not _moves(found, s.name)]
+    return f"{' and '.join(names)} barely move{'s' if len(names) == 1 else ''} in any experiment" if names else ""
+
+
+def quiet(found: Discovery) -> bool:
+    """Whether quiet stretches tell the noise of every output."""
+    return all(noise.quiet for noise in found.study.noise.values())
+
+
+def slow_part(state: LackOfFit, told: str) -> str:
+    """How the slow part of a residual compares with the noise that was `told`."""
+    return f"the slow part of the residual is {state.coloured**0.5:.1f} times that of the noise that {told}"
+
+
+def _moves(found: Discovery, name: str) -> bool:
+    values = np.concatenate([p.case.protocol.inputs[name] for p in found.study.pieces])
+    return float(np.ptp(values)) > MOVES * found.study.monitor_noise.get(name, 0.0)
