@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME=VALUE[UNIT]",
-        help=f"change a parameter: {values}",
+        help=f"change a parameter; of the tube these are {values}",
     )
     parser.add_argument("--out", type=Path, default=Path("run"), help="folder to write to (default: run)")
 

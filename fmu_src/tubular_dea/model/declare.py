@@ -272,6 +272,20 @@ class Model:
         ]
         return {quantity.name: quantity for quantity in listed}
 
+    def __str__(self) -> str:
+        """What goes in, what comes out, and what it is made of, by name and unit."""
+        known = self.quantities()
+        listed = {
+            "inputs": [q.name for q in self.inputs],
+            "outputs": self.outputs,
+            "states": [s.quantity.name for s in self.states],
+            "parameters": [p.quantity.name for p in self.parameters],
+        }
+        lines = [
+            f"{what + ':':12s}{', '.join(f'{n} [{known[n].unit}]' for n in names)}" for what, names in listed.items()
+        ]
+        return "\n".join([f"{self.name}: {self.description}", *(line for line in lines if line.endswith("]"))])
+
     def __getitem__(self, name: str) -> sympy.Symbol:
         """The symbol of a declared quantity."""
         return self.quantity(name).symbol
