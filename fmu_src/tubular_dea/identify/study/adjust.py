@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ..fitting.cases import Case
 from ..fitting.compiled import Ids
@@ -65,8 +66,10 @@ def adjusted(
         return adjusted(replace(study, remembering=False), ids, values, free, started)
     priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
     part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
+    alike = _moved_alike(work, ids, free, linear, priors)
     pieces = [
-        _settled(work, ids, fixed, p, s, sd, common, part) for p, s, sd in zip(work.pieces, linear, priors, strict=True)
+        _settled(work, ids, fixed, p, s, sd, common, part, alike)
+        for p, s, sd in zip(work.pieces, linear, priors, strict=True)
     ]
     work = replace(work, pieces=pieces, spread=spread, late=common.late, longer=common.longer)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
@@ -89,11 +92,12 @@ def _settled(
     sd: np.ndarray,
     common: Common,
     part: float | None,
+    alike: Mapping[str, float],
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
-    `sd` (k,) are their priors, `common` what all files have in common, and `part` that of the sampling at which edges
-    happened, if they did so on one clock.
+    `sd` (k,) are their priors, `common` what all files have in common, `part` that of the sampling at which edges
+    happened, if they did so on one clock, and `alike` what the edges of inputs are moved by beside [s].
     """
     shifts, late = piece.shifts, {name: by * step_of(piece) for name, by in common.late.items()}
     if linear.windows:
@@ -102,6 +106,7 @@ def _settled(
         if part is not None:
             low, high = bounds(piece)
             best = np.where(wide(piece), low + part * (high - low), best)
+        best += [alike.get(e.input, 0.0) for e in piece.driven.edges]
         shifts = _kept_in_place(piece, best, late)
     elif lasting_edges(piece):
         shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
@@ -167,6 +172,38 @@ def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
     """
     switched = {f"{LATE_OF}{e.input}" for e in piece.driven.edges}
     return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
+
+
+def _moved_alike(
+    study: Study, ids: Ids, free: Sequence[Free], linear: Sequence[Linearised], priors: Sequence[np.ndarray]
+) -> dict[str, float]:
+    """By how much [s] all edges of an input have to be moved so that each is likeliest within its bounds, where a
+    fitted delay of that input makes up for it: else the delay stays where fits began, however far off the bounds."""
+    fitted, found = {f.name for f in free}, {}
+    for name in {d.of for d in study.compiled.model(ids).delays if d.by in fitted}:
+        told = []
+        for piece, one, sd in zip(study.pieces, linear, priors, strict=True):
+            if one.windows and not piece.held_out:
+                left, ends = _without_own(piece, one, sd), zip(*bounds(piece), strict=True)
+                each = zip(piece.driven.edges, one.windows, ends, strict=True)
+                told += [
+                    (*m.likeliest(left[m.where]), *end) for e, m, end in each if e.input == name and m.answers.size
+                ]
+        if told:
+            found[name] = _into_bounds(*np.array(told).T)
+    return found
+
+
+def _into_bounds(shifts: np.ndarray, weights: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """The least by which all shifts (m,) are moved to be within their bounds, as well as these weights allow."""
+
+    def outside(by: float) -> float:
+        return float(np.sum(weights * np.maximum(0.0, np.maximum(low - shifts - by, shifts + by - high)) ** 2))
+
+    first, last = float(np.max(low - shifts)), float(np.min(high - shifts))
+    if first <= last:
+        return float(np.clip(0.0, first, last))
+    return float(minimize_scalar(outside, bounds=(last, first), method="bounded").x)
 
 
 def _part_on_clock(pieces: Sequence[Piece], linear: Sequence[Linearised], priors: Sequence[np.ndarray]) -> float | None:

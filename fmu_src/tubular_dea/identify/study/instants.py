@@ -66,6 +66,14 @@ class EdgeResponse:
         finer = np.clip(nearest + np.linspace(-step, step, FINE_PLACES), self.grid[0], self.grid[-1])
         return float(finer[int(np.argmin(self.squares(left, finer)))])
 
+    def likeliest(self, left: np.ndarray) -> tuple[float, float]:
+        """The shift with the least squares, beyond the bounds too, along the tangent there, and the squares per shift
+        squared."""
+        best = self.best(left)
+        column = self.column(best)
+        weight = float(column @ column)
+        return best - float(column @ (left + self.change(best))) / max(weight, 1e-300), weight
+
     def change(self, shift: float) -> np.ndarray:
         """What the samples (m,) would be at a shift, less what they are."""
         if not self.answers.size:
@@ -151,6 +159,18 @@ def bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
     """The least and the largest shift [s] of every edge, each (m,)."""
     edges = piece.driven.edges
     return np.array([e.earliest - e.time for e in edges]), np.array([e.latest - e.time for e in edges])
+
+
+def untold_delay(pieces: Sequence[Piece], name: str) -> float:
+    """The standard deviation [s] of what no edge of an input tells of a delay of it, which moves them all alike: all of
+    them may have happened earlier or later, until one is at a bound."""
+    ends = [
+        (s - low, high - s)
+        for p in pieces
+        for e, s, low, high in zip(p.driven.edges, p.shifts, *bounds(p), strict=True)
+        if e.input == name
+    ]
+    return float(np.sum(np.min(ends, axis=0)) / np.sqrt(12)) if ends else 0.0
 
 
 def reach(edge: Edge) -> float:

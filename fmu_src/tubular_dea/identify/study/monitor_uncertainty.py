@@ -4,7 +4,8 @@ The lines that `drive` fits to a continuous monitor (`monitors.polyline`) have e
 corners. These errors drive the model slowly, and so act like a change of parameters. The corners are a linear fit to
 the monitor's samples, so their covariance is known. The model's static gain and the normal equations of the fit
 convert it into a covariance of the parameters, whose uncertainty increases by 3 to 20 % on a bench. The levels of held
-inputs and the choice of the corners' positions are not included.
+inputs and the choice of the corners' positions are not included. Where a held input switches is unknown to a sample: by
+what all its edges may have happened earlier or later together, a delay of that input is unknown, too.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ..fitting.response import Response
 from ..records.start import FIRST_SAMPLES
 from ..signals.quiet import Clock
 from ..threads import side_by_side
+from .instants import untold_delay
 from .remembered import left_between
 from .study import Piece
 
@@ -51,6 +53,11 @@ def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], lev
         for i, driven in enumerate(drives):
             level = max(driven.noise[name], levels.get(name, 0.0))
             covariance += level**2 * _added(problem, i, parts[i] * weights[i], gains[i], driven.corners[name])
+    for delay in problem.response.kernel.model.delays:
+        if delay.by in best.names:
+            place = best.names.index(delay.by)
+            untold = untold_delay(pieces, delay.of) / best.stderr[delay.by]
+            covariance[place, place] += untold**2 * best.covariance[place, place]
     return best.with_covariance(covariance)
 
 

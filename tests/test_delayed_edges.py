@@ -1,0 +1,71 @@
+"""A delay of an input that switches between samples: all its edges may be off alike, as far as none leaves its bounds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import tubular_dea as td
+from tubular_dea.identify.study.adjust import _into_bounds
+from tubular_dea.plants import Build, Input, Output, Plant
+from tubular_dea.plants import Path as Way
+
+DELAY, TAU, GAIN, STEP = 0.043, 0.11, 5.3e4, 0.01
+NOISE = 400.0  # Pa
+
+
+def regulator() -> Plant:
+    """A proportional regulator of pressure: of first order."""
+    m = Build("Regulator", "A proportional regulator of pressure", "tau dp/dt = G u - p")
+    u = m.input("command", "V", "Command", nominal=7)
+    gain = m.parameter("G", "Pa/V", 5e4, "Gain", minimum=0)
+    tau = m.parameter("tau", "s", 0.08, "Time constant", minimum=1e-3)
+    p = m.state("p", "Pa", "Pressure", start="free", nominal=3e5)
+    m.derivative(p, (gain * u - p) / tau)
+    m.output("pressure", "Pa", p, "Its sensor")
+    return Plant(
+        m.model(), inputs=[Input("command", held=True)], outputs=[Output("pressure", zero=1e3)], places=[Way("command")]
+    )
+
+
+def record(random: np.random.Generator) -> str:
+    """A record of 12 s: the command switches at any time, and is sampled every 10 ms; the answer is exact."""
+    times = np.arange(0.0, 12.0, STEP)
+    switched = 1.5 + np.cumsum(random.uniform(0.8, 2.0, 6))
+    levels = random.permutation([2.5, 3.5, 4.5, 5.5, 6.5, 7.0, 3.0])
+    command = levels[np.searchsorted(switched, times, side="right")]
+    pressure = np.full(times.size, GAIN * levels[0])
+    for before, after, at in zip(levels[:-1], levels[1:], switched + DELAY, strict=True):
+        pressure += GAIN * (after - before) * (1 - np.exp(-np.maximum(times - at, 0.0) / TAU))
+    read = pressure + NOISE * np.sqrt(1 - 0.5**2) * lfilter([1.0], [1.0, -0.5], random.standard_normal(times.size))
+    rows = [f"{t:.2f},{u},{p:.1f}" for t, u, p in zip(times, command, read, strict=True)]
+    return "\n".join(["time [s],command [V],pressure [Pa]", *rows])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_delay_is_where_no_edge_leaves_its_bounds(seed: int, tmp_path: Path) -> None:
+    """It stayed 1.4 ms off, where fits began, with an interval of 0.1 ms."""
+    random = np.random.default_rng(seed)
+    for name in ("a", "b", "c"):
+        (tmp_path / f"{name}.csv").write_text(record(random))
+    (tmp_path / "bench.toml").write_text('[noise]\ncommand = "0 V"\n')
+    found = td.discover(td.read_recordings(tmp_path, plant=regulator()))
+    assert found.verdict in ("effect_found", "ambiguous")
+    assert found.effects[0].id == "delay(command)"
+    told = found.effects[0].parameters["command_delay"]
+    low, high = told.ci95
+    assert low < DELAY < high
+    assert high - low < 4e-3
+
+
+@pytest.mark.parametrize(
+    ("shifts", "by"),
+    [([-0.2, 0.1], 0.0), ([0.3, 0.8], -0.3), ([-1.4, -0.9], 0.4), ([-1.5, 0.5], 0.25)],
+    ids=["inside", "late", "early", "wider than bounds"],
+)
+def test_edges_are_moved_no_farther_than_into_their_bounds(shifts: list[float], by: float) -> None:
+    found = _into_bounds(np.array(shifts), np.ones(2), np.full(2, -1.0), np.full(2, 0.5))
+    assert found == pytest.approx(by, abs=1e-3)
