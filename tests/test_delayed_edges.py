@@ -1,4 +1,4 @@
-"""A delay of an input that switches between samples: all its edges may be off alike, as far as none leaves its bounds."""
+"""A delay of an input that switches between samples: all edges may be off alike, as far as none leaves its bounds."""
 
 from __future__ import annotations
 
