@@ -640,6 +640,17 @@ def test_what_may_be_a_level_is_no_lost_sample() -> None:
     assert list(lost_samples(np.where(time % 500 == 7, -9999.0, 0.0), possible, sensed=False)) == [-9999.0]
 
 
+def test_noise_is_no_spike_of_a_sensor_that_is_at_its_limit_most_of_the_time() -> None:
+    """Its limit shows no noise: a laser at 38 mm for three quarters of a record made spikes of ordinary noise."""
+    random = np.random.default_rng(3)
+    read = np.round(35.0 + 6.0 * np.sin(np.arange(4000) / 400.0) + 0.04 * random.standard_normal(4000), 2)
+    clipped = np.minimum(read, 31.0)
+    assert np.mean(clipped == 31.0) > 0.7
+    assert spikes(clipped).size == 0
+    clipped[int(np.argmin(read)) + 60] += 2.0
+    assert spikes(clipped).size == 1
+
+
 def test_the_last_sample_of_a_record_is_no_spike() -> None:
     """Nothing tells whether what comes after it goes on from there."""
     room = 20 + 0.01 * np.random.default_rng(4).standard_normal(200)

@@ -7,9 +7,9 @@
                            1 --+.'-------- of - start
 
 Equation: coefficient' = coefficient exp(slope (of - start)), which keeps its sign at any value, also beyond what was
-recorded; a signal' = signal + slope (of - start). The start is where the other quantity begins as declared (as
-293 K), so that parameters keep their meaning there. What is bent besides is another law: with a bend as well, it would
-be any curve, and would fit better than the law that holds.
+recorded; a signal' = signal + slope (of - start). The start is where the other quantity begins as declared (as 293 K;
+its nominal value where that is free), so that parameters keep their meaning there. What is bent besides is another law:
+with a bend as well, it would be any curve, and would fit better than the law that holds.
 
 Source: E. O. Doebelin, "Measurement Systems", 5th ed., McGraw-Hill 2004 (modifying and interfering inputs).
 

@@ -50,7 +50,7 @@ def law(at: BalanceSite) -> Effect | None:
         return at.added(model, part.symbol * positive_part(-rest) * gate)
 
     return at.effect(
-        f"A store goes no lower than a level: {at.words}",
+        f"A store falls more slowly, or not at all, below a level: {at.words}",
         "Erickson 2020",
         apply,
         part,

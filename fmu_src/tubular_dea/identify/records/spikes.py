@@ -101,8 +101,10 @@ def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]
 
 
 def _least(read: np.ndarray) -> float:
-    """How far off a sample is that stands out of a record without gaps."""
-    return max(OFF_NOISE * noise_level(read), OFF_STEPS * resolution(read))
+    """How far off a sample is that stands out of a record without gaps; at its limits a sensor shows no noise."""
+    free = read[(read > read.min()) & (read < read.max())]
+    noise = noise_level(free if free.size >= FEWEST_SEEN else read)
+    return max(OFF_NOISE * noise, OFF_STEPS * resolution(read))
 
 
 def _between(read: np.ndarray, first: int, last: int, least: float) -> np.ndarray | None:
