@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import made_up
+import tubular_dea as td
+from blind.laboratory import laboratory, write
 from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
 from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
 from tubular_dea.discover.answer import between_files
@@ -43,3 +46,12 @@ def test_files_that_differ_as_no_monitor_does_are_told() -> None:
 def test_gains_as_monitors_have_them_are_no_finding() -> None:
     assert unlike(0.006) is None
     assert between_files.unlike(SimpleNamespace(unlike=None)) == []
+
+
+@pytest.mark.long
+def test_a_drift_over_files_in_a_row_is_no_gain_of_each(tmp_path: Path) -> None:
+    """A stiffness that falls by 2.8 % over eight files was gains of -1.5 % to +1.0 %, and nothing was named."""
+    write(laboratory(7700000, "stiffness_drift"), tmp_path / "set")
+    found = td.discover(td.read_recordings(tmp_path / "set"))
+    assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", ["stiffness_drift"])
+    assert found.discovery.unlike is None

@@ -16,7 +16,7 @@ from ..identify.threads import one_blas_thread
 from .alternatives import input_noise, numerics, zeros
 from .alternatives.backwards import Backwards, backwards
 from .alternatives.settled_start import started_at_equilibrium
-from .alternatives.unlike_files import Unlike
+from .alternatives.unlike_files import Unlike, unlike_files
 from .experiments import next_experiment
 from .experiments.next_experiment import Proposal
 from .judgement import competitors, held_ratio, judge
@@ -214,7 +214,20 @@ def _found(
 ) -> tuple[float, Search]:
     """What numerical errors may gain, and the search."""
     numeric = numerics.numeric_gain(work, fitted.values)
-    return numeric, _from_equilibrium(prepared, _searched(work, fitted, numeric, seed, tell), recordings, seed, tell)
+    found = _with_firm_gains(_searched(work, fitted, numeric, seed, tell), numeric, seed, tell)
+    return numeric, _from_equilibrium(prepared, found, recordings, seed, tell)
+
+
+def _with_firm_gains(found: Search, numeric: float, seed: int, tell: Progress) -> Search:
+    """The search with gains of monitors as firm as they usually are, where nothing was `found` because some change from
+    file to file as no monitor's do, if effects then explain everything: what drifts over files recorded one after the
+    other is like a gain of each."""
+    if found.chosen.ids or unlike_files(found.base_study, found.base) is None:
+        return found
+    tell("gains of monitors changed between files as they hardly do: is it an effect?")
+    firm = replace(found.base_study, firm_gains=True)
+    firm_found = _searched(*base_settled(firm, found.base.fitted, seed), numeric, seed, tell)
+    return firm_found if firm_found.chosen.ids and acceptance.noise_alone(firm_found.chosen) else found
 
 
 def _held_out_anew(prepared: Study, found: Search) -> Study | None:
