@@ -18,7 +18,7 @@ def vessel() -> Plant:
     rise = m.state("rise", "K", start="free", nominal=10.0)
     m.derivative(rise, (gain * heater - rise) / tau)
     m.output("temperature", "K", rise)
-    places = [Path("heater", late=True), Balance("rise"), Path("temperature")]
+    places = [Path("heater", delayed=True), Balance("rise"), Path("temperature")]
     return Plant(m.model(), [Input("heater", held=True)], [Output("temperature")], places)
 
 

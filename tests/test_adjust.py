@@ -19,7 +19,7 @@ from tubular_dea.identify.records.data import Experiment, Recordings
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.identify.study import adjust, nuisances, spreads
 from tubular_dea.identify.study.adjust import adjusted
-from tubular_dea.identify.study.monitor_uncertainty import shifted, slow_gains
+from tubular_dea.identify.study.monitor_uncertainty import shifted, slow_sensitivities
 from tubular_dea.identify.study.nuisances import with_nuisances
 from tubular_dea.identify.study.study import PRIOR, Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
@@ -314,8 +314,8 @@ def test_monitors_behind_a_filter_are_late_alike_in_all_files() -> None:
         work = study_of(listed, plant)
         for _ in range(2):
             work = adjusted(work, (), TRUTH, FREE)
-        assert work.late["load"] == pytest.approx(found, abs=0.1)
-        assert work.pieces[0].late["load"] == pytest.approx(work.late["load"] * STEP)
+        assert work.delays["load"] == pytest.approx(found, abs=0.1)
+        assert work.pieces[0].delays["load"] == pytest.approx(work.delays["load"] * STEP)
 
 
 def test_the_noise_of_a_monitor_is_no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -452,7 +452,7 @@ def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
     work = study(Recordings(plant, [record]), held_out=())
     with pytest.raises(KernelError):
         work.asked((), [shifted(work.pieces[0].case, "load")[0]]).outputs_alone(values)
-    gains, middle = slow_gains(work.response((), work.pieces), values, "load", work.pieces)[0], TIME.size // 2
+    gains, middle = slow_sensitivities(work.response((), work.pieces), values, "load", work.pieces)[0], TIME.size // 2
     assert gains[middle] == pytest.approx(1 / (1.002 - rising[middle]), rel=0.05)
     found = adjusted(work, (), values).pieces[0].nuisances
     assert not found.columns[:, found.names.index("load")].any()  # left out, and nothing is refused

@@ -113,7 +113,7 @@ def test_trials_are_judged() -> None:
     null = Trial(1, "none", [], ["hum"], 1000, "no_effect")
     found = Trial(2, "sensor_lag", ["sensor_lag"], [], 1000, "ambiguous", ["sensor_delay"], [["sensor_lag"]])
     false = replace(null, verdict="effect_found", found=["sensor_lag"], equivalent=[["sensor_delay"]])
-    odd = Trial(3, "foreign", ["leak"], [], 1000, "partly_explained", ["pneumatic_line"], [[]], "pressure")
+    odd = Trial(3, "external", ["leak"], [], 1000, "partly_explained", ["pneumatic_line"], [[]], "pressure")
     assert [t.right for t in (null, found, false, odd)] == [True, True, False, True]
     counted = dict(shares([null, found, false, odd, replace(null, verdict="refused")]))
     assert counted["nulls: an effect falsely named"] == [False, True]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tubular_dea as td
-from tubular_dea.identify.fitting.cases import Case, Reading, runs
+from tubular_dea.identify.fitting.cases import Case, Reading, shared_trajectories
 from tubular_dea.identify.fitting.fit import search
 from tubular_dea.identify.fitting.response import TOLERANCE, Response
 from tubular_dea.kernel import Driven, Kernel, KernelError
@@ -34,7 +34,7 @@ def in_a_row(count: int, pause: float = 0.7) -> list[Case]:
 
 def test_a_row_is_one_trajectory_and_each_file_reads_what_it_would_alone() -> None:
     cases, kernel = in_a_row(4), Kernel(td.tube())
-    assert [len(run.cases) for run in runs(cases)] == [4]
+    assert [len(shared.cases) for shared in shared_trajectories(cases)] == [4]
     shuffled = [cases[i] for i in (2, 0, 3, 1)]
     together = Response(kernel, shuffled)
     separate = [Response(kernel, [case]) for case in shuffled]
@@ -58,8 +58,8 @@ def test_what_began_otherwise_is_another_trajectory(what: str) -> None:
         "outputs": replace(first, readings=(Reading("lambda_2", TIMES),)),
         "times": replace(first, protocol=Protocol(1.001 * first.protocol.time, first.protocol.inputs)),
     }[what]
-    assert len(runs([second, other])) == 2
-    assert len(runs([second, first])) == 1
+    assert len(shared_trajectories([second, other])) == 2
+    assert len(shared_trajectories([second, first])) == 1
 
 
 def test_a_case_that_cannot_be_computed_takes_none_before_it_along(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -152,7 +152,7 @@ def test_what_monitors_noise_moves_is_what_noise_in_the_record_does(nothing: Dis
     louder = replace(work, monitor_noise={n: 4 * v for n, v in work.monitor_noise.items()})
     one, four = (input_noise.caused_rms(w, values)["measured_displacement"] for w in (work, louder))
     assert four == pytest.approx(4 * one, rel=0.1)
-    constant = max(np.abs(g).max() for gains in input_noise.input_gains(work, values).values() for g in gains)
+    constant = max(np.abs(g).max() for gains in input_noise.input_sensitivities(work, values).values() for g in gains)
     assert 0 < one < constant * max(work.monitor_noise.values())
 
 

@@ -13,7 +13,7 @@ from tubular_dea.cli import main
 from tubular_dea.commands import COMMANDS
 from tubular_dea.docstrings import paragraph, rendered, signature, summary
 from tubular_dea.emit import tables
-from tubular_dea.emit.folded import ROOM
+from tubular_dea.emit.line_breaks import ROOM
 from tubular_dea.laws import laws
 from tubular_dea.model.dea import tubular_dea as tube
 from tubular_dea.model.declare import Model
@@ -74,7 +74,7 @@ def test_equations_parameters_and_options_are_there(page: html.HtmlElement) -> N
     assert "--optimise" in entries(page, "Commands")["assist"].text_content()
 
 
-def test_wide_equations_are_folded_into_lines(page: html.HtmlElement) -> None:
+def test_wide_equations_are_broken_into_lines(page: html.HtmlElement) -> None:
     rows = [row for row in entries(page, "Models")["TubularDEA"].iter("tr") if list(row.iter("math"))]
     equations = {row[0].text_content(): row for row in rows}
     assert list(equations["tube_volume"].iter("mtable")) and not list(equations["lambda_1"].iter("mtable"))
@@ -84,13 +84,13 @@ def test_wide_equations_are_folded_into_lines(page: html.HtmlElement) -> None:
         assert max(len(line.text_content()) for line in lines) < ROOM
 
 
-def test_folding_changes_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_breaking_lines_changes_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same names, numbers and signs in the same order, in every model and effect."""
     changed = [after for plant in (tube_plant.PLANT, aorta.PLANT) for after in effects_of(plant)]
-    folded = [html.fromstring(tables.body(model)) for model in changed]
-    assert sum(bool(list(page.iter("mtable"))) for page in folded) > 20
-    monkeypatch.setattr(tables, "fold", lambda equation: None)
-    for page, model in zip(folded, changed, strict=True):
+    broken = [html.fromstring(tables.body(model)) for model in changed]
+    assert sum(bool(list(page.iter("mtable"))) for page in broken) > 20
+    monkeypatch.setattr(tables, "break_lines", lambda equation: None)
+    for page, model in zip(broken, changed, strict=True):
         flat = html.fromstring(tables.body(model))
         assert [m.text_content() for m in page.iter("math")] == [m.text_content() for m in flat.iter("math")]
 

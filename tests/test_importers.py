@@ -187,7 +187,7 @@ def test_c_host_agrees_with_fmpy(
 
 @pytest.mark.long
 @pytest.mark.parametrize("target", OTHER_PLATFORMS)
-def test_foreign_binaries_agree_with_fmpy(
+def test_external_binaries_agree_with_fmpy(
     target: Target,
     fmi2_fmu_other_platforms: Path,
     fmi2_fmu: Path,

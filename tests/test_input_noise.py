@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tubular_dea.discover.alternatives import input_noise
-from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs, input_gains, told_by_outputs
+from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs, input_sensitivities, told_by_outputs
 from tubular_dea.discover.scores.parameters import base_parameters
 from tubular_dea.identify.fitting.misfit import BLOCK
 from tubular_dea.identify.inputs.drive import joined
@@ -50,7 +50,7 @@ def told(follows: bool, lacks: float = 0.0) -> tuple[Study, Study]:
     recordings = Recordings(PLANT, [recorded(i, follows, lacks) for i in range(4)], {}, {}, "wandering")
     work = adjusted(study(recordings, held_out=(), prior=PRIOR), (), PLANT.model.parameter_values())
     values = PLANT.model.parameter_values()
-    return work, told_by_outputs(work, values, input_gains(work, values))
+    return work, told_by_outputs(work, values, input_sensitivities(work, values))
 
 
 def test_a_supply_that_wanders_is_no_noise_of_its_monitor() -> None:
@@ -86,7 +86,7 @@ def test_what_is_held_out_beyond_the_fold_of_the_refitted_base_tells_nothing() -
     values = {p.name: PLANT.model.parameter_values()[p.name] for p in base_parameters(PLANT)}
     fewer, more = (replace(before, pieces=[*before.pieces[:-1], *rest]) for rest in ([], [beyond]))
     assert more.response((), [beyond]).possible(values)[0] is None
-    gains = input_gains(more, values)
+    gains = input_sensitivities(more, values)
     level = told_by_outputs(more, values, gains).monitor_noise["pressure"]
     alone = told_by_outputs(fewer, values, {n: g[:-1] for n, g in gains.items()}).monitor_noise["pressure"]
     assert level == pytest.approx(alone, rel=0.02)

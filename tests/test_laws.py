@@ -362,7 +362,7 @@ def test_a_law_goes_by_the_plants_own_names() -> None:
         (Path("pump", seconds="fast"), "Path('pump'): seconds: expected a positive number but was given 'fast'"),
         (Path("pump", seconds=-1), "Path('pump'): seconds: expected a positive number but was given -1"),
         (Balance("upper", size=0.0), "Balance('upper'): size: expected a positive number but was given 0.0"),
-        (Path("level", late=True), "Path('level'): late: expected an input"),
+        (Path("level", delayed=True), "Path('level'): delayed: expected an input"),
     ],
 )
 def test_a_wrong_place_says_what_was_expected(place, words: str) -> None:

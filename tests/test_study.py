@@ -105,7 +105,7 @@ def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> Non
     settled = adjusted(made, (), values, [Free("rate", 0.05)])
     starts = [p.case.own["T_start"] for p in settled.pieces]
     assert len(set(starts)) == 1 and abs(starts[0] - 12.0) < 0.5
-    assert len(settled.response((), settled.pieces).runs) == 1
+    assert len(settled.response((), settled.pieces).shared) == 1
     told = td.discover(tmp_path, plant=plant, hold_out=["w2"]).content["records"]
     assert told["w0"]["start"]["T_start"] == pytest.approx(12.0, abs=0.05)
     own = {"zeros": {}, "gains": {}}

@@ -52,7 +52,7 @@ def test_a_killed_worker_costs_nothing(client: distributed.Client, expected: dic
             os.kill(min(before), signal.SIGKILL)
     client.wait_for_workers(2, timeout=30)
     assert set(client.run(os.getpid).values()) != before, "the killed worker was replaced"
-    assert sorted(written) == [start for start, _ in store.pieces], "nothing is lost, and nothing comes twice"
+    assert sorted(written) == [start for start, _ in store.ranges], "nothing is lost, and nothing comes twice"
     assert parts(tmp_path / "out") == expected
 
 

@@ -94,7 +94,7 @@ def test_a_search_is_repeated_where_its_choice_leaves_less_room_for_noise(
     before, told = Levels("as before", {"load": 180.0}), Levels("as before", {"load": 25.0})
     monkeypatch.setattr(engine, "with_noise_of", lambda *_: Levels("less", {}))
     monkeypatch.setattr(engine, "quieter", lambda *_: quieter)
-    monkeypatch.setattr(engine.input_noise, "input_gains", lambda *_: {})
+    monkeypatch.setattr(engine.input_noise, "input_sensitivities", lambda *_: {})
     monkeypatch.setattr(engine.input_noise, "told_by_outputs", lambda *_: told)
     monkeypatch.setattr(engine.input_noise, "weighted", lambda study, gains: study)
     monkeypatch.setattr(

@@ -150,7 +150,7 @@ def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:
     def prepared(recordings: Recordings) -> tuple[Study, list[np.ndarray]]:
         work = adjusted(study(recordings, prior=PRIOR), (), MODEL.parameter_values())
-        return work, input_noise.weights(work, input_noise.input_gains(work, MODEL.parameter_values()))
+        return work, input_noise.weights(work, input_noise.input_sensitivities(work, MODEL.parameter_values()))
 
     (_, positive), (work, negative) = prepared(plain), prepared(changed(plain, {"voltage": lambda v: -v}))
     for a, b in zip(positive, negative, strict=True):

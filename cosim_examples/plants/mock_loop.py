@@ -43,7 +43,7 @@ PLANT = Plant(
         Coefficient("outflow", of="p_C"),
         Coefficient("C", of="p_C"),
         Balance("p_C"),
-        Path("flow", seconds=0.02, late=True),
+        Path("flow", seconds=0.02, delayed=True),
         Path("pressure", seconds=0.02),
     ],
 )

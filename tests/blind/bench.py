@@ -23,7 +23,7 @@ NAMES = tuple(tubes.TABLE_III)
 R_O = tubes.TABLE_I["r_o"]
 SINCE = ("permittivity_drift", "prestretch", "added_mass", "stiffness_drift", "pressure_gain", "sensor_drift")
 EFFECTS = {name: hidden for name, hidden in effects.EFFECTS.items() if name not in SINCE}  # as the sets were drawn
-FOREIGN = {name: hidden for name, hidden in effects.FOREIGN.items() if name.startswith("odd_")}
+EXTERNAL = {name: hidden for name, hidden in effects.EXTERNAL.items() if name.startswith("odd_")}
 
 
 @dataclass(frozen=True)
@@ -37,20 +37,20 @@ class Tube:
 
 
 def draw(seed: int, kind: str = "any") -> Tube:
-    """A tube by seed. `kind`: none, one, two, foreign, an effect's id, or any (20, 50, 15, 15 % of the former)."""
+    """A tube by seed. `kind`: none, one, two, external, an effect's id, or any (20, 50, 15, 15 % of the former)."""
     random = np.random.default_rng([seed, int.from_bytes(hashlib.sha256(kind.encode()).digest()[:4], "big")])
     identified = tuple(np.array(TABLE_III) * (1 + 0.06 * random.uniform(-1, 1, 9)))
     correlation = float(random.choice([0.0, random.uniform(0.3, 0.7)]))
     if kind == "any":
-        kind = str(random.choice(["none", "one", "two", "foreign"], p=[0.2, 0.5, 0.15, 0.15]))
+        kind = str(random.choice(["none", "one", "two", "external"], p=[0.2, 0.5, 0.15, 0.15]))
     names: list[str] = []
     if kind in ("one", "two"):
         names = list(random.choice(sorted(EFFECTS), size=1 if kind == "one" else 2, replace=False))
-    elif kind == "foreign":
-        names = [str(random.choice(sorted(FOREIGN)))]
+    elif kind == "external":
+        names = [str(random.choice(sorted(EXTERNAL)))]
     elif kind != "none":
         names = [kind]
-    everything = EFFECTS | FOREIGN
+    everything = EFFECTS | EXTERNAL
     hidden = {n: tuple(float(random.uniform(low, high)) for low, high in everything[n].ranges) for n in names}
     return Tube(identified, hidden, 15e-6, correlation)
 

@@ -56,7 +56,7 @@ EFFECTS: dict[str, Hidden] = {
     "sensor_average": _effect(40, "sensor", (8e-3, 4e-2)),  # s
     "sensor_drift": _effect(30, "sensor", (4e-5, 1.5e-4), (5.0, 40.0), either_sign=True),  # m, s
 }
-FOREIGN: dict[str, Hidden] = {
+EXTERNAL: dict[str, Hidden] = {
     "odd_mechanical": _effect(31, "mechanical", (1.5e3, 4e3), (0.015, 0.03)),  # Pa, 1
     "odd_electrical": _effect(32, "electrical", (8e3, 2.5e4), (8e6, 1.5e7)),  # Pa, V/m
     "odd_pressure": _effect(33, "pressure", (80.0, 250.0), (300.0, 700.0)),  # Pa, Pa
@@ -67,7 +67,7 @@ FOREIGN: dict[str, Hidden] = {
     "cracked_electrode": _effect(38, "electrical", (0.1, 0.35), (1.19, 1.25)),  # share of the area, stretch
     "gas_temperature": _effect(39, "pressure", (0.01, 0.04), (0.6, 4.0)),  # share, s
 }
-EVERYTHING = EFFECTS | FOREIGN
+EVERYTHING = EFFECTS | EXTERNAL
 TABLE_ROWS = 41  # in tube.c: N_EFFECTS
 
 

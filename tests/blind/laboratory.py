@@ -21,7 +21,7 @@ import numpy as np
 
 from blind import protocols, recordings, tubes
 from blind.conventions import MAX_SAMPLES, NAMES, Conventions, draw, stream
-from blind.effects import EFFECTS, EVERYTHING, FOREIGN
+from blind.effects import EFFECTS, EVERYTHING, EXTERNAL
 from blind.tubes import TABLE_III, BurstError, Drive, Tube
 
 SPREAD = 0.08  # of the nine parameters about Table III
@@ -82,7 +82,7 @@ class Laboratory:
 def laboratory(
     seed: int, kind: str = "none", only: Collection[str] | None = None, conventions: Conventions | None = None
 ) -> Laboratory:
-    """Draw until the tube survives. `kind`: none, one, two, foreign, or names of EFFECTS and FOREIGN joined by +.
+    """Draw until the tube survives. `kind`: none, one, two, external, or names of EFFECTS and EXTERNAL joined by +.
 
     Without `conventions`, these are drawn too.
     """
@@ -110,8 +110,8 @@ def _hidden(seed: int, kind: str, attempt: int) -> dict[str, tuple[float, ...]]:
         return {}
     if kind in ("one", "two"):
         names = [str(n) for n in random.choice(sorted(EFFECTS), size=1 + (kind == "two"), replace=False)]
-    elif kind == "foreign":
-        names = [sorted(FOREIGN)[seed % len(FOREIGN)]]
+    elif kind == "external":
+        names = [sorted(EXTERNAL)[seed % len(EXTERNAL)]]
     else:
         names = kind.split("+")
     found = {}
@@ -220,7 +220,7 @@ def main() -> None:
     """Write one set."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kind", default="none", help=f"none, one, two, foreign, or among {', '.join(EVERYTHING)}")
+    parser.add_argument("--kind", default="none", help=f"none, one, two, external, or among {', '.join(EVERYTHING)}")
     parser.add_argument("--conventions", nargs="+", default=None, metavar="NAME", help=f"plain, or {', '.join(NAMES)}")
     parser.add_argument("--out", type=Path, required=True, help="folder to write the files to")
     options = parser.parse_args()

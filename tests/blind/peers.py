@@ -220,12 +220,12 @@ def table(rows: list[tuple[Trial, Answer, Answer]]) -> str:
         extra = [bool(set(names) - {*t.hidden, *t.named}) for t, names, _, _ in answers if id(t) in g["singles"]]
         places = [channel(t.hidden[0]) in channels for t, _, channels, _ in answers if id(t) in g["singles"]]
         pairs = [set(t.hidden) <= set(names) for t, names, _, _ in answers if id(t) in g["pairs"]]
-        foreign = [bool(names) for t, names, _, _ in answers if id(t) in g["foreign"]]
+        external = [bool(names) for t, names, _, _ in answers if id(t) in g["external"]]
         seconds = np.median([s for *_, s in answers]) if answers else np.nan
-        cells = (nulls, singles, places, extra, pairs, foreign)
+        cells = (nulls, singles, places, extra, pairs, external)
         return f"{what:34s}" + "".join(f"{score.counted(c):>20s}" for c in cells) + f"{seconds:9.0f}"
 
-    heads = ("nulls: named", "single: hit", "its channel", "single: others", "pairs: both", "foreign: named")
+    heads = ("nulls: named", "single: hit", "its channel", "single: others", "pairs: both", "external: named")
     return "\n".join(
         [
             f"{'':34s}" + "".join(f"{h:>20s}" for h in heads) + f"{'seconds':>9s}",

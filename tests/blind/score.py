@@ -1,4 +1,4 @@
-"""Blind trials, scored: `python -m blind.score --nulls 60 --singles 2 --pairs 20 --foreign 12 --seed 1000` in tests/.
+"""Blind trials, scored: `python -m blind.score --nulls 60 --singles 2 --pairs 20 --external 12 --seed 1000` in tests/.
 
 Every trial is a set of recordings drawn by `blind.laboratory` with conventions of its own; the package's `close-loop`
 (and `identify`, where nothing is hidden) sees the folder alone. Printed are a line a trial, the shares of right and
@@ -43,13 +43,13 @@ def line(t: Trial) -> str:
 
 
 def groups(trials: Iterable[Trial]) -> dict[str, list[Trial]]:
-    """Nulls, singles, pairs and foreign ones that are there to be found."""
+    """Nulls, singles, pairs and external ones that are there to be found."""
     counted = [t for t in trials if t.findable]
     return {
         "nulls": [t for t in counted if not t.hidden],
-        "singles": [t for t in counted if len(t.hidden) == 1 and not t.foreign],
+        "singles": [t for t in counted if len(t.hidden) == 1 and not t.external],
         "pairs": [t for t in counted if len(t.hidden) > 1],
-        "foreign": [t for t in counted if t.foreign],
+        "external": [t for t in counted if t.external],
     }
 
 
@@ -67,9 +67,9 @@ def shares(trials: list[Trial]) -> list[Share]:
         ("single effect: another falsely named beside", [bool(t.false_names) for t in g["singles"]]),
         ("pairs: both", [set(t.hidden) <= t.named for t in g["pairs"]]),
         ("pairs: another falsely named beside", [bool(t.false_names) for t in g["pairs"]]),
-        ("in no library: flagged", [t.right for t in g["foreign"]]),
-        ("in no library: channel", [t.channel == channel(t.hidden[0]) for t in g["foreign"]]),
-        ("in no library: an effect named", [bool(t.found) for t in g["foreign"]]),
+        ("in no library: flagged", [t.right for t in g["external"]]),
+        ("in no library: channel", [t.channel == channel(t.hidden[0]) for t in g["external"]]),
+        ("in no library: an effect named", [bool(t.found) for t in g["external"]]),
         ("identify: 95 % intervals that hold, nulls", [c for t in g["nulls"] for c in t.covered.values()]),
         ("result.json contradicts itself or design.md", [bool(t.wrong) for t in trials]),
     ]
@@ -107,7 +107,7 @@ def by_convention(trials: list[Trial]) -> list[str]:
         ("nulls", "nulls wrong", lambda t: not t.right),
         ("singles", "singles missed", lambda t: t.hidden[0] not in t.named),
         ("pairs", "pairs missed", lambda t: not set(t.hidden) <= t.named),
-        ("foreign", "foreign not flagged", lambda t: not t.right),
+        ("external", "external not flagged", lambda t: not t.right),
     ]
     lines = [f"{'convention':16s}" + "".join(f"{head:>21s}" for _, head, _ in columns) + "   intervals   where"]
     for label in sorted({label for t in trials for label in t.labels}):
@@ -145,7 +145,7 @@ def planned(options: argparse.Namespace) -> list[tuple[int, str]]:
     # singles take seeds of their own for every effect, so that conventions differ from one to the next
     chosen = options.only or list(EFFECTS)
     work += [(options.seed + list(EFFECTS).index(k) * 10_000 + i, k) for i in range(options.singles) for k in chosen]
-    return work + [(s, "two") for s in seeds(options.pairs)] + [(s, "foreign") for s in seeds(options.foreign)]
+    return work + [(s, "two") for s in seeds(options.pairs)] + [(s, "external") for s in seeds(options.external)]
 
 
 def conventions_of(options: argparse.Namespace) -> list[str] | None:
@@ -165,7 +165,7 @@ def parsed(arguments: list[str] | None = None, description: str | None = __doc__
     parser.add_argument("--singles", type=int, default=0, help="trials of each effect")
     parser.add_argument("--only", nargs="+", choices=list(EFFECTS), metavar="ID", help="effects to try with --singles")
     parser.add_argument("--pairs", type=int, default=0)
-    parser.add_argument("--foreign", type=int, default=0)
+    parser.add_argument("--external", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--conventions", nargs="+", metavar="NAME", help=f"plain, or these alone: {', '.join(NAMES)}")
     parser.add_argument("--no-identify", action="store_true", help="run no `identify` where nothing is hidden")

@@ -21,7 +21,7 @@ import numpy as np
 
 from blind import detect
 from blind.conventions import Conventions
-from blind.effects import FOREIGN, channel
+from blind.effects import EXTERNAL, channel
 from blind.laboratory import Laboratory, laboratory, write
 
 LIMIT = 300  # s of cpu, for one command: ten times what the slowest may take
@@ -64,9 +64,9 @@ class Trial:
         return f"{self.kind}-{self.seed}"
 
     @property
-    def foreign(self) -> bool:
+    def external(self) -> bool:
         """Whether something in no library hides."""
-        return any(h in FOREIGN for h in self.hidden)
+        return any(h in EXTERNAL for h in self.hidden)
 
     @property
     def named(self) -> set[str]:
@@ -86,7 +86,7 @@ class Trial:
     @property
     def right(self) -> bool:
         """Nothing false, everything hidden named or, where it is in no library, flagged."""
-        if self.foreign:
+        if self.external:
             return self.verdict in ("unexplained", "partly_explained")
         if not self.hidden:
             return self.verdict == "no_effect" or (self.verdict in NAMED and not self.false_names)
@@ -140,8 +140,8 @@ def labels(c: Conventions) -> list[str]:
 
 
 def _imitated(done: Trial, lab: Laboratory) -> bool:
-    """Whether the effects named in place of something foreign do the same as it."""
-    return done.foreign and bool(done.found) and detect.imitated(lab, done.found)
+    """Whether the effects named in place of something external do the same as it."""
+    return done.external and bool(done.found) and detect.imitated(lab, done.found)
 
 
 def _close_loop(done: Trial, place: Path, truth: dict) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..discover.alternatives.input_noise import input_gains, weighted
+from ..discover.alternatives.input_noise import input_sensitivities, weighted
 from ..discover.scores.parameters import is_share
 from ..errors import ArgumentError
 from ..files import write_atomically
@@ -304,7 +304,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
 
 def _misfit(work: Study, problem: Problem, best: Fit) -> ResidualOverNoise:
     """How the residual compares with noise, where that of the monitors, which drive the model, counts as such."""
-    judged = weighted(work, input_gains(work, best.values)).problem((), best.free, problem.fixed)
+    judged = weighted(work, input_sensitivities(work, best.values)).problem((), best.free, problem.fixed)
     return residual_over_noise(judged, replace(best, residual=judged.residuals(best.scaled)))
 
 

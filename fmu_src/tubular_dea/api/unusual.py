@@ -9,7 +9,7 @@ import numpy as np
 from ..identify.records.checks import STRUCTURE, at_limit
 from ..identify.records.data import Experiment, Recordings
 from ..identify.records.spikes import spikes
-from ..identify.signals.monitors import equal_runs, noise_level
+from ..identify.signals.monitors import equal_stretches, noise_level
 from ..identify.signals.sampling import usual_step
 from ..model.declare import Quantity
 from ..model.units import converted, three
@@ -278,7 +278,7 @@ def _stuck(recordings: Recordings) -> Iterator[str]:
     for e in recordings.experiments:
         for name, values in ((n, v[np.isfinite(v)]) for n, v in e.outputs.items()):
             where = np.flatnonzero(np.isfinite(e.outputs[name]))
-            begins, lasts = equal_runs(values)
+            begins, lasts = equal_stretches(values)
             longest = int(np.argmax(lasts))
             first, count = int(begins[longest]), int(lasts[longest])
             others = int(np.delete(lasts, longest).max(initial=1))

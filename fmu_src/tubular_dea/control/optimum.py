@@ -130,7 +130,7 @@ def optimise(
 
     `progress` receives the number of trajectories computed.
     """
-    search = _Search(AssistedHeart(patient, limits.rate, tube), limits, objective, progress)
+    search = _PulseSearch(AssistedHeart(patient, limits.rate, tube), limits, objective, progress)
     elite, gains = search.map()
     return search.report(search.refined(elite), gains, default)
 
@@ -149,7 +149,7 @@ class _Elite:
         return _Elite(every[order], all_gains[order])
 
 
-class _Search:
+class _PulseSearch:
     def __init__(self, heart: AssistedHeart, limits: Limits, objective: str, progress: Callable[[int], None]) -> None:
         if objective not in OBJECTIVES:
             raise OptimumError(f"objective: expected one of {', '.join(OBJECTIVES)} but was given {objective!r}")

@@ -123,7 +123,7 @@ class Simulation:
             wiring = wire(system, ports)
             known = {f"{n}.{s}": p.at(np.array([start]))[s][0] for n, p in system.sources.items() for s in p.inputs}
             initialise(self._slaves, wiring.source, known, system.parameters, start, stop, options.slave_tolerance)
-            self._signals = _Signals(system, ports, wiring)
+            self._signals = _SignalNumbers(system, ports, wiring)
             self._keep: list[object] = []  # arrays that the C master points to
             self._library = _library()
             self._master = self._new(system, ports, wiring)
@@ -200,11 +200,11 @@ class Simulation:
     def _new(self, system: System, ports: Mapping[str, Ports], wiring: Wiring) -> int:
         """The C master for this system."""
         signals, o = self._signals, self._options
-        slaves = (_Slave * len(wiring.order))(*(self._slave(p, ports[p], wiring) for p in wiring.order))
-        tables = (_Table * max(1, signals.n_tables))(
+        slaves = (_SlaveLayout * len(wiring.order))(*(self._slave(p, ports[p], wiring) for p in wiring.order))
+        tables = (_TableLayout * max(1, signals.n_tables))(
             *(self._table(name, system.sources) for name in signals.names[: signals.n_tables])
         )
-        settings = _MasterSettings(
+        settings = _SettingsLayout(
             SCHEMES.index(o.scheme),
             o.order,
             o.cubic,
@@ -232,7 +232,7 @@ class Simulation:
             raise MasterError("out of memory")
         return int(master)
 
-    def _slave(self, part: str, ports: Ports, wiring: Wiring) -> _Slave:
+    def _slave(self, part: str, ports: Ports, wiring: Wiring) -> _SlaveLayout:
         slave, signals = self._slaves[part], self._signals
         abilities = slave.description.coSimulation
         inputs = [name for name in ports.inputs if f"{part}.{name}" in wiring.source]
@@ -243,7 +243,7 @@ class Simulation:
 
         rolls = bool(abilities.canGetAndSetFMUstate)
         sloped = bool(abilities.maxOutputDerivativeOrder) and all(ports.outputs[n].continuous for n in shared)
-        return _Slave(
+        return _SlaveLayout(
             slave.fmu.component,
             function("fmi2SetReal"),
             function("fmi2SetRealInputDerivatives", bool(abilities.canInterpolateInputs)),
@@ -265,7 +265,7 @@ class Simulation:
             self._array(ctypes.c_int, [signals.index(f"{part}.{n}") for n in shared]),
         )
 
-    def _table(self, signal: str, sources: Mapping[str, Protocol]) -> _Table:
+    def _table(self, signal: str, sources: Mapping[str, Protocol]) -> _TableLayout:
         """A known signal from the start of the run on."""
         source, name = signal.split(".", 1)
         protocol = sources[source]
@@ -273,7 +273,7 @@ class Simulation:
         now = protocol.at(np.array([self._start]))[name]
         time = np.concatenate([[self._start], protocol.time[later]])
         values = np.concatenate([now, protocol.inputs[name][later]])
-        return _Table(len(time), self._array(ctypes.c_double, time), self._array(ctypes.c_double, values), 0)
+        return _TableLayout(len(time), self._array(ctypes.c_double, time), self._array(ctypes.c_double, values), 0)
 
     def _ints(self, values: list[int]) -> tuple[int, ctypes.Array[ctypes.c_int]]:
         return len(values), self._array(ctypes.c_int, values)
@@ -284,7 +284,7 @@ class Simulation:
         return array
 
 
-class _Signals:
+class _SignalNumbers:
     """Every signal by number: known ones first, then the outputs of each slave in stepping order."""
 
     def __init__(self, system: System, ports: Mapping[str, Ports], wiring: Wiring) -> None:
@@ -333,7 +333,7 @@ def _check(options: Options, start: float, stop: float) -> None:
 _GOING, _DONE, _SLAVE, _DIVERGED, _STUCK, _MEMORY, _NOT_FINITE = range(7)
 
 
-class _Slave(ctypes.Structure):
+class _SlaveLayout(ctypes.Structure):
     _fields_ = (
         *(
             (name, ctypes.c_void_p)
@@ -362,7 +362,7 @@ class _Slave(ctypes.Structure):
     )
 
 
-class _Table(ctypes.Structure):
+class _TableLayout(ctypes.Structure):
     _fields_ = (
         ("n", ctypes.c_long),
         ("time", ctypes.POINTER(ctypes.c_double)),
@@ -371,7 +371,7 @@ class _Table(ctypes.Structure):
     )
 
 
-class _MasterSettings(ctypes.Structure):
+class _SettingsLayout(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_int) for name in ("scheme", "order", "cubic")),
         ("restart", ctypes.c_double),

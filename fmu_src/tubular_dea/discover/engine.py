@@ -280,9 +280,9 @@ def _with_less_noise(found: Search, monitors: bool) -> Study | None:
         return replace(found.base_study, noise=limited.noise)
     if not ids or not monitors:
         return None
-    gains = input_noise.input_gains(study, fitted.values, ids)
-    told = input_noise.told_by_outputs(study, fitted.values, gains, ids)
-    before, after = (input_noise.allowed_rms(s) for s in (study, input_noise.weighted(told, gains)))
+    moved = input_noise.input_sensitivities(study, fitted.values, ids)
+    told = input_noise.told_by_outputs(study, fitted.values, moved, ids)
+    before, after = (input_noise.allowed_rms(s) for s in (study, input_noise.weighted(told, moved)))
     if all(after[name] > ALLOWED_LESS * rms for name, rms in before.items()):
         return None
     return replace(found.base_study, monitor_noise=told.monitor_noise)

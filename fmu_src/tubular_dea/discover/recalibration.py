@@ -46,15 +46,15 @@ def base_settled(work: Study, fitted: Fit, seed: int) -> tuple[Study, Fit]:
     """The base and the records' own numbers, each taken anew at the other: until delays of monitors have settled, then
     until the base gains no more. At a low sampling rate, instants and viscosities follow each other slowly."""
     for number in range(MOST_SETTLES):
-        before = work.late
+        before = work.delays
         work = replace(with_noise_of(work, fitted), remembering=True)
         work = adjusted(work, (), fitted.values, base_parameters(work.plant))
         if number == 0:
             work = input_noise.bounded_by_outputs(work, fitted.values)
-        gains = input_noise.input_gains(work, fitted.values)
-        work = input_noise.weighted(input_noise.told_by_outputs(work, fitted.values, gains), gains)
+        sensitivities = input_noise.input_sensitivities(work, fitted.values)
+        work = input_noise.weighted(input_noise.told_by_outputs(work, fitted.values, sensitivities), sensitivities)
         fitted = base.recalibrate(work, 1, seed, fitted.values)
-        moved = max((abs(by - before.get(name, 0.0)) for name, by in work.late.items()), default=0.0)
+        moved = max((abs(by - before.get(name, 0.0)) for name, by in work.delays.items()), default=0.0)
         if number + 1 >= SETTLES and moved < SAME_DELAY:
             break
     work, last = iterated(work, option(work, (), fitted))

@@ -79,53 +79,53 @@ class DirectionalDerivative:
 
 
 def arranged_rates(model: Model) -> tuple[list[Assignment], list[sympy.Expr]]:
-    """The assignments that lead to the state derivatives, with products folded and roots squared."""
+    """The assignments that lead to the state derivatives, with products put into each other and roots squared."""
     rates = [sympy.sympify(s.derivative) for s in model.states]
     arranged = _Arranged()
     for name, expression in assignments(needed(model, rates)):
         arranged.add(name, sympy.sympify(expression))
-    folded = [arranged.fold(rate) for rate in rates]
-    if model.curve and model.curve.fold.symbol in Function.free([*folded, *(e for _, e in arranged.body)]):
+    inlined = [arranged.inline(rate) for rate in rates]
+    if model.curve and model.curve.fold.symbol in Function.free([*inlined, *(e for _, e in arranged.body)]):
         raise DeclarationError(
             f"{model.name}: a state derivative uses {model.curve.fold.name}; expected it in outputs only"
         )
-    return arranged.body, folded
+    return arranged.body, inlined
 
 
 @dataclass
 class _Arranged:
-    """Assignments so far, the products to fold into later products, and the roots by their squares."""
+    """Assignments so far, the products that go into later products, and the roots by their squares."""
 
     body: list[Assignment] = field(default_factory=list)
     products: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
     squares: dict[sympy.Symbol, sympy.Symbol] = field(default_factory=dict)
 
     def add(self, name: str, expression: sympy.Expr) -> None:
-        folded = self.fold(expression)
-        if folded.is_Pow and folded.exp == sympy.Rational(1, 2) and not folded.base.is_Symbol:
+        inlined = self.inline(expression)
+        if inlined.is_Pow and inlined.exp == sympy.Rational(1, 2) and not inlined.base.is_Symbol:
             square = real(f"{name}_squared")
-            self.body.append((square.name, folded.base))
+            self.body.append((square.name, inlined.base))
             self.squares[real(name)] = square
-            folded = sympy.sqrt(square)
-        elif _is_product(folded):
-            self.products[real(name)] = folded
-        self.body.append((name, folded))
+            inlined = sympy.sqrt(square)
+        elif _is_product(inlined):
+            self.products[real(name)] = inlined
+        self.body.append((name, inlined))
 
-    def fold(self, expression: sympy.Expr) -> sympy.Expr:
+    def inline(self, expression: sympy.Expr) -> sympy.Expr:
         """Products put into products; a product that stands alone or in a sum keeps its name."""
         factors = [factor for factor in sympy.Mul.make_args(expression) if not factor.is_number]
         if len(factors) == 1 and factors[0].is_Symbol:
             return expression
         if expression.is_Mul or (expression.is_Pow and expression.exp.is_Integer):
-            folded = sympy.Mul(*(self._factor(factor) for factor in sympy.Mul.make_args(expression)))
-            return _with_squares(folded, self.squares)
-        return _through(expression, self.fold)
+            inlined = sympy.Mul(*(self._factor(factor) for factor in sympy.Mul.make_args(expression)))
+            return _with_squares(inlined, self.squares)
+        return _through(expression, self.inline)
 
     def _factor(self, factor: sympy.Expr) -> sympy.Expr:
         base, exponent = factor.as_base_exp()
         if not exponent.is_Integer:
-            return _through(factor, self.fold)
-        return self.products.get(base, self.fold(base) if not base.is_Atom else base) ** exponent
+            return _through(factor, self.inline)
+        return self.products.get(base, self.inline(base) if not base.is_Atom else base) ** exponent
 
 
 def _is_product(expression: sympy.Expr) -> bool:

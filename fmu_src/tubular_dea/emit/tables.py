@@ -13,7 +13,7 @@ from .. import __version__
 from ..docstrings import rendered
 from ..model import units
 from ..model.declare import TIME, Definition, Delay, Model, Parameter, Quantity, State
-from .folded import fold
+from .line_breaks import break_lines
 from .variables import Variable, variables
 
 SCROLLS = """
@@ -223,6 +223,6 @@ class _MathML(MathMLPresentationPrinter):
 
 def _math(left: sympy.Symbol, right: sympy.Expr) -> str:
     equation = _MathML({"mul_symbol": "dot"})._print(sympy.Eq(left, right, evaluate=False))
-    fold(equation)
+    break_lines(equation)
     text = equation.toxml().encode("ascii", "xmlcharrefreplace").decode()
     return f'<math displaystyle="true">{text}</math>'

@@ -183,9 +183,9 @@ def _stage(number: int, stage: RosenbrockStage, states: list[str], floors: dict[
         lines.append(f"    rates = derivatives({at}, y, u, HELD, p, NO_FOLD)")
         lines += unpacked([f"r_{s}" for s in states], "rates")
     for s in states:
-        slope = f" + ({_weighted(stage.c, s).strip(' +')}) / h" if stage.c else ""
+        earlier = f" + ({_weighted(stage.c, s).strip(' +')}) / h" if stage.c else ""
         drift = f" + {stage.delta!r} * h * t_{s}" if stage.delta else ""
-        lines += wrapped(f"    b_{s} = ", f"r_{s}{slope}{drift}".replace("+ -", "- "))
+        lines += wrapped(f"    b_{s} = ", f"r_{s}{earlier}{drift}".replace("+ -", "- "))
     lines += tuple_lines("    b = ", [f"b_{s}" for s in states])
     return [*lines, *unpacked([f"k{number}_{s}" for s in states], "solve(L, b)")]
 

@@ -84,7 +84,7 @@ def message(status: int, reached: float) -> str:
     return f"ended at {reached:.6g} s: {reason}" if status > 0 else reason
 
 
-class _Input(ctypes.Structure):
+class _InputLayout(ctypes.Structure):
     _fields_ = (
         ("n", ctypes.c_long),
         ("time", ctypes.c_void_p),
@@ -94,7 +94,7 @@ class _Input(ctypes.Structure):
     )
 
 
-class _Probe(ctypes.Structure):
+class _ProbeLayout(ctypes.Structure):
     _fields_ = (
         ("kind", ctypes.c_int),
         ("source", ctypes.c_int),
@@ -105,7 +105,7 @@ class _Probe(ctypes.Structure):
     )
 
 
-class _Batch(ctypes.Structure):
+class _BatchLayout(ctypes.Structure):
     _fields_ = (
         ("n", ctypes.c_long),
         ("p", ctypes.c_void_p),
@@ -179,7 +179,7 @@ class Batch:
             by = np.reshape(np.asarray(parameters.get(delay.by, self._defaults[delay.by]), float), (-1, 1))
             now = inputs.get(delay.of, none)
             given.append(Breakpoints(now.time + by, now.value))
-        c_inputs = (_Input * max(1, len(given)))()
+        c_inputs = (_InputLayout * max(1, len(given)))()
         for place, b in zip(c_inputs, given, strict=False):
             place.n = b.time.shape[1]
             (place.time, place.time_stride), (place.value, place.value_stride) = table(b.time), table(b.value)
@@ -188,7 +188,7 @@ class Batch:
             np.empty((rows, len(self.probes))), np.empty(rows, np.int32), np.empty(rows), np.empty(rows, ctypes.c_long)
         )
         c_probes = self._c_probes(self.probes if probes is None else probes, table)
-        batch = _Batch(
+        batch = _BatchLayout(
             rows,
             pointer(self.parameters(rows, parameters)),
             ctypes.addressof(c_inputs),
@@ -246,8 +246,10 @@ class Batch:
         )
         return Results(values, status, np.zeros(rows), np.zeros(rows, ctypes.c_long))
 
-    def _c_probes(self, given: Sequence[Probe], table: Callable[[np.ndarray], tuple[int, int]]) -> ctypes.Array[_Probe]:
-        probes = (_Probe * max(1, len(given)))()
+    def _c_probes(
+        self, given: Sequence[Probe], table: Callable[[np.ndarray], tuple[int, int]]
+    ) -> ctypes.Array[_ProbeLayout]:
+        probes = (_ProbeLayout * max(1, len(given)))()
         for place, probe in zip(probes, given, strict=False):
             place.kind = KINDS.index(probe.kind)
             place.source, place.index = self._source(probe.variable)

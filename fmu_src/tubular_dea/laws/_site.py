@@ -203,9 +203,9 @@ class SignalSite(Site):
         return self.place.signal or f"{self.place.name}_{'felt' if self.is_input else 'reading'}"
 
     @property
-    def may_be_late(self) -> bool:
+    def may_be_delayed(self) -> bool:
         """Whether the record of this input may be delayed."""
-        return self.is_input and isinstance(self.place, Path) and self.place.late
+        return self.is_input and isinstance(self.place, Path) and self.place.delayed
 
     @property
     def is_constant(self) -> bool:
@@ -367,10 +367,10 @@ class SignalSite(Site):
     @property
     def is_late(self) -> bool:
         """Whether the model delays this signal already."""
-        late = {d.quantity.symbol for d in self.model.delays}
+        delayed = {d.quantity.symbol for d in self.model.delays}
         if self.is_input:
             return any(d.of == self.place.name for d in self.model.delays)
-        return bool(late & sympy.sympify(self.model.expression(self.place.name)).free_symbols)
+        return bool(delayed & sympy.sympify(self.model.expression(self.place.name)).free_symbols)
 
     def delayed(self, model: Model, by: Knob) -> Model:
         """The model with the signal delayed by `by` seconds."""

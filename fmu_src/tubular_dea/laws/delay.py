@@ -5,8 +5,8 @@
     signal(t) ---[ wait ]--->  signal(t - delay)
 
 Equation: signal'(t) = signal(t - delay); before the start everything is as it is there. What drives the plant may
-also act before it is recorded, where the place says that its record may be `late`: the delay is negative then. (An FMU,
-which is given what drives it, cannot look ahead: a negative delay is none there.)
+also act before it is recorded, where the place says that its record may be `delayed`: the delay is negative then. (An
+FMU, which is given what drives it, cannot look ahead: a negative delay is none there.)
 
 Source: J. E. Normey-Rico, E. F. Camacho, "Control of Dead-time Processes", Springer 2007.
 
@@ -30,13 +30,13 @@ def law(at: SignalSite) -> Effect | None:
         return None
     most = LONGEST * at.seconds
     # A held input steps at samples: the tangent at no delay sees it come later alone, and not that it came before.
-    sides = (1, -1) if at.may_be_late and at.place.name in at.held else (1,)
+    sides = (1, -1) if at.may_be_delayed and at.place.name in at.held else (1,)
     delay = at.knob(
         "",
         "s",
         f"Delay of {at.words}",
         0.5 * at.seconds,
-        -most if at.may_be_late else 0.0,
+        -most if at.may_be_delayed else 0.0,
         most,
         off=0.0,
         strengths=[side * strong * at.seconds for side in sides for strong in STRENGTHS],
@@ -45,5 +45,5 @@ def law(at: SignalSite) -> Effect | None:
     def apply(model: Model) -> Model:
         return at.delayed(model, delay)
 
-    either = " (where negative, it acts before it is recorded)" if at.may_be_late else ""
+    either = " (where negative, it acts before it is recorded)" if at.may_be_delayed else ""
     return at.effect(f"A pure delay acts on {at.words}{either}", "Normey-Rico 2007", apply, delay, exact=True)

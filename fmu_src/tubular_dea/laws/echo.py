@@ -43,7 +43,7 @@ def law(at: SignalSite) -> Effect | None:
 
     def apply(model: Model) -> Model:
         model, signal = at.taken(model)
-        model, late = delayed_input(model, at.place.name, at.name("late"), delay.quantity.name)
-        return at.put(model, signal + part.symbol * (late - signal))
+        model, delayed = delayed_input(model, at.place.name, at.name("late"), delay.quantity.name)
+        return at.put(model, signal + part.symbol * (delayed - signal))
 
     return at.effect(f"An echo follows {at.words}", "Westerhof 1972", apply, part, delay)

@@ -51,12 +51,12 @@ class Place:
 class Path(Place):
     """The way of an input into the plant, or of an output (a definition that is put out) to its record.
 
-    `of` may name a quantity that disturbs the signal on its way (cross-talk). `late` is True if the record of an
+    `of` may name a quantity that disturbs the signal on its way (cross-talk). `delayed` is True if the record of an
     input may be delayed (a probe's filter, another clock), so that it acts before it is recorded.
     """
 
     of: str = ""
-    late: bool = False
+    delayed: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,9 @@ def check(model: Model, place: Place) -> None:
 
     _check_settings(place)
     at = site(model, place)
-    if isinstance(place, Path) and place.late and not (isinstance(at, SignalSite) and at.is_input):
+    if isinstance(place, Path) and place.delayed and not (isinstance(at, SignalSite) and at.is_input):
         raise DeclarationError(
-            f"Path({place.name!r}): late: expected an input, whose record may be delayed; an output has the law delay"
+            f"Path({place.name!r}): delayed: expected an input, whose record may be so; an output has the law delay"
         )
     if isinstance(at, SignalSite) and at.is_input and at.signal not in at.ready(model).quantities():
         raise DeclarationError(

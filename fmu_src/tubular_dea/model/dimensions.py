@@ -40,7 +40,7 @@ Known = Mapping[sympy.Symbol, str]  # the units of quantities
 NUMBER = Measure({})
 
 
-class _Unlike(ValueError):
+class _UnlikeUnits(ValueError):
     """Things that cannot be added, or a function of what has a unit."""
 
 
@@ -48,7 +48,7 @@ def fault(what: str, expression: sympy.Expr, unit: str, known: Known) -> str:
     """What is wrong with `expression` as something declared in `unit`, in words; "" where nothing is."""
     try:
         found = _measure(expression, known)
-    except _Unlike as problem:
+    except _UnlikeUnits as problem:
         return f"{what}: {problem}{_hint(expression)}"
     declared = _of_unit(unit)
     said = f"{what}: expected {unit} but {_short(expression)} is in {written(found.powers)}" if found else ""
@@ -92,7 +92,7 @@ def _alike(terms: Sequence[sympy.Basic], known: Known) -> Measure | None:
     first, like = measured[0]
     for term, m in measured[1:]:
         if not _same(like, m):
-            raise _Unlike(
+            raise _UnlikeUnits(
                 f"{_short(first)} is in {written(like.powers)} and {_short(term)} in {written(m.powers)}: "
                 "they cannot be added or compared; correct the expression or a unit"
             )
@@ -160,7 +160,7 @@ def _check_pure(e: sympy.Basic, known: Known, what: str) -> None:
     """That a function or an exponent is of a number, or an angle in rad."""
     found = _measure(e, known)
     if found is not None and not found.bare and not _same(found, NUMBER):
-        raise _Unlike(
+        raise _UnlikeUnits(
             f"{what} has to be a number (angles in rad), but {_short(e)} is in {written(found.powers)}; "
             "divide it by a quantity in that unit"
         )

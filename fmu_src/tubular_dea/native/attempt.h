@@ -1,6 +1,7 @@
 /* One attempt at a step of Rodas5P, in lanes side by side: the method's one recursion. One lane makes the scalar
- * integrator, several go through the processor's vector units, and a right side that keeps its derivatives serves the
- * tangents. The arithmetic of a lane never looks at another, so a trajectory comes out the same to the last bit in any.
+ * integrator, several go through the processor's vector units, and a right-hand side that keeps its derivatives serves
+ * the tangents. The arithmetic of a lane never looks at another, so a trajectory comes out the same to the last bit in
+ * any.
  *
  * The file that includes it (once, with MODEL_SOLVER) has defined
  *
@@ -98,7 +99,7 @@ INLINED void factorise(const Tried *step, const Start *start, Work *work)
         model_factorise(shift, J, L, pivot);
         for (int i = 0; i < MODEL_NX; i++) regular = fabs(pivot[i]) > LEAST_PIVOT * shift ? regular : 0;
         for (int i = 0; i < MODEL_NX; i++)
-            b[i] = stage_right(0, start->dx[i][l], start->dx_dt[i][l], NULL, 0, h, inverse_h);
+            b[i] = stage_rhs(0, start->dx[i][l], start->dx_dt[i][l], NULL, 0, h, inverse_h);
         model_solve(L, b, k);
         PUT(work->L, L, MODEL_NL);
         PUT(work->k[0], k, MODEL_NX);
@@ -121,7 +122,7 @@ INLINED void stage(const Source *source, const Tried *step, const Start *start, 
         source_inputs(source, l, time, u, du);
         RIGHT_HAND_SIDE(source, s, time, x, u, du, q, b);
         for (int i = 0; i < MODEL_NX; i++)
-            b[i] = stage_right(s, b[i], start->dx_dt[i][l], &work->k[0][i][l], NX * WIDTH, h, work->inverse_h[l]);
+            b[i] = stage_rhs(s, b[i], start->dx_dt[i][l], &work->k[0][i][l], NX * WIDTH, h, work->inverse_h[l]);
         model_solve(L, b, k);
         PUT(work->k[s], k, MODEL_NX);
         if (s >= STAGES - 3) PUT(work->at, x, MODEL_NX);

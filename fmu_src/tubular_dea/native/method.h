@@ -24,13 +24,13 @@ static inline double stage_place(int s, double x, double before, const double *k
     return OWN_PLACE[s] ? weighted(x, A[s], s, k, stride) : before + k[(s - 1) * stride];
 }
 
-/* The right side of stage s from the slope there and its derivative along time at the start of the step. */
-static inline double stage_right(int s, double slope, double dx_dt, const double *k, int stride, double h, double inverse_h)
+/* The right-hand side of stage s from the rate there and its derivative along time at the start of the step. */
+static inline double stage_rhs(int s, double rate, double dx_dt, const double *k, int stride, double h, double inverse_h)
 {
     const double drift = DELTA[s] != 0 ? DELTA[s] * h * dx_dt : 0;
-    if (s == 0) return slope + drift;
-    slope += weighted(0, C[s], s, k, stride) * inverse_h;
-    return DELTA[s] != 0 ? slope + drift : slope;
+    if (s == 0) return rate + drift;
+    rate += weighted(0, C[s], s, k, stride) * inverse_h;
+    return DELTA[s] != 0 ? rate + drift : rate;
 }
 
 /* The solution at the fraction `f` of a step, from its ends and how it bends between them. */

@@ -19,7 +19,7 @@
 
 #define NP AT_LEAST_ONE(GRADIENTS_NP)
 
-/* The step itself: the method in one lane, with a right side that keeps its derivatives of every stage. */
+/* The step itself: the method in one lane, with a right-hand side that keeps its derivatives of every stage. */
 typedef struct {
     const Inputs *inputs;
     const double *gradients; /* prepared parameters of model_gradients */
@@ -222,18 +222,18 @@ INLINED void differentiate_stage(const Taken *taken, const Wide start[NX], const
     memcpy(k_here, taken->work.k[s], sizeof k_here);
     memcpy(L, taken->work.L, sizeof L);
     EVERY_COLUMN(l) {
-        double x[NX], entries[NJ], b[NX], first[NX], other[NX], slope[NX];
+        double x[NX], entries[NJ], b[NX], first[NX], other[NX], k[NX];
         for (int i = 0; i < MODEL_NX; i++)
             x[i] = s ? stage_place(s, start[i][l], at[i][l], &block->k[0][i][l], NX * COLUMNS_WIDE) : start[i][l];
         for (int e = 0; e < MODEL_NJ; e++) entries[e] = J[e][l];
         model_multiply(J_here, x, first);
         model_multiply(entries, k_here, other);
         for (int i = 0; i < MODEL_NX; i++) {
-            const double right = force[i][l] + first[i] + other[i];
-            b[i] = stage_right(s, right, dx_dt[i][l], &block->k[0][i][l], NX * COLUMNS_WIDE, h, inverse_h);
+            const double rate = force[i][l] + first[i] + other[i];
+            b[i] = stage_rhs(s, rate, dx_dt[i][l], &block->k[0][i][l], NX * COLUMNS_WIDE, h, inverse_h);
         }
-        model_solve(L, b, slope);
-        for (int i = 0; i < MODEL_NX; i++) block->k[s][i][l] = slope[i];
+        model_solve(L, b, k);
+        for (int i = 0; i < MODEL_NX; i++) block->k[s][i][l] = k[i];
         for (int i = 0; i < MODEL_NX; i++) at[i][l] = x[i];
     }
 }

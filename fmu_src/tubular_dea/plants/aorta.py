@@ -128,7 +128,7 @@ PLANT = Plant(
     inputs=(Input("flow", channel="flow probe"),),
     outputs=(Output("pressure", channel="pressure probe"),),
     places=(
-        Path("flow", late=True, signal="inflow", channel="flow probe", names=FLOW_NAMES, seconds=PROBES),
+        Path("flow", delayed=True, signal="inflow", channel="flow probe", names=FLOW_NAMES, seconds=PROBES),
         Path("pressure", channel="pressure probe", names=PRESSURE_NAMES, seconds=PROBES),
         Coefficient("outflow", of="p_C", channel="periphery"),
         Balance("p_C", channel="aorta"),

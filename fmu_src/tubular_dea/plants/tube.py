@@ -116,7 +116,7 @@ PLACES = (
         signal="wall_pressure",
         seconds=0.02,
         size=2e4,
-        late=True,
+        delayed=True,
         names=PRESSURE,
         laws=("offset", "gain", "delay", "lead", "resonance"),
     ),

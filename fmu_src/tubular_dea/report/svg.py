@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..runs import runs
+from ..stretches import true_stretches
 
 GRID, QUIET = "#dde3e8", "#5b6b7a"
 FONT = 12.0  # px, as are all lengths here
@@ -174,7 +174,7 @@ def _opened(ends: tuple[float, float]) -> tuple[float, float]:
 def _finite(x: np.ndarray, y: np.ndarray) -> Sequence[slice]:
     """The stretches in which all is finite."""
     good = np.isfinite(x) & np.isfinite(y)
-    return [slice(a, b) for a, b in runs(good)]
+    return [slice(a, b) for a, b in true_stretches(good)]
 
 
 def _text(x: float, y: float, text: str, anchor: str, more: str = "") -> str:

@@ -1,6 +1,6 @@
 """The backends that compute the parts of a sweep: threads of this process, or the workers of a Dask cluster.
 
-Both take the same pieces, call the same pure function, and hand parts over as they come. At most a few pieces a
+Both take the same ranges of rows, call the same pure function, and hand parts over as they come. At most a few parts a
 worker are under way, so that memory does not grow with the sweep.
 """
 
@@ -17,17 +17,17 @@ from typing import Any
 from ..errors import UserError
 from ..extra import load
 from ..processors import processors
-from .parts import Part, Piece, part, task
+from .parts import Part, RowRange, part, task
 from .plan import Plan
 from .rows import PreparedPlan
 
-AHEAD = 2  # pieces a thread, or tasks a worker, that are under way
+AHEAD = 2  # parts a thread, or tasks a worker, that are under way
 QUIET = {  # half of what Dask does while it waits: profiles, its own clock, what the disks do; nothing here reads them
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-TASK_SECONDS = 1.0  # a task takes no longer, so that results come steadily, unless one piece does
+TASK_SECONDS = 1.0  # a task takes no longer, so that results come steadily, unless one part does
 
 
 class BackendError(UserError, RuntimeError):
@@ -40,17 +40,17 @@ class Threads:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or processors()
 
-    def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
+    def run(self, plan: Plan, ranges: Sequence[RowRange]) -> Iterator[Part]:
         """The parts, in the order in which they are finished."""
         prepared = PreparedPlan(plan)
         workers = self.workers if prepared.threads else 1
-        waiting = iter(pieces)
+        waiting = iter(ranges)
         with ThreadPoolExecutor(workers) as pool:
             under_way: set[Future[Part]] = set()
             try:
                 while True:
                     fresh = islice(waiting, AHEAD * workers - len(under_way))
-                    under_way |= {pool.submit(part, prepared, *piece) for piece in fresh}
+                    under_way |= {pool.submit(part, prepared, *rows) for rows in fresh}
                     if not under_way:
                         return
                     done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
@@ -69,15 +69,15 @@ class Cluster:
     def __init__(self, client: Any) -> None:
         self.client = client
 
-    def run(self, plan: Plan, pieces: Sequence[Piece]) -> Iterator[Part]:
+    def run(self, plan: Plan, ranges: Sequence[RowRange]) -> Iterator[Part]:
         """The parts, in the order in which they are finished.
 
-        A task is several pieces, as many as take TASK_SECONDS, and fewer towards the end: what Dask asks for each
+        A task is several parts, as many as take TASK_SECONDS, and fewer towards the end: what Dask asks for each
         task is then little beside its work.
         """
         distributed = load("distributed", "a cluster", "sweep")
         content, fingerprint = pickle.dumps(plan), plan.fingerprint
-        waiting, each = list(pieces), float("inf")  # the seconds a piece takes
+        waiting, each = list(ranges), float("inf")  # the seconds a part takes
         finished: SimpleQueue[Any] = SimpleQueue()  # as_completed of Dask may sleep for 0.1 s beside a result
         under_way = 0
         try:

@@ -16,7 +16,7 @@ import numpy as np
 from ..extra import load
 from .rows import PreparedPlan, Rows
 
-Piece = tuple[int, int]
+RowRange = tuple[int, int]  # the first row of a part, and the end
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ def _prepared(fingerprint: str, content: bytes) -> PreparedPlan:
     return PreparedPlan(pickle.loads(content))
 
 
-def task(fingerprint: str, content: bytes, pieces: Sequence[Piece]) -> tuple[list[Part], float]:
+def task(fingerprint: str, content: bytes, ranges: Sequence[RowRange]) -> tuple[list[Part], float]:
     """The parts of a pickled plan, and the seconds they took: what a worker runs. It compiles the model once."""
     begin = perf_counter()
     with _LOCK:
         prepared = _prepared(fingerprint, content)
-    return [part(prepared, *piece) for piece in pieces], perf_counter() - begin
+    return [part(prepared, *rows) for rows in ranges], perf_counter() - begin

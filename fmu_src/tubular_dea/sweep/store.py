@@ -21,7 +21,7 @@ from ..errors import UserError
 from ..extra import load
 from ..files import is_unfinished, read_whole, write_atomically
 from .axes import grid_points
-from .parts import Part, arrow
+from .parts import Part, RowRange, arrow
 from .plan import Plan
 from .rows import Rows
 
@@ -84,18 +84,18 @@ class Store:
         return Store(folder, _manifest(folder / "manifest.json"))
 
     @property
-    def pieces(self) -> list[tuple[int, int]]:
+    def ranges(self) -> list[RowRange]:
         """First row and end of every part there will be: small ones first, so that there soon is something to keep."""
-        found: list[tuple[int, int]] = []
+        found: list[RowRange] = []
         start, size = 0, min(SMALLEST_PART, self.manifest.part)
         while start < self.manifest.rows:
             found.append((start, min(start + size, self.manifest.rows)))
             start, size = start + size, min(2 * size, self.manifest.part)
         return found
 
-    def missing(self) -> list[tuple[int, int]]:
+    def missing(self) -> list[RowRange]:
         """The parts that are not there, or not whole."""
-        return [(start, stop) for start, stop in self.pieces if not self._whole(start, stop)]
+        return [(start, stop) for start, stop in self.ranges if not self._whole(start, stop)]
 
     def write(self, part: Part) -> None:
         """Write a part that has been computed."""
@@ -106,7 +106,7 @@ class Store:
         _, pq = arrow()
         if name not in self.manifest.columns:
             raise StoreError(f"{self.folder}: there is no column {name!r}; it has {', '.join(self.manifest.columns)}")
-        parts = [pq.read_table(self._part(start), columns=[name])[name].to_numpy() for start, _ in self.pieces]
+        parts = [pq.read_table(self._part(start), columns=[name])[name].to_numpy() for start, _ in self.ranges]
         return np.concatenate(parts)
 
     def table(self) -> Rows:

@@ -2,7 +2,7 @@
 
 The part of a monitor's noise that cannot be separated from its signal moves the model's output slowly (a few um on a
 bench). So samples at which the output is sensitive to the inputs weigh less: their variance is that of the sensor plus
-that of the monitors times the squared static gain, both at low frequencies, where effects are sought.
+that of the monitors times the squared static sensitivity, both at low frequencies, where effects are sought.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ...identify.fitting.fit import NORMAL_95
 from ...identify.fitting.misfit import BLOCK
 from ...identify.fitting.problem import whitened
 from ...identify.signals.monitors import GAUSSIAN_MAD
-from ...identify.study.monitor_uncertainty import slow_gains
+from ...identify.study.monitor_uncertainty import slow_sensitivities
 from ...identify.study.nuisances import corner_squares, with_nuisances
 from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study
@@ -39,20 +39,22 @@ SECOND = np.array([1.0, -2.0, 1.0])  # [1] weights of a second difference
 # Set by convention: of normal numbers 3 in 1000 are farther off. Check: `pytest tests/test_input_noise.py`
 ASIDE = 3.0  # [standard deviations] of what a monitor usually bends from block to block: more is what was done
 
-Gains = Mapping[str, list[np.ndarray]]  # of every piece (N,), by input
+InputSensitivities = Mapping[str, list[np.ndarray]]  # of every piece (N,), by input
 
 
-def weighted(study: Study, gains: Gains) -> Study:
-    """The study with every sample weighted by the sensor's share of its standard deviation; `gains` are `input_gains`.
+def weighted(study: Study, sensitivities: InputSensitivities) -> Study:
+    """The study with every sample weighted by the sensor's share of its standard deviation.
 
     A sensor whose noise is slow has little that is new in a sample: there the monitors' fast noise counts by itself.
     """
-    driven = _fast_rms(study, gains)
+    driven = _fast_rms(study, sensitivities)
     noise = {name: replace(n, driven=driven[name] if n.quiet and n.tau > 0 else 0.0) for name, n in study.noise.items()}
-    return replace(study, noise=noise).weighted(weights(study, gains))
+    return replace(study, noise=noise).weighted(weights(study, sensitivities))
 
 
-def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains, ids: Ids = ()) -> Study:
+def told_by_outputs(
+    study: Study, values: Mapping[str, float], sensitivities: InputSensitivities, ids: Ids = ()
+) -> Study:
     """The study with monitors' noise as large as the outputs say, between what changes from sample to sample and what
     their own records allow; `ids` are the effects that the model has.
 
@@ -74,8 +76,8 @@ def told_by_outputs(study: Study, values: Mapping[str, float], gains: Gains, ids
             study = replace(study, monitor_noise=known | {name: told})
             continue
         tried = [known | {name: float(at)} for at in np.geomspace(levels[name], known[name], LEVELS)]
-        changes = not _follows(study, name, gains, left)
-        costs = [_block_misfit(replace(study, monitor_noise=one), gains, left, changes) for one in tried]
+        changes = not _follows(study, name, sensitivities, left)
+        costs = [_block_misfit(replace(study, monitor_noise=one), sensitivities, left, changes) for one in tried]
         study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
     return study
 
@@ -126,11 +128,13 @@ def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> lis
     ]
 
 
-def _block_misfit(study: Study, gains: Gains, residuals: Sequence[np.ndarray | None], changes: bool) -> float:
+def _block_misfit(
+    study: Study, sensitivities: InputSensitivities, residuals: Sequence[np.ndarray | None], changes: bool
+) -> float:
     """Minus twice the log likelihood of the training's residual, averaged over blocks, or of its changes from block to
     block, with the study's noise."""
     found = 0.0
-    for piece, left, weight in zip(study.pieces, residuals, weights(study, gains), strict=True):
+    for piece, left, weight in zip(study.pieces, residuals, weights(study, sensitivities), strict=True):
         if left is None:
             continue
         variance = over_blocks(expected_variance(study, replace(piece, weight=weight), BLOCK) / weight**2)
@@ -141,7 +145,9 @@ def _block_misfit(study: Study, gains: Gains, residuals: Sequence[np.ndarray | N
     return found
 
 
-def _follows(study: Study, name: str, gains: Gains, residuals: Sequence[np.ndarray | None]) -> bool:
+def _follows(
+    study: Study, name: str, sensitivities: InputSensitivities, residuals: Sequence[np.ndarray | None]
+) -> bool:
     """Whether the residual follows what moves a monitor slowly, as it does where that is its noise.
 
     What is done to the plant moves it, too: how it bends from block to block is compared, and rare bends are left out.
@@ -152,7 +158,7 @@ def _follows(study: Study, name: str, gains: Gains, residuals: Sequence[np.ndarr
         if left is None:
             continue
         line = np.concatenate([piece.case.protocol.at(r.times)[name] for r in piece.case.readings])
-        scaled = whitened(piece.case, gains[name][number] * (line - line.mean()), study.noise)
+        scaled = whitened(piece.case, sensitivities[name][number] * (line - line.mean()), study.noise)
         lines.append(np.diff(over_blocks(line), 2))
         moved.append(np.diff(block_means(scaled, [piece]), 2))
         bends.append(np.diff(left, 2))
@@ -169,14 +175,14 @@ def _follows(study: Study, name: str, gains: Gains, residuals: Sequence[np.ndarr
     return share > NORMAL_95 * uncertainty
 
 
-def weights(study: Study, gains: Gains) -> list[np.ndarray]:
+def weights(study: Study, sensitivities: InputSensitivities) -> list[np.ndarray]:
     """The weight of every sample (N,), one array a piece: the sensor's share of its standard deviation."""
     result = []
     for i, piece in enumerate(study.pieces):
         slow = np.concatenate([np.full(r.times.size, study.noise[r.output].slow) for r in piece.case.readings])
         added = sum(
-            (study.monitor_noise[name] ** 2 + _between_samples(study, piece, name) ** 2) * gain[i] ** 2
-            for name, gain in gains.items()
+            (study.monitor_noise[name] ** 2 + _between_samples(study, piece, name) ** 2) * moved[i] ** 2
+            for name, moved in sensitivities.items()
         )
         result.append(1 / np.sqrt(1 + added / slow**2))
     return result
@@ -236,7 +242,7 @@ def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict
     return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
 
 
-def _fast_rms(study: Study, gains: Gains) -> dict[str, float]:
+def _fast_rms(study: Study, sensitivities: InputSensitivities) -> dict[str, float]:
     """The rms in every output [SI] of noise that changes from sample to sample, up to the plant's own bandwidth.
 
     Lines with few corners follow little of it.
@@ -246,7 +252,7 @@ def _fast_rms(study: Study, gains: Gains) -> dict[str, float]:
         for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
             step = reading.clock.step
             share = min(1.0, 2 * study.plant.bandwidth * step)
-            squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in gains.items())
+            squares = sum(float(np.sum((_followed(piece, n) * g[i][rows]) ** 2)) for n, g in sensitivities.items())
             total[reading.output][0] += share * squares
             total[reading.output][1] += reading.times.size
     return {name: float(np.sqrt(squares / max(count, 1))) for name, (squares, count) in total.items()}
@@ -258,8 +264,8 @@ def _followed(piece: Piece, name: str) -> float:
     return piece.driven.noise[name] * float(np.sqrt(min(1.0, corners / piece.record.size)))
 
 
-def input_gains(study: Study, values: Mapping[str, float], ids: Ids = ()) -> Gains:
-    """The gains of slow noise of every piece: output over that of each monitor, each (N,)."""
+def input_sensitivities(study: Study, values: Mapping[str, float], ids: Ids = ()) -> InputSensitivities:
+    """How far slow noise of each monitor moves the outputs of every piece: output over input, each (N,)."""
     response = study.response(ids, study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]
-    return {name: slow_gains(response, values, name, study.pieces) for name in noisy}
+    return {name: slow_sensitivities(response, values, name, study.pieces) for name in noisy}

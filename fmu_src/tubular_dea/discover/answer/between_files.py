@@ -14,7 +14,7 @@ from ...model.units import in_units_of
 from ..engine import Discovery
 from ..options.acceptance import noise_alone
 
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+# Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
 ODD = 1.4  # [1] times the usual error of a file from which on one is odd: nine samples that a laser lost made 4
 FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they differ in what was done

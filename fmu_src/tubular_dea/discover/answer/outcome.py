@@ -45,7 +45,7 @@ TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
 # Set by judgement: nobody repeats an experiment ten times. Check: `pytest tests/test_next_experiment.py`
 OFTEN = 4  # [1] times that an experiment is proposed at most
 
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+# Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
 
 # Set by measurement: C_3 alone, which hardly matters below a stretch of 1.2, was six and twelve times the declared one

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...identify.study.nuisances import LATE_OF, own_numbers, step_of
+from ...identify.study.nuisances import DELAY_OF, own_numbers, step_of
 from ...identify.study.remembered import at_corners
 from ...identify.study.study import Piece, Study
 from ...model.effect import Effect
@@ -130,7 +130,7 @@ def _delays(study: Study, option: Option) -> dict[str, str]:
     """By how much monitors were found to be late, in words, where that moves an output by more than its noise."""
     pieces, found = own_numbers(study, option.ids, option.fitted.values), {}
     for name in (s.name for s in study.plant.inputs):
-        told = [_delay(study, p, name, own[LATE_OF + name]) for p, own in pieces if LATE_OF + name in own]
+        told = [_delay(study, p, name, own[DELAY_OF + name]) for p, own in pieces if DELAY_OF + name in own]
         if told and float(np.median([moved for _, moved in told])) > 1.0:
             by, step = (float(np.median(each)) for each in ([by for by, _ in told], [step_of(p) for p, _ in pieces]))
             found[name] = f"{in_words(abs(by), 's')} ({abs(by) / step:.2g} samples) {'late' if by > 0 else 'early'}"
@@ -140,8 +140,8 @@ def _delays(study: Study, option: Option) -> dict[str, str]:
 def _delay(study: Study, piece: Piece, name: str, own: float) -> tuple[float, float]:
     """How late a monitor is in a record [s], `own` of it beside what all have in common, and by how much (rms) that
     moves the output that it moves most, in units of its noise."""
-    by = piece.late.get(name, 0.0) + own
-    column = piece.nuisances.columns[:, piece.nuisances.names.index(LATE_OF + name)] * by
+    by = piece.delays.get(name, 0.0) + own
+    column = piece.nuisances.columns[:, piece.nuisances.names.index(DELAY_OF + name)] * by
     parts = zip(piece.case.readings, piece.case.parts, strict=True)
     moved = [float(np.sqrt(np.mean(column[rows] ** 2))) / study.noise[reading.output].rms for reading, rows in parts]
     return by, max(moved)

@@ -9,7 +9,7 @@ from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean
 from ..options.residuals import LackOfFit
 
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+# Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves

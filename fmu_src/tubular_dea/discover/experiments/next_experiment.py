@@ -20,7 +20,7 @@ from ...identify.fitting.marginal import beside_windows
 from ...identify.fitting.problem import whitened
 from ...identify.signals.sampling import usual_step
 from ...identify.study.monitor_uncertainty import shifted
-from ...identify.study.nuisances import LATE, TURN
+from ...identify.study.nuisances import TURN, USUAL_DELAY
 from ...identify.study.study import Study
 from ...kernel import KernelError
 from ...laws.places import Balance, Coefficient
@@ -111,7 +111,7 @@ def _root(covariance: np.ndarray) -> np.ndarray:
 def _own_numbers(study: Study, option: Option, case: Case, answer: np.ndarray) -> np.ndarray:
     """What zeros and delays of usual size change in a new record (N, columns)."""
     step = case.readings[0].clock.step
-    by, usually = TURN * step, (LATE if study.filtered else TURN) * step
+    by, usually = TURN * step, (USUAL_DELAY if study.filtered else TURN) * step
     zeros = [(*shifted(case, s.name), study.zero(s.name)) for s in study.plant.inputs if study.zero(s.name) > 0]
     delays = [replace(case, protocol=case.protocol.with_delay(s.name, -by)) for s in study.plant.inputs]
     moved = [*zeros, *((c, by, usually) for c in delays)]

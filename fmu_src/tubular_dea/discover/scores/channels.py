@@ -25,7 +25,7 @@ from ...protocol import Protocol
 from . import bank
 from .bank import Candidate
 
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+# Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 RECORDED_SHARE = 0.5  # [1] share of what is not noise that recorded signals explain, else a disturbance is looked for
 WAVE_SHARE = 0.005  # [1] of an input's size: a small wave
 WAVE_POINTS = 16  # [1] points a period with which it is drawn

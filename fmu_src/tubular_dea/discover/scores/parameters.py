@@ -16,7 +16,7 @@ from ...plants.plant import Plant
 # Check: `pytest tests/test_known_benchmarks.py tests/test_settle.py`
 LOST_FIT = 1.5  # [1] of the solver's numbers (a factor of 4.5) from the declared value: a fit may be lost
 
-# Set by judgement. Check: `python -m blind.score --foreign 12 --seed 1000`
+# Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 IMPLAUSIBLE = 3.0  # [1] factor from the declared value beyond which a refitted parameter is hardly the plant's
 
 

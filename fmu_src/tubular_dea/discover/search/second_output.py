@@ -17,7 +17,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.signals.monitors import noise_level, resolution
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
-from ...runs import runs
+from ...stretches import true_stretches
 from ..options.options import Option
 from .revision import Search
 
@@ -92,7 +92,7 @@ def _at_nothing(record: np.ndarray, answer: np.ndarray, noise: float) -> np.ndar
     """
     flows = np.abs(answer) > NEXT_TO_NOTHING * noise
     near = np.convolve(flows, np.ones(2 * AFTER_FLOW + 1), mode="same") > 0
-    stretches = [np.arange(a, b) for a, b in runs(~near)]
+    stretches = [np.arange(a, b) for a, b in true_stretches(~near)]
     parts = [part for s in stretches for part in np.array_split(s, max(1, s.size // STRETCH)) if s.size >= STRETCH]
     return np.array([float(np.median(record[part])) for part in parts])
 

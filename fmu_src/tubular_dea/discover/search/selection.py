@@ -27,7 +27,7 @@ MOST_ROUNDS = 5  # [1] the same where models are far from the plant
 # `python -m blind.score --singles 2 --seed 1000`
 DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much less begins the search anew
 # Set by measurement: a leaking line that looks like one of second order is found from either of two bases, 2 % apart.
-# Check: `python -m blind.score --foreign 1 --seed 2100001 --no-identify`
+# Check: `python -m blind.score --external 1 --seed 2100001 --no-identify`
 MUCH_DEEPER = 0.2  # [1] the same where that effect leaves noise alone
 SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
 

@@ -72,7 +72,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class CaseRun:
+class SharedTrajectory:
     """A trajectory: that of `case`, at `times` (n,). It answers `cases`, by their numbers, each at its `places`."""
 
     case: Case
@@ -85,7 +85,7 @@ class CaseRun:
         return {i: c.read({n: values[n][self.places[i]] for n in c.outputs}) for i, c in self.cases.items()}
 
 
-def runs(cases: Sequence[Case]) -> list[CaseRun]:
+def shared_trajectories(cases: Sequence[Case]) -> list[SharedTrajectory]:
     """The trajectories that answer all cases; those with most events begin, so that no long one is left at the end."""
     left = sorted(range(len(cases)), key=lambda i: -cases[i].protocol.time.size)
     found = []
@@ -94,11 +94,11 @@ def runs(cases: Sequence[Case]) -> list[CaseRun]:
         row = {i: cases[i] for i in left if i == left[0] or _begins_with(last, cases[i])}
         left = [i for i in left if i not in row]
         if len(row) == 1:
-            found.append(CaseRun(last, last.instants, row, dict.fromkeys(row, slice(None))))
+            found.append(SharedTrajectory(last, last.instants, row, dict.fromkeys(row, slice(None))))
             continue
         on_clock = {i: _on_clock_of(last, case) for i, case in row.items()}
         times = np.unique(np.concatenate(list(on_clock.values())))
-        found.append(CaseRun(last, times, row, {i: np.searchsorted(times, at) for i, at in on_clock.items()}))
+        found.append(SharedTrajectory(last, times, row, {i: np.searchsorted(times, at) for i, at in on_clock.items()}))
     return found
 
 

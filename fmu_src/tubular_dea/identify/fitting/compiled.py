@@ -42,7 +42,8 @@ SWITCHING = 3  # [1] effects that switch, in one library for scores on short rec
 FEW_POINTS = 20_000  # [1] samples (or points of inputs) up to which the candidates of a round share kernels
 MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 
-STILL, CALM, LATE, LIVELY = "still", "calm", "late", "lively"  # own dynamics of an effect: none, linear, a delay, else
+# Own dynamics of an effect: none, linear, a delay, else.
+STILL, CALM, DELAYED, LIVELY = "still", "calm", "delayed", "lively"
 
 
 class Compiled:
@@ -136,9 +137,9 @@ class Compiled:
         """The catalogue's effects in groups that share a library for scores."""
         names = list(self.catalogue)
         if self._few:
-            still, late = ([g] if g else [] for g in (self._of(STILL), self._of(LATE)))
-            return [*still, *late, *_cut(self._of(CALM), SHARED), *_cut(self._of(LIVELY), SWITCHING)]
-        lively = [n for n in names if self.kinds[n] in (LATE, LIVELY)]
+            still, delayed = ([g] if g else [] for g in (self._of(STILL), self._of(DELAYED)))
+            return [*still, *delayed, *_cut(self._of(CALM), SHARED), *_cut(self._of(LIVELY), SWITCHING)]
+        lively = [n for n in names if self.kinds[n] in (DELAYED, LIVELY)]
         calm = [n for n in names if n not in lively]
         size = len(names) if present else SHARED
         return [*_cut(calm, size), *_cut(lively, 1 if self._many else size)]
@@ -159,7 +160,7 @@ class Compiled:
         fixed = {p.quantity.symbol for p in model.parameters}
         own = model.states[len(self.base.states) :]
         if len(model.delays) > len(self.base.delays):
-            return LATE
+            return DELAYED
         calm = all(_linear(sympy.sympify(s.derivative), s.quantity.symbol, fixed) for s in own)
         return (CALM if calm else LIVELY) if own else STILL
 

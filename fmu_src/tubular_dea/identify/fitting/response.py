@@ -9,7 +9,7 @@ import numpy as np
 
 from ...kernel import Driven, Kernel, KernelError, Trajectory
 from ..threads import free_processors, side_by_side
-from .cases import Case, CaseRun, runs
+from .cases import Case, SharedTrajectory, shared_trajectories
 
 T = TypeVar("T")
 
@@ -49,7 +49,7 @@ class Response:
         self.tolerance = tolerance
         self.cases = list(cases)
         self.fixed = dict(values or {})
-        self.runs = runs(self.cases)
+        self.shared = shared_trajectories(self.cases)
         self._driven: dict[int, Driven] = {}
         self._meshes: dict[int, tuple[dict[str, float], np.ndarray]] = {}
 
@@ -65,12 +65,12 @@ class Response:
         """What is read in every case, each (N,); `KernelError` where it cannot be computed. `finer` divides the
         tolerance."""
         parameters = self.fixed | dict(values)
-        return self._joined(self._all(lambda run: self._outputs(run, parameters, finer, finer == 1)))
+        return self._joined(self._all(lambda shared: self._outputs(shared, parameters, finer, finer == 1)))
 
     def outputs_alone(self, values: Mapping[str, float], finer: float = 1.0) -> list[np.ndarray]:
         """As `outputs`, in the calling thread: for callers that are many threads themselves."""
         parameters = self.fixed | dict(values)
-        return self._joined([self._outputs(run, parameters, finer) for run in self.runs])
+        return self._joined([self._outputs(shared, parameters, finer) for shared in self.shared])
 
     def possible(self, values: Mapping[str, float]) -> list[np.ndarray | None]:
         """As `outputs_alone`, with None for cases that cannot be computed (a start beyond a fold)."""
@@ -81,7 +81,7 @@ class Response:
 
     def _possible(self, case: Case, parameters: dict[str, float]) -> np.ndarray | None:
         try:
-            return self._outputs(runs([case])[0], parameters)[0]
+            return self._outputs(shared_trajectories([case])[0], parameters)[0]
         except KernelError:
             return None
 
@@ -93,17 +93,18 @@ class Response:
         )
 
     def _outputs(
-        self, run: CaseRun, parameters: dict[str, float], finer: float = 1.0, keep_mesh: bool = False
+        self, shared: SharedTrajectory, parameters: dict[str, float], finer: float = 1.0, keep_mesh: bool = False
     ) -> dict[int, np.ndarray]:
-        """The readings of every case of a run. Models that diverge or ring during a fit are given up early.
+        """The readings of every case that shares a trajectory.
 
-        Where the steps end is kept, as sensitivities at the same parameters are asked for next, if the point is good.
+        Models that diverge or ring during a fit are given up early. Where the steps end is kept, as sensitivities at
+        the same parameters are asked for next, if the point is good.
         """
-        case = run.case
-        allowed = LEAST_STEPS + STEPS_A_SAMPLE * (run.times.size + case.protocol.time.size)
+        case = shared.case
+        allowed = LEAST_STEPS + STEPS_A_SAMPLE * (shared.times.size + case.protocol.time.size)
         found = self.kernel.simulate(
             self._drive(case),
-            run.times,
+            shared.times,
             self._of(case, parameters),
             self.tolerance / finer,
             max_steps=allowed,
@@ -113,8 +114,8 @@ class Response:
         if any(float(np.abs(v).max(initial=0.0)) > RUN_AWAY for v in found.values.values()):
             raise KernelError(f"{self.kernel.model.name} runs away: it reaches more than {RUN_AWAY:g}")
         if found.mesh is not None:
-            self._meshes[id(run)] = (parameters, found.mesh)
-        return run.read(found.values)
+            self._meshes[id(shared)] = (parameters, found.mesh)
+        return shared.read(found.values)
 
     def _drive(self, case: Case) -> Driven:
         """What drives one of `cases`, checked for this model."""
@@ -122,12 +123,12 @@ class Response:
             self._driven[id(case)] = self.kernel.driven(case.protocol)
         return self._driven[id(case)]
 
-    def _mesh(self, run: CaseRun, parameters: dict[str, float]) -> np.ndarray:
+    def _mesh(self, shared: SharedTrajectory, parameters: dict[str, float]) -> np.ndarray:
         """Where the integrator's steps end."""
-        known = self._meshes.get(id(run))
+        known = self._meshes.get(id(shared))
         if known is not None and known[0] == parameters:
             return known[1]
-        return self.kernel.mesh(self._drive(run.case), self._of(run.case, parameters), self.tolerance)
+        return self.kernel.mesh(self._drive(shared.case), self._of(shared.case, parameters), self.tolerance)
 
     def _of(self, case: Case, parameters: Mapping[str, float]) -> dict[str, float]:
         """The parameters of a case: those that are searched for go before its own."""
@@ -146,40 +147,40 @@ class Response:
         parameters = self.fixed | dict(values)
         shares = self._shares(names)
 
-        def one(run: CaseRun) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
-            of = self._of(run.case, parameters)
+        def one(shared: SharedTrajectory) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
+            of = self._of(shared.case, parameters)
 
             def over(mesh: np.ndarray) -> list[Trajectory]:
-                return side_by_side(lambda share: self._differentiated(run, of, share, mesh), shares)
+                return side_by_side(lambda share: self._differentiated(shared, of, share, mesh), shares)
 
             try:
-                parts = over(self._mesh(run, parameters))
+                parts = over(self._mesh(shared, parameters))
             except KernelError:  # in a step across a turn of friction, rounding decides whether there is an answer
-                parts = over(self.kernel.mesh(self._drive(run.case), of, self.tolerance / FINER))
-            columns = [run.read(part.sensitivities) for part in parts]
-            return run.read(parts[0].values), {i: np.column_stack([c[i] for c in columns]) for i in run.cases}
+                parts = over(self.kernel.mesh(self._drive(shared.case), of, self.tolerance / FINER))
+            columns = [shared.read(part.sensitivities) for part in parts]
+            return shared.read(parts[0].values), {i: np.column_stack([c[i] for c in columns]) for i in shared.cases}
 
         pairs = self._all(one)
         return self._joined([a for a, _ in pairs]), self._joined([b for _, b in pairs])
 
     def _shares(self, names: Sequence[str]) -> list[Sequence[str]]:
-        """The names, divided among the processors where there are fewer runs than processors.
+        """The names, divided among the processors where there are fewer trajectories than processors.
 
         Not into less than the kernel works on at once.
         """
-        count = max(1, free_processors() // len(self.runs))
+        count = max(1, free_processors() // len(self.shared))
         size = max(COLUMNS_TOGETHER, -(-len(names) // count))
         return [names[i : i + size] for i in range(0, len(names), size)]
 
     def _differentiated(
-        self, run: CaseRun, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
+        self, shared: SharedTrajectory, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
     ) -> Trajectory:
         return self.kernel.simulate(
-            self._drive(run.case), run.times, values, sensitivities=names, mesh=mesh, wanted=run.case.outputs
+            self._drive(shared.case), shared.times, values, sensitivities=names, mesh=mesh, wanted=shared.case.outputs
         )
 
-    def _all(self, work: Callable[[CaseRun], T]) -> list[T]:
-        return side_by_side(work, self.runs)
+    def _all(self, work: Callable[[SharedTrajectory], T]) -> list[T]:
+        return side_by_side(work, self.shared)
 
     def _joined(self, found: Sequence[Mapping[int, np.ndarray]]) -> list[np.ndarray]:
         """What was found of every case, in their order."""

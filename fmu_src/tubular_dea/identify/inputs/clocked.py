@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...runs import runs
+from ...stretches import true_stretches
 from ..signals.quiet import steady
 from ..signals.sampling import usual_step
 
@@ -48,7 +48,7 @@ def _numbers(first: np.ndarray) -> np.ndarray | None:
     the pauses beside it last; with them it is known better, and so on.
     """
     gaps = np.diff(first)
-    begin, end = max(runs(gaps <= gaps.min() + 1), key=lambda row: row[1] - row[0])
+    begin, end = max(true_stretches(gaps <= gaps.min() + 1), key=lambda row: row[1] - row[0])
     shorter = int(np.count_nonzero(gaps[begin:end] == gaps.min()))
     if min(shorter, end - begin - shorter) < EACH_KIND:
         return None

@@ -435,9 +435,9 @@ def _held(
     if trigger is not None:
         edges = triggered(edges, time, trigger)
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
-    late = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
-    line, edges = held_line(time, values, noise, found, edges, late)
-    missed = line_error(experiment, name, line, noise, found, edges, late, hum)
+    delay = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
+    line, edges = held_line(time, values, noise, found, edges, delay)
+    missed = line_error(experiment, name, line, noise, found, edges, delay, hum)
     unheld = not (shown or exact) and line.ramps(MATTERS)
     return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
 

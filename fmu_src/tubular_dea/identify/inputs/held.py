@@ -108,17 +108,17 @@ class HeldLine:
 
 
 def held_line(
-    time: np.ndarray, values: np.ndarray, noise: float, found: Transitions, edges: Sequence[Edge], late: float
+    time: np.ndarray, values: np.ndarray, noise: float, found: Transitions, edges: Sequence[Edge], delay: float
 ) -> tuple[HeldLine, list[Edge]]:
     """The line behind a held signal, and its `edges` (one for each of `found`) with the levels that the line has.
 
-    What moves between edges does so `late` [s] after it was recorded.
+    What moves between edges does so `delay` [s] after it was recorded.
     """
     ramp = np.flatnonzero([e.shape != "recorded" for e in edges])
     kept = np.flatnonzero(~_within(time.size, found.before[ramp] + 1, found.after[ramp]))  # none on a ramp's way
     starts = np.searchsorted(kept, found.after[ramp])
     line = _levelled(polyline(time[kept], values[kept], noise, starts), starts, kept.size, noise)
-    whole = _breakpoints(time, kept, line, starts, ramp, late)
+    whole = _breakpoints(time, kept, line, starts, ramp, delay)
     moved = _placed(whole, edges)
     levelled = _with_levels(moved, edges)
     return _following(_shaped(moved, levelled), time, found, edges), levelled
@@ -179,9 +179,9 @@ def _levelled(line: Polyline, starts: np.ndarray, n: int, noise: float) -> Polyl
 
 
 def _breakpoints(
-    time: np.ndarray, kept: np.ndarray, line: Polyline, starts: np.ndarray, ramp: np.ndarray, late: float
+    time: np.ndarray, kept: np.ndarray, line: Polyline, starts: np.ndarray, ramp: np.ndarray, delay: float
 ) -> HeldLine:
-    """All corners `late` after they were recorded, the two at every edge assigned to it; one alone becomes two."""
+    """All corners `delay` after they were recorded, the two at every edge assigned to it; one alone becomes two."""
     piece = np.searchsorted(starts, line.corners, side="right")
     begins = np.append(True, np.diff(piece) > 0)
     ends = np.append(np.diff(piece) > 0, True)
@@ -195,7 +195,7 @@ def _breakpoints(
     opened, closed = begins & (piece > 0), ends & (piece < starts.size)
     edge[opened], side[opened] = ramp[piece[opened] - 1], 1.0
     edge[closed], side[closed] = ramp[piece[closed]], -1.0
-    at = np.clip(time[kept[line.corners[twice]]] + late, time[0], time[-1])
+    at = np.clip(time[kept[line.corners[twice]]] + delay, time[0], time[-1])
     at[0] = time[0]
     rise, run = np.diff(values), np.diff(at)
     rate = np.divide(rise, run, out=np.zeros_like(rise), where=(run > 0) & (np.diff(piece) == 0))

@@ -30,7 +30,7 @@ def line_error(
     noise: float,
     found: Transitions | None = None,
     edges: Sequence[Edge] = (),
-    late: float = 0.0,
+    delay: float = 0.0,
     hum: np.ndarray | float = 0.0,
 ) -> float:
     """How far a line misses its record (rms) where no edge is near; `DataError` where that is more than noise."""
@@ -44,7 +44,7 @@ def line_error(
         near[before : after + 1] = True
     if near.all():
         return 0.0
-    left = (values - Protocol(line.time, {"": line.values}).at(time + late)[""])[~near]
+    left = (values - Protocol(line.time, {"": line.values}).at(time + delay)[""])[~near]
     error = float(np.sqrt(np.mean(left**2)))
     coarse = resolution(experiment.inputs[name])
     small = HARMLESS * float(np.ptp(values))  # what a filter that rings leaves

@@ -78,10 +78,10 @@ def transitions(time: np.ndarray, values: np.ndarray, noise: float) -> Transitio
 
     They are sought between neighbouring samples, and between samples as far apart as slow amplifiers need.
     """
-    found = _runs(time, values, noise)
+    found = _steps_in_a_row(time, values, noise)
     apart = int(SLOW_EDGE / usual_step(time)) if time.size > 2 else 1
     if apart > 1:
-        coarse = _runs(time[::apart], values[::apart], noise)
+        coarse = _steps_in_a_row(time[::apart], values[::apart], noise)
         slow = [_exact(values, noise, a * apart, min(b * apart, values.size - 1)) for a, b in coarse.pairs]
         taken = np.zeros(time.size + 1)
         np.add.at(taken, found.before, 1)
@@ -143,7 +143,7 @@ def _rings_for(values: np.ndarray, least: Sequence[float], largest: tuple[float,
     return 0
 
 
-def _runs(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
+def _steps_in_a_row(time: np.ndarray, values: np.ndarray, noise: float) -> Transitions:
     """Steps one after the other in the same direction that stand out, with those that lead up to them and go on."""
     step = np.diff(values)
     if step.size < 2:

@@ -113,7 +113,7 @@ def fit_patient(
 
     `cardiac_output` [m3/s] is assumed where there is no flow; of a recording with a flow it is None.
     """
-    problem = _Problem(beat, base, cardiac_output, progress)
+    problem = _PatientProblem(beat, base, cardiac_output, progress)
     theta = problem.start()
     noise = problem.noise(theta)
     for _ in range(NOISE_ROUNDS):
@@ -125,7 +125,7 @@ def fit_patient(
     return problem.patient(theta, noise)
 
 
-class _Problem:
+class _PatientProblem:
     def __init__(
         self, beat: RecordedBeat, base: Mapping[str, float], cardiac_output: float | None, progress: Callable[[], None]
     ) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.declare import Quantity
 from ...plants.plant import Input, Output, Plant
-from ...runs import runs
+from ...stretches import true_stretches
 from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
 
 # Set by convention: weather, and places up to 1 km. Check: `pytest tests/test_data.py -k absolute`
@@ -176,7 +176,7 @@ def at_limit(values: np.ndarray) -> np.ndarray:
 
 def _still(values: np.ndarray) -> list[tuple[int, int]]:
     """The first and the last sample of every run of STANDSTILL equal values or more."""
-    return [(a, b) for a, b in runs(np.diff(values) == 0) if b - a + 1 >= STANDSTILL]
+    return [(a, b) for a, b in true_stretches(np.diff(values) == 0) if b - a + 1 >= STANDSTILL]
 
 
 def _noisy(values: np.ndarray) -> bool:

@@ -19,7 +19,7 @@ from .sampling import usual_step
 MAINS = (50.0, 60.0)  # [Hz] at which hum is looked for
 SLOWLY_SAMPLED = 1.01 * 0.5 / min(MAINS)  # [s] between samples up to which it lies where little else does
 HARMONICS = 10  # [1] multiples of these that are
-FOLDED = 4  # [1] the same beyond half the sampling rate: of ten, one comes to lie near anything
+ALIASED_HARMONICS = 4  # [1] the same beyond half the sampling rate: of ten, one comes to lie near anything
 HEARTS = 5.0  # [Hz] up to which an alias of the mains is not told from beats and what they drive
 
 # Set by judgement. Check: `pytest tests/test_noise.py tests/test_monitors.py`,
@@ -81,20 +81,20 @@ def _cut(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float, size: int
 def is_hum(line: float, step: float) -> bool:
     """Whether a line is where the mains or one of its harmonics comes to lie when sampled every `step` [s].
 
-    Harmonics beyond half the sampling rate are looked for up to FOLDED, and none where hearts beat.
+    Harmonics beyond half the sampling rate are looked for up to ALIASED_HARMONICS, and none where hearts beat.
     """
     return line > HEARTS and any(
         abs(line - _aliased(multiple * mains, 1 / step)) < multiple * OFF + 1.0 / LINE_BLOCK
         for mains in MAINS
         for multiple in range(1, HARMONICS + 1)
-        if multiple <= FOLDED or multiple * mains < 0.5 / step
+        if multiple <= ALIASED_HARMONICS or multiple * mains < 0.5 / step
     )
 
 
 def _aliased(frequency: float, rate: float) -> float:
     """Where a frequency comes to lie below half the sampling rate."""
-    folded = frequency % rate
-    return min(folded, rate - folded)
+    above = frequency % rate
+    return min(above, rate - above)
 
 
 def waves(lines: Sequence[float], time: np.ndarray) -> np.ndarray:

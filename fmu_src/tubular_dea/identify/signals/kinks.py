@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...runs import runs
+from ...stretches import true_stretches
 
 # Set by theory: three samples and more, of which at most one is on another line, tell where a line runs.
 # Check: `pytest tests/test_kinks.py`
@@ -109,7 +109,7 @@ def untold(
     brief = (gaps < (STRAIGHT + 0.5) * step) & ~_kinked(gaps, step)
     rough = _rough(values) > UNKNOWN * noise
     found = []
-    for first, last in runs(brief):  # pieces from `first` on, before `last`
+    for first, last in true_stretches(brief):  # pieces from `first` on, before `last`
         alone = t[last] - t[first] < (BRIEFLY + 0.5) * step and first > 0 and last < gaps.size
         if alone and rough[slice(*np.searchsorted(time, [t[first] - 0.5 * step, t[last] + 0.5 * step]))].any():
             found.append((t[first], t[last] + RESPONDS * step))

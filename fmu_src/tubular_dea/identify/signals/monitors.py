@@ -134,7 +134,7 @@ def changes_by_itself(values: np.ndarray) -> bool:
     """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
     as rain or a heating; or at most samples, between exact repeats, such as dry days, and longer rests, such as nights.
     """
-    begins, lasts = equal_runs(values)
+    begins, lasts = equal_stretches(values)
     brief = lasts < SAME_READINGS
     mostly_new = np.count_nonzero(brief) > MOSTLY_NEW * float(lasts[brief].sum())
     changing = values[begins[brief]] if mostly_new else values
@@ -142,19 +142,19 @@ def changes_by_itself(values: np.ndarray) -> bool:
 
 
 def at_rest(values: np.ndarray) -> int:
-    """How many samples repeat one reading exactly, in runs of some length: there a monitor shows that it has no noise.
+    """How many samples repeat one reading exactly, in stretches of some length: there a monitor shows no noise.
 
-    A run from the first sample on may be filled up, before a recorder was triggered; runs at other readings may be
-    those of lost samples.
+    A stretch from the first sample on may be filled up, before a recorder was triggered; stretches at other readings
+    may be those of lost samples.
     """
-    begins, lasts = (each[1:] for each in equal_runs(values))
+    begins, lasts = (each[1:] for each in equal_stretches(values))
     long = lasts >= SAME_READINGS
     _, which = np.unique(values[begins[long]], return_inverse=True)
     return int(np.bincount(which, lasts[long]).max(initial=0.0))
 
 
-def equal_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where runs of equal readings begin (k,), and how many samples they last (k,)."""
+def equal_stretches(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where stretches of equal readings begin (k,), and how many samples they last (k,)."""
     begins = np.flatnonzero(np.append(True, np.diff(values) != 0))
     return begins, np.diff(np.append(begins, values.size))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...runs import runs
+from ...stretches import true_stretches
 from .quiet import LEAST_STRETCH, Stretches, basis
 from .sampling import usual_step
 
@@ -62,7 +62,7 @@ def _unshared(record: Repeated, number: int) -> list[Stretches]:
     cut = record.values[first[kept, None] + np.arange(size)].T @ apart
     return [
         Stretches(step, cut[a:b], basis(b - a, step), np.full(cut.shape[1], number), first[kept][: cut.shape[1]] + a)
-        for a, b in runs(~often)
+        for a, b in true_stretches(~often)
         if b - a >= LEAST_STRETCH
     ]
 

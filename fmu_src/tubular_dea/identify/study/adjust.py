@@ -24,7 +24,7 @@ from ..records.start import LATEST
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
 from .linearised import Linearised, lasting_edges, linearised_piece, wide, windows_of
-from .nuisances import DRIFT_OF, GAIN_OF, LATE_OF, SMOOTH_OF, START_OF, prior, step_of, with_columns
+from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, step_of, with_columns
 from .remembered import NOISE_OF
 from .spreads import Common, most_spread, spreads
 from .study import Piece, Study, carried
@@ -71,7 +71,7 @@ def adjusted(
         _settled(work, ids, fixed, p, s, sd, common, part, alike)
         for p, s, sd in zip(work.pieces, linear, priors, strict=True)
     ]
-    work = replace(work, pieces=pieces, spread=spread, late=common.late, longer=common.longer)
+    work = replace(work, pieces=pieces, spread=spread, delays=common.delays, longer=common.longer)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
     return replace(work, pieces=carried(everyone))
@@ -99,7 +99,7 @@ def _settled(
     `sd` (k,) are their priors, `common` what all files have in common, `part` that of the sampling at which edges
     happened, if they did so on one clock, and `alike` what the edges of inputs are moved by beside [s].
     """
-    shifts, late = piece.shifts, {name: by * step_of(piece) for name, by in common.late.items()}
+    shifts, delays = piece.shifts, {name: by * step_of(piece) for name, by in common.delays.items()}
     if linear.windows:
         left = _without_own(piece, linear, sd)
         best = np.array([m.best(left[m.where]) for m in linear.windows])
@@ -107,11 +107,11 @@ def _settled(
             low, high = bounds(piece)
             best = np.where(wide(piece), low + part * (high - low), best)
         best += [alike.get(e.input, 0.0) for e in piece.driven.edges]
-        shifts = _kept_in_place(piece, best, late)
+        shifts = _kept_in_place(piece, best, delays)
     elif lasting_edges(piece):
-        shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), late)
+        shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), delays)
     made = marginal(windows_of(piece, linear, shifts, part is not None), linear.columns, sd)
-    piece = replace(piece, late=late, longer=common.longer)
+    piece = replace(piece, delays=delays, longer=common.longer)
     case = replace(piece.case, protocol=piece.driven_by(shifts))
     return replace(piece, case=case, shifts=shifts, marginal=made, nuisances=replace(piece.nuisances, sd=sd))
 
@@ -150,7 +150,7 @@ def _limit(study: Study, piece: Piece, name: str) -> float:
     """How far a nuisance parameter may be from nothing (SI); infinity where that is not limited."""
     if name.startswith(SMOOTH_OF):
         return INCREDIBLE  # neighbours that replace a sample wholly are 1
-    if name.startswith(LATE_OF):
+    if name.startswith(DELAY_OF):
         return INCREDIBLE * LATEST * step_of(piece)
     monitor = any(s.name == name for s in study.plant.inputs)
     return INCREDIBLE * most_spread(study, name) if monitor or name.startswith((GAIN_OF, DRIFT_OF)) else np.inf
@@ -170,7 +170,7 @@ def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
     A delay moves all edges of an input alike, which their instants do as well. What many share would be taken for one,
     and their instants would come near the likeliest ones only little by little.
     """
-    switched = {f"{LATE_OF}{e.input}" for e in piece.driven.edges}
+    switched = {f"{DELAY_OF}{e.input}" for e in piece.driven.edges}
     return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
 
 
@@ -281,13 +281,13 @@ def _begun(
     return piece
 
 
-def _kept_in_place(piece: Piece, shifts: np.ndarray, late: Mapping[str, float]) -> np.ndarray:
+def _kept_in_place(piece: Piece, shifts: np.ndarray, delays: Mapping[str, float]) -> np.ndarray:
     """Shifts of edges that leave them where they are, within their bounds, once monitors are found later than before.
 
     An edge happens at its recorded instant and shift less the delay of its monitor: both are told by the same samples.
     """
     edges = piece.driven.edges
-    more = np.array([late.get(e.input, 0.0) - piece.late.get(e.input, 0.0) for e in edges])
+    more = np.array([delays.get(e.input, 0.0) - piece.delays.get(e.input, 0.0) for e in edges])
     low, high = bounds(piece)
     return np.clip(shifts + more, low, high)
 

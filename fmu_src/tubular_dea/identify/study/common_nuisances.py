@@ -14,7 +14,7 @@ import numpy as np
 from ..fitting.fit import Fit, inverse
 from ..fitting.marginal import Marginal, beside_windows
 from ..fitting.problem import whitened
-from .nuisances import LATE_OF, RISE_OF, usual_size
+from .nuisances import DELAY_OF, RISE_OF, usual_size
 from .spreads import alike
 from .study import Study
 
@@ -83,8 +83,8 @@ def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) 
         free.append(own)
         with_none = np.pad(white, ((0, 0), (0, 1)))  # the last column is that of what a record does not have
         parts.append(own.apply(with_none[:, mine] * here))
-    late = np.array([n.startswith(LATE_OF) for n in names], dtype=bool)
-    prior = np.linalg.cholesky(inverse(np.eye(len(names)) + alike(late)))
+    delayed = np.array([n.startswith(DELAY_OF) for n in names], dtype=bool)
+    prior = np.linalg.cholesky(inverse(np.eye(len(names)) + alike(delayed)))
     rows = tuple(p.record.size for p in study.training)
     return CommonNuisances(tuple(p.marginal for p in study.training), tuple(free), rows, np.concatenate(parts) @ prior)
 
@@ -92,4 +92,4 @@ def common_nuisances(study: Study, followed: bool = False, zeros: bool = False) 
 def _common(study: Study, name: str) -> bool:
     """Whether a nuisance parameter has a part that is estimated for all files together: the rise of an amplifier, and
     the delay of a filter. One that was found to be none may be hidden by what is late behind the sensor."""
-    return name.startswith(RISE_OF) or (study.filtered and name.startswith(LATE_OF))
+    return name.startswith(RISE_OF) or (study.filtered and name.startswith(DELAY_OF))

@@ -142,9 +142,9 @@ def _place(piece: Piece, number: int, following: Iterable[int], reading: int) ->
     """The samples that may depend on an edge's instant: from its earliest one to that of the `following` edge."""
     edges, times = piece.driven.edges, piece.case.readings[reading].times
     offset = piece.case.parts[reading].start
-    starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.late.get(edges[i].input, 0.0) for i in following]
+    starts = [edges[i].earliest - 0.5 * edges[i].rise - piece.delays.get(edges[i].input, 0.0) for i in following]
     mine = edges[number]
-    begin = np.searchsorted(times, mine.earliest - 0.5 * mine.rise - piece.late.get(mine.input, 0.0))
+    begin = np.searchsorted(times, mine.earliest - 0.5 * mine.rise - piece.delays.get(mine.input, 0.0))
     ends = [np.inf, *starts]
     return slice(offset + int(begin), offset + max(int(begin), int(np.searchsorted(times, min(ends)))))
 

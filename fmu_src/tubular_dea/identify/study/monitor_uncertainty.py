@@ -49,10 +49,10 @@ def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], lev
     for part, weight in zip(parts, weights, strict=True):  # the weights' share of the noise is counted below
         covariance -= (part * (1 - weight**2)) @ part.T
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
-        gains = slow_gains(problem.response, best.values, name, pieces)
+        sensitivities = slow_sensitivities(problem.response, best.values, name, pieces)
         for i, driven in enumerate(drives):
             level = max(driven.noise[name], levels.get(name, 0.0))
-            covariance += level**2 * _added(problem, i, parts[i] * weights[i], gains[i], driven.corners[name])
+            covariance += level**2 * _added(problem, i, parts[i] * weights[i], sensitivities[i], driven.corners[name])
     for delay in problem.response.kernel.model.delays:
         if delay.by in best.names:
             place = best.names.index(delay.by)
@@ -61,7 +61,9 @@ def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], lev
     return best.with_covariance(covariance)
 
 
-def slow_gains(response: Response, values: Mapping[str, float], name: str, pieces: Sequence[Piece]) -> list[np.ndarray]:
+def slow_sensitivities(
+    response: Response, values: Mapping[str, float], name: str, pieces: Sequence[Piece]
+) -> list[np.ndarray]:
     """The change of the output of every case with slow noise of an input, each (N,), SI: its static gain, the change
     with a constant added to the input; where the plant remembers noise, what nuisance parameters do not tell of that.
 

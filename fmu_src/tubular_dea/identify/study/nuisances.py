@@ -37,7 +37,7 @@ EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference qu
 
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions antialias --seed 1000`
-LATE = 0.5  # [samples] by which filters against aliasing usually make monitors late
+USUAL_DELAY = 0.5  # [samples] by which filters against aliasing usually make monitors late
 TURN = 0.1  # [samples] by which channels are usually apart that are read in turn
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -74,7 +74,8 @@ HUM_SIZE = 10.0  # [1] times the noise: prior of the amplitude of a line at main
 DRIFTS = 5  # [1] polynomials that a drift within a file is made of
 USUAL_DRIFT = 0.1  # [1] of the usual zero by which each of them usually drifts: 3 um for the tube's laser
 
-GAIN_OF, LATE_OF, SMOOTH_OF = "gain of ", "late ", "smooth "  # names of what a monitor has of its own beside its zero
+# Names of what a monitor has of its own beside its zero.
+GAIN_OF, DELAY_OF, SMOOTH_OF = "gain of ", "delay of ", "smooth "
 RISE_OF = "rise of "  # name of how much longer the amplifier behind a monitor rises than its samples tell
 BEGUN_OF = "begun "  # name of when an input that moves from the first sample on began to
 SENT_OF = "sent "  # name of when an input with a clock of its own was sent
@@ -106,7 +107,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
     cases = [(name, *shifted(piece.case, name)) for name in monitors]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
-    cases += [(f"{LATE_OF}{name}", *_delayed(piece, name)) for name in monitors]
+    cases += [(f"{DELAY_OF}{name}", *_delayed(piece, name)) for name in monitors]
     switching = {e.input for e in piece.driven.edges}
     cases += [(f"{RISE_OF}{name}", *_widened(piece, name)) for name in piece.driven.rises if name in switching]
     cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
@@ -239,7 +240,7 @@ def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) ->
         SENT_OF: lambda name: piece.driven.room[name] / EVENLY,
         HUM_OF: lambda name: HUM_SIZE * study.noise[name.split(" ", 1)[1]].rms,
         NOISE_OF: lambda name: spread_at_corner(study, piece, name),
-        LATE_OF: lambda name: (MIDWAY if name in piece.driven.unheld else TURN) * step_of(piece),
+        DELAY_OF: lambda name: (MIDWAY if name in piece.driven.unheld else TURN) * step_of(piece),
         SMOOTH_OF: lambda name: SMOOTHER,
         START_OF: lambda name: START_SPREAD,
     }
@@ -253,7 +254,7 @@ def usual_size(study: Study, piece: Piece, name: str) -> float:
         return 0.0
     if name.startswith(RISE_OF):
         return study.rises[name.removeprefix(RISE_OF)].stderr
-    return LATE * step_of(piece) if name.startswith(LATE_OF) else size_of(study, name) * left_of(piece, name)
+    return USUAL_DELAY * step_of(piece) if name.startswith(DELAY_OF) else size_of(study, name) * left_of(piece, name)
 
 
 def size_of(study: Study, name: str) -> float:

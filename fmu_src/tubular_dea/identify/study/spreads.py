@@ -24,7 +24,7 @@ from ..fitting.problem import Free, whitened
 from ..records.start import LATEST, ZEROS
 from ..signals.colour_estimate import ROUNDED_OFF
 from .linearised import Linearised, wide, windows_of
-from .nuisances import GAIN_OF, LATE, LATE_OF, RISE_OF, TURN, prior, size_of, usual_size
+from .nuisances import DELAY_OF, GAIN_OF, RISE_OF, TURN, USUAL_DELAY, prior, size_of, usual_size
 from .study import Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_adjust.py`,
@@ -56,10 +56,10 @@ MOST_ZERO = 10.0  # [1] times the usual zero by which those of a sensor differ b
 
 @dataclass(frozen=True)
 class Common:
-    """What all files of a bench have in common, by input: how `late` its monitor is (samples), and how much `longer`
+    """What all files of a bench have in common, by input: the delay of its monitor (samples), and how much `longer`
     its amplifier rises than was read (s)."""
 
-    late: dict[str, float] = field(default_factory=dict)
+    delays: dict[str, float] = field(default_factory=dict)
     longer: dict[str, float] = field(default_factory=dict)
 
 
@@ -74,8 +74,8 @@ def spreads(
     kinds = [
         n for n in dict.fromkeys(n for p in study.pieces for n in p.nuisances.names) if usual_size(study, first, n) > 0
     ]
-    kinds = [n for n in kinds if not n.startswith(RISE_OF) and (study.filtered or not n.startswith(LATE_OF))]
-    sizes = {n: size_of(study, n) for n in kinds if not n.startswith(LATE_OF)}
+    kinds = [n for n in kinds if not n.startswith(RISE_OF) and (study.filtered or not n.startswith(DELAY_OF))]
+    sizes = {n: size_of(study, n) for n in kinds if not n.startswith(DELAY_OF)}
     training = [(p, s) for p, s in zip(study.pieces, linear, strict=True) if not p.held_out]
     if not training or not (kinds or study.rises):
         return sizes, Common()
@@ -88,10 +88,10 @@ def spreads(
             whitened(p.case, c * slopes, study.noise, p.weight) for (p, _), c in zip(training, columns, strict=True)
         ]
     few = len({p.source for p, _ in training}) < LEAST_FILES
-    variance, late = _estimated(study, kinds, training, fixed, few) if kinds else (np.empty(0), {})
+    variance, delays = _estimated(study, kinds, training, fixed, few) if kinds else (np.empty(0), {})
     found = {n: float(np.sqrt(v)) * sizes[n] for n, v in zip(kinds, variance, strict=True) if n in sizes}
     spread = {n: min(v, most_spread(study, n)) for n, v in found.items()}
-    return spread, Common(late, {name: _longer(study, name, spread, training, fixed) for name in study.rises})
+    return spread, Common(delays, {name: _longer(study, name, spread, training, fixed) for name in study.rises})
 
 
 def most_spread(study: Study, name: str) -> float:
@@ -133,15 +133,15 @@ def _estimated(
         wide = np.r_[0 : p + k, p : p + k]  # the mean and the deviation have the same columns
         information[np.ix_(at, at)] += gram[np.ix_(wide, wide)]
         target[at] -= gram[wide, -1]
-    late = np.array([n.startswith(LATE_OF) for n in kinds])
-    known = np.array([study.late.get(n.removeprefix(LATE_OF), 0.0) / LATE for n in kinds]) * late
+    delayed = np.array([n.startswith(DELAY_OF) for n in kinds])
+    known = np.array([study.delays.get(n.removeprefix(DELAY_OF), 0.0) / USUAL_DELAY for n in kinds]) * delayed
     information[range(p), range(p)] += 1 / study.prior**2 if study.prior else NO_PRIOR
     seen = np.array([not study.sought or any(_shown(piece, n) for piece, _ in training) for n in kinds])
-    information[range(p, p + k), range(p, p + k)] += np.where(late, 1.0, np.where(seen, FIRM, VAGUE))
-    together = alike(late)
+    information[range(p, p + k), range(p, p + k)] += np.where(delayed, 1.0, np.where(seen, FIRM, VAGUE))
+    together = alike(delayed)
     information[p : p + k, p : p + k] += together
     target[p : p + k] -= known + together @ known
-    variance = np.where(late, (TURN / LATE) ** 2, 1.0)
+    variance = np.where(delayed, (TURN / USUAL_DELAY) ** 2, 1.0)
     by_chance = SAME_ZERO ** (m - 1)  # so many files with the usual spread count beside them
     for _ in range(1 if few else ITERATIONS):
         penalised = information.copy()
@@ -152,10 +152,10 @@ def _estimated(
         found, uncertainty = solved[p + k :].reshape(m, k), np.diag(inverse)[p + k :].reshape(m, k)
         if not few:
             told = np.sum(found**2 + uncertainty, axis=0)
-            variance = np.where(late, variance, (by_chance + told) / (by_chance + m))
-    means = np.clip((known + solved[p : p + k]) * LATE, 0.0, LATEST)
+            variance = np.where(delayed, variance, (by_chance + told) / (by_chance + m))
+    means = np.clip((known + solved[p : p + k]) * USUAL_DELAY, 0.0, LATEST)
     return variance, {
-        n.removeprefix(LATE_OF): float(v) for n, v, is_late in zip(kinds, means, late, strict=True) if is_late
+        n.removeprefix(DELAY_OF): float(v) for n, v, is_delay in zip(kinds, means, delayed, strict=True) if is_delay
     }
 
 
@@ -199,10 +199,10 @@ def _shown(piece: Piece, name: str) -> bool:
     return name in piece.driven.zeros and float(piece.driven.protocol.inputs[name][0]) == 0.0
 
 
-def alike(late: np.ndarray) -> np.ndarray:
-    """The information (k, k) that delays of monitors, where `late` (k,), are alike: their filters are of one kind."""
-    count = int(late.sum())
+def alike(delayed: np.ndarray) -> np.ndarray:
+    """The information (k, k) that delays of monitors, where `delayed` (k,), are alike: filters of one kind."""
+    count = int(delayed.sum())
     if count < 2:
-        return np.zeros((late.size, late.size))
-    centred = np.diag(late.astype(float)) - np.outer(late, late) / count
-    return (LATE / TURN) ** 2 * centred
+        return np.zeros((delayed.size, delayed.size))
+    centred = np.diag(delayed.astype(float)) - np.outer(delayed, delayed) / count
+    return (USUAL_DELAY / TURN) ** 2 * centred

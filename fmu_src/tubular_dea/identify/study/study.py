@@ -107,13 +107,13 @@ class Piece:
     follows: str = ""
     clock: float | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
-    late: Mapping[str, float] = field(default_factory=dict)
+    delays: Mapping[str, float] = field(default_factory=dict)
     longer: Mapping[str, float] = field(default_factory=dict)
 
     def driven_by(self, shifts: np.ndarray) -> Protocol:
-        """The protocol with edges moved by their shifts [s] and `longer`, without `late`, behind what was `before`."""
+        """The protocol with edges moved by their shifts [s] and `longer`, less `delays`, behind what was `before`."""
         own = self.driven.moved(shifts, self.longer) if self.driven.edges else self.driven.protocol
-        for name, by in self.late.items():
+        for name, by in self.delays.items():
             own = own.with_delay(name, -by) if by else own
         return own if self.before is None else followed(self.before, own)
 
@@ -123,11 +123,11 @@ class Study:
     """All pieces, the noise of every output, and the compiled models they are held against.
 
     `prior` is the width of the weak prior of all fits, in the solver's numbers; None for none. `spread` is by
-    how much zeros and gains differ between files (SI, by name), and `late` how late filters make monitors (in samples,
-    by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless effects
-    are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors whose
-    noise the user knows. `remembering`: noise that the plant remembers is a record's own (`remembered`). `firm_gains`:
-    gains of monitors differ between files by no more than is usual.
+    how much zeros and gains differ between files (SI, by name), and `delays` those that filters give monitors (in
+    samples, by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless
+    effects are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors
+    whose noise the user knows. `remembering`: noise that the plant remembers is a record's own (`remembered`).
+    `firm_gains`: gains of monitors differ between files by no more than is usual.
     """
 
     plant: Plant
@@ -138,7 +138,7 @@ class Study:
     geometry: dict[str, float] = field(default_factory=dict)
     prior: float | None = None
     spread: dict[str, float] = field(default_factory=dict)
-    late: dict[str, float] = field(default_factory=dict)
+    delays: dict[str, float] = field(default_factory=dict)
     longer: dict[str, float] = field(default_factory=dict)
     sought: bool = True
     tolerance: float = TOLERANCE

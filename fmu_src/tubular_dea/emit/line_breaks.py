@@ -1,4 +1,4 @@
-"""MathML that is too wide for its column, folded into lines: no browser breaks an equation itself.
+"""MathML that is too wide for its column, broken into lines: no browser breaks an equation itself.
 
 An equation, a sum or a product that is too wide becomes a table of lines, broken before its operators; brackets around
 it grow with the table. Widths are counted in letters, as the font is not known here.
@@ -11,7 +11,7 @@ from typing import Any
 
 WIDEST = 55.0  # letters of an equation that is left as it is: a column of the handbook at 1200 px
 ROOM = 48.0  # letters in a line: less, for what tables and brackets inside each other add
-LEAST = 26.0  # letters: what would be given less room is not folded, but what is around it
+LEAST = 26.0  # letters: what would be given less room is not broken, but what is around it
 INDENT = 2.0  # letters by which all lines but the first are indented, as the page's style has it
 SCRIPT = 0.7  # size of an index or an exponent
 SPACED = 2  # letters that the space around an operator takes
@@ -19,32 +19,32 @@ SUMS, PRODUCTS = ("+", "-"), ("\u00b7", "&#xB7;")
 BRACKETS = "()[]{|"
 
 
-def fold(equation: Any) -> None:
-    """Fold an equation, a row of three, in place where it is too wide: what it is equal to goes below, in lines."""
+def break_lines(equation: Any) -> None:
+    """Break an equation, a row of three, in place where it is too wide: what it is equal to goes below, in lines."""
     if _width(equation) <= WIDEST:
         return
     left, sign, right = list(equation.childNodes)
-    _fold(right, ROOM - INDENT - _width(sign))
+    _break_wide(right, ROOM - INDENT - _width(sign))
     sign.setAttribute("form", "infix")
     _in_lines(equation, [[left], [sign, right]])
 
 
-def _fold(node: Any, room: float) -> None:
-    """Fold an element in place, so that it is no wider than `room` letters as far as it has operators to break at."""
+def _break_wide(node: Any, room: float) -> None:
+    """Break an element in place, so that it is no wider than `room` letters as far as it has operators to break at."""
     if _width(node) <= room:
         return
     if node.tagName == "mtable":
         for row in node.childNodes:
-            _fold_row(row.childNodes, room)
+            _break_row(row.childNodes, room)
     elif node.tagName == "mfrac":
         for part in node.childNodes:
-            _fold(part, room)
+            _break_wide(part, room)
     else:
-        _fold_row(node.childNodes, room, node)
+        _break_row(node.childNodes, room, node)
 
 
-def _fold_row(parts: Sequence[Any], room: float, node: Any = None) -> None:
-    """Fold what stands beside each other; a row of a table (without `node`) cannot be broken itself."""
+def _break_row(parts: Sequence[Any], room: float, node: Any = None) -> None:
+    """Break what stands beside each other; a row of a table (without `node`) cannot be broken itself."""
     if not parts or parts[0].nodeType == parts[0].TEXT_NODE:
         return
     sums, products = ([p for p in parts[1:] if _text(p) in signs] for signs in (SUMS, PRODUCTS))
@@ -56,7 +56,7 @@ def _fold_row(parts: Sequence[Any], room: float, node: Any = None) -> None:
         return
     wide = [p for p, width in zip(parts, widths, strict=True) if width > max(LEAST, room / 2)]
     for part in wide:
-        _fold(part, max(LEAST, left if len(wide) == 1 else room / len(wide)))
+        _break_wide(part, max(LEAST, left if len(wide) == 1 else room / len(wide)))
 
 
 def _break(node: Any, breaks: Sequence[Any], room: float) -> None:
@@ -67,7 +67,7 @@ def _break(node: Any, breaks: Sequence[Any], room: float) -> None:
             lines.append([])
         lines[-1] += term
     for number, line in enumerate(lines):
-        _fold_row(line, room - INDENT * (number > 0))
+        _break_row(line, room - INDENT * (number > 0))
     if len(lines) > 1:
         _in_lines(node, lines)
 
