@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UserError
+from ..errors import UserError, list_of_names
 from ..model.declare import Model, Quantity, nearest
 from ..protocol import Protocol
 
@@ -143,11 +143,13 @@ def whole(what: str, value: int) -> int:
     return int(value)
 
 
-def known(model: Model, what: str, given: Sequence[str], names: Collection[str]) -> None:
-    """`KernelError` for a name that is not among `names`."""
-    for name in given:
+def known(model: Model, what: str, given: Sequence[str], names: Collection[str]) -> list[str]:
+    """The `given` names; `KernelError` for one that is not among `names`."""
+    listed = list_of_names(what, given)
+    for name in listed:
         if name not in names:
             raise KernelError(f"{what}: {model.name} has no value {name!r}{nearest(name, names)}")
+    return listed
 
 
 def finite(what: str, found: np.ndarray) -> np.ndarray:

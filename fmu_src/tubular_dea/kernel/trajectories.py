@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 
 from ..emit.functions import layout
+from ..errors import list_of_names
 from ..model.declare import Model, nearest
 from ..model.delays import input_delays, undelayed
 from ..protocol import Protocol
@@ -259,11 +260,11 @@ class Kernel:
         (5, 1)
         """
         values, driven = self.parameters(parameters), self._checked(protocol)
-        protocol = driven.protocol
+        protocol, sensitivities = driven.protocol, list_of_names("sensitivities", sensitivities)
         points, u = self._drive(driven, values)
         times = ascending("sample times", times, points[0], points[-1])
         positive("tolerance", tolerance)
-        known(self.model, "wanted", wanted or (), self._values)
+        wanted = None if wanted is None else known(self.model, "wanted", wanted, self._values)
         if sensitivities or mesh is not None:
             if with_fold:
                 raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
