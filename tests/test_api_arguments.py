@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tubular_dea as td
 
+BENCH = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"
+HELD = {"pressure": "95 mmHg", "voltage": "5 kV"}
 REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
     "one effect": (
         lambda out: td.add_effects("tube", "electrode_resistance"),
@@ -32,6 +35,53 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda out: td.build_fmu(td.tube(), out / "x.fmu", platforms=3),
         "platforms: expected a name or a list of names but was given 3",
     ),
+    "tube effects": (lambda out: td.tube([3]), "effects: expected a list of names but was given [3]"),
+    "one hold_out": (
+        lambda out: td.discover(BENCH, hold_out="03_step_6kV"),
+        "hold_out: expected a list, as ['03_step_6kV'], but was given '03_step_6kV' alone",
+    ),
+    "one free": (
+        lambda out: td.identify(BENCH, free="C_1"),
+        "free: expected a list, as ['C_1'], but was given 'C_1' alone",
+    ),
+    "free": (lambda out: td.identify(BENCH, free=5), "free: expected a list of names but was given 5"),
+    "one column": (
+        lambda out: td.read_recordings(BENCH, columns="radius=laser"),
+        "columns: expected a list, as ['radius=laser'], but was given 'radius=laser' alone",
+    ),
+    "inputs": (
+        lambda out: td.simulate(td.tube(), 3),
+        "inputs: expected a Protocol, a file or inputs by name but was given 3",
+    ),
+    "no protocol": (
+        lambda out: td.simulate(td.tube(), td.Protocol([], {})),
+        "protocol: expected at least two finite times [s]",
+    ),
+    "no times": (lambda out: td.simulate(**HELD, times=[]), "times: expected at least one time [s] but was given none"),
+    "times": (lambda out: td.simulate(**HELD, times="ab"), "times: expected numbers but was given 'ab'"),
+    "tolerance": (lambda out: td.simulate(**HELD, tolerance="x"), "tolerance: expected a number with a unit"),
+    "no tolerance": (
+        lambda out: td.simulate(**HELD, tolerance=None),
+        "tolerance: expected a number but was given None",
+    ),
+    "signal": (lambda out: td.simulate(pressure=[1], voltage=0), "pressure: expected a number but was given a list"),
+    "parameters": (
+        lambda out: td.simulate(**HELD, parameters=[3]),
+        "parameters: expected values by name, as in a dict, but was given a list",
+    ),
+    "protocol words": (
+        lambda out: td.Protocol.of([0, 1], pressure="a"),
+        "pressure: expected numbers but was given 'a'",
+    ),
+    "protocol times": (lambda out: td.Protocol.of(["now", 1]), "time: expected numbers but was given ['now', 1]"),
+    "protocol rows": (
+        lambda out: td.Protocol.of([0, 1], pressure=[[1], [1, 2]]),
+        "pressure: expected numbers but was given [[1], [1, 2]]",
+    ),
+    "protocol inputs": (
+        lambda out: td.Protocol([0.0, 1.0], [1.0, 2.0]),
+        "inputs: expected values by name, as in a dict, but was given [1.0, 2.0]",
+    ),
     "plant": (lambda out: td.load_plant(None), "plant: expected a Plant, 'tube', 'aorta' or a FILE.py"),
 }
 
@@ -43,3 +93,10 @@ def test_refused(tmp_path: Path, case: str) -> None:
         call(tmp_path)
     assert str(refusal.value).startswith(said)
     assert not any(tmp_path.iterdir())
+
+
+def test_a_protocol_with_whole_times_drives_a_model() -> None:
+    course = td.Protocol(np.array([0, 1, 1, 2]), {"pressure": [0, 0, 9000, 9000], "voltage": [0, 0, 0, 4000]})
+    run = td.simulate(td.tube(), course)
+    assert run["pressure"][100] == 9000
+    assert "voltage 0 to 4 kV" in run.lines()[0]

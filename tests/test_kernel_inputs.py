@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tubular_dea.errors import UserError
 from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.model.dea import tubular_dea
 from tubular_dea.protocol import Protocol, ProtocolError
 
 PROTOCOL = Protocol.of([0, 1], pressure=[1e4, 1.2e4], voltage=[0, 4e3])
@@ -75,6 +77,16 @@ REFUSED: dict[str, tuple[Callable[[Kernel], object], str]] = {
         lambda k: k.simulate(constant([1, 1], [0, 0]), times(1.0)),
         "an end after its start but both are at 1 s",
     ),
+    "no names": (
+        lambda k: k.simulate(PROTOCOL, TIMES, [1, 2]),
+        "parameters: expected values by name, as in a dict, but was given [1, 2]",
+    ),
+    "false names": (lambda k: k.parameters([]), "parameters: expected values by name, as in a dict"),
+    "curve of nothing": (
+        lambda k: k.curve([1.1], None),
+        "inputs: expected values by name, as in a dict, but was given None",
+    ),
+    "curve of a list": (lambda k: k.curve([1.1], [1]), "inputs: expected values by name, as in a dict"),
     "curve input": (lambda k: k.curve(times(1.2), {"volts": 1.0}), "no input 'volts'; did you mean voltage"),
     "curve value": (lambda k: k.curve(times(1.2), {"voltage": np.inf}), "voltage: expected a finite number in V"),
     "curve place": (lambda k: k.curve(times(np.nan), {}), "lambda_2: expected a list of finite numbers"),
@@ -113,6 +125,29 @@ def test_refused(kernel: Kernel, case: str) -> None:
     with pytest.raises(KernelError) as refusal:
         call(kernel)
     assert words in str(refusal.value)
+
+
+@pytest.mark.parametrize("argument", ["sensitivities", "wanted"])
+def test_one_name_alone_is_no_list_of_names(kernel: Kernel, argument: str) -> None:
+    with pytest.raises(UserError, match=rf"^{argument}: expected a list, as \['C_1'\], but was given 'C_1' alone"):
+        kernel.simulate(PROTOCOL, TIMES, **{argument: "C_1"})
+
+
+def test_one_observed_output_is_no_list_of_names() -> None:
+    with pytest.raises(UserError, match=r"^observed: expected a list, as \['radius'\]"):
+        Kernel(tubular_dea(), "radius")
+
+
+def test_whole_numbers_and_lists_are_a_protocol_like_doubles(kernel: Kernel) -> None:
+    doubles = Protocol(times(0, 1, 1, 2), {"pressure": times(0, 0, 10000, 10000), "voltage": times(0, 0, 0, 4000)})
+    whole = {"pressure": np.array([0, 0, 10000, 10000]), "voltage": np.array([0, 0, 0, 4000])}
+    lists = {name: values.tolist() for name, values in whole.items()}
+    samples = np.linspace(0, 2, 9)
+    expected = kernel.simulate(doubles, samples)
+    for given in (Protocol(np.array([0, 1, 1, 2]), whole), Protocol([0, 1, 1, 2], lists)):
+        found = kernel.simulate(given, samples)
+        assert all(np.array_equal(found[name], expected[name]) for name in expected.values)
+        assert given.jumps.tolist() == [1.0]
 
 
 def test_a_missing_input_is_named(kernel: Kernel) -> None:

@@ -255,3 +255,6 @@ def test_progress_in_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
         bar.update()
         time.sleep(0.3)
         assert capsys.readouterr().err.startswith("long"), "one long step is told while it lasts"
+        time.sleep(1.2)  # the time that has gone is told in whole seconds
+        assert capsys.readouterr().err.startswith("long"), "and goes on being told"
+    assert not bar._clock.is_alive(), "no thread is left behind"

@@ -52,11 +52,11 @@ def test_a_kept_mesh_does_not_step_across(kernel: Kernel) -> None:
         kernel.simulate(SECOND, np.array([0.5]), COLLAPSING, mesh=np.linspace(1e-6, 1, 1000))
 
 
-def test_a_row_of_a_batch_ends_alone(model: Model) -> None:
-    batch = Batch(model, [Probe("final", "lambda_2")])
+def test_a_row_of_a_batch_ends_alone() -> None:
+    batch = Batch(with_minimum(0.75), [Probe("final", "lambda_2")])
     voltage = np.array([[0.0], [VOLTAGE], [0.0]])
     parameters = {name: np.full(3, value) for name, value in COLLAPSING.items()}
-    parameters["lambda_2_start"] = np.array([0.8, 0.8, -0.5])
+    parameters["lambda_2_start"] = np.array([0.8, 0.8, 0.7])
     inputs = {"voltage": Breakpoints(np.zeros((1, 1)), voltage)}
     found = batch.trajectories(3, parameters, inputs, np.full((3, 1), 1e-3))
     assert found.status.tolist() == [0, 4, 4]

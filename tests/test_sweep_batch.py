@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scenarios import CASES, MMHG, case
-from tubular_dea.kernel import Kernel
-from tubular_dea.kernel.batch import Batch, BatchError, Breakpoints, Probe
+from tubular_dea.kernel import Kernel, KernelError
+from tubular_dea.kernel.batch import Batch, Breakpoints, Probe
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.plants.effects import with_effects
 from tubular_dea.protocol import Protocol
@@ -154,7 +154,7 @@ def test_a_composed_model_is_a_model() -> None:
 
 
 def test_unknown_variables_have_near_names() -> None:
-    with pytest.raises(BatchError, match="no variable 'radios'; did you mean radius"):
+    with pytest.raises(KernelError, match="no variable 'radios'; did you mean radius"):
         Batch(tubular_dea(), [Probe("final", "radios")])
-    with pytest.raises(BatchError, match="is delayed"):
+    with pytest.raises(KernelError, match="is delayed"):
         Batch(with_effects(tubular_dea(), ["sensor_delay"]), [Probe("final", "measured_displacement")])

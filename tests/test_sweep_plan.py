@@ -44,6 +44,8 @@ def rest(**vary: Any) -> dict[str, Any]:
         (rest(pressure=["1 mmHg", "1 mmHg"]), "a value is given twice"),
         (rest(pressure="95 mmHg"), "expected .* but was given '95 mmHg'"),
         (rest(h_o=["-1 mm"]), "h_o: expected 1e-06 to 1 m but was given -0.001"),
+        (rest(n_layers=[7, 7.5]), "n_layers: expected a whole number but was given 7.5"),
+        (REST | {"set": {"n_layers": 7.5}}, "n_layers: expected a whole number but was given 7.5"),
         (rest(eps_r={"mean": 2.8, "deviation": 0}), "expected a positive deviation"),
         (rest(patient={"patients": ["helthy"]}), "no patient 'helthy'; did you mean healthy"),
         (rest(patient={"file": "nobody.csv"}), "nobody.csv: cannot be read"),
@@ -162,6 +164,25 @@ def test_rows_out_of_bounds_or_order_are_rows() -> None:
     assert table["status"].tolist() == [0, 0, 0, -2], "an on-time of 2 s is behind the off-time of 1.5 s"
     assert table["message"][3] == "the times of voltage do not ascend"
     assert np.isnan(table["max_electric_field"][3])
+
+
+@pytest.mark.parametrize("wanted", [{"study": "rest", "outputs": ["radius"]}, {"outputs": ["final radius"]}])
+def test_half_a_layer_is_a_row_that_says_so(wanted: dict[str, Any]) -> None:
+    plan = make_plan(wanted | {"vary": {"n_layers": {"from": 7, "to": 8, "count": 3}}})
+    table = PreparedPlan(plan).rows(0, 3)
+    assert table["status"].tolist() == [0, -5, 0]
+    assert table["message"][1] == "n_layers is not one of the whole numbers that it takes"
+    assert np.isnan(table[plan.outputs[0].column]).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("wanted", [{"study": "rest", "outputs": ["radius"]}, {"outputs": ["final radius"]}])
+def test_samples_beyond_a_bound_are_rows_that_say_so(wanted: dict[str, Any]) -> None:
+    varied = {"vary": {"eps_r": {"mean": 1.0, "deviation": 0.5}}, "design": {"kind": "random", "points": 16}}
+    table = PreparedPlan(make_plan(wanted | varied)).rows(0, 16)
+    beyond = table["eps_r"] < 1
+    assert 0 < beyond.sum() < 16
+    assert table["status"].tolist() == np.where(beyond, -3, 0).tolist()
+    assert {table["message"][i] for i in np.flatnonzero(beyond)} == {"eps_r is outside its bounds"}
 
 
 def test_samples_are_columns(kernel: Kernel) -> None:

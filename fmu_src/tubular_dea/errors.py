@@ -1,5 +1,7 @@
 """Errors that the user can correct: their text says what was expected, what came and what to do."""
 
+from collections.abc import Iterable
+
 
 class UserError(Exception):
     """Shown by the command line as one line, without a traceback."""
@@ -31,3 +33,13 @@ class MissingError(ArgumentError):
 
     def __str__(self) -> str:
         return f'{super().__str__()}, as in {self.argument}="{self.example}"'
+
+
+def list_of_names(argument: str, given: Iterable[str]) -> list[str]:
+    """The names in a list; `ArgumentError` for one alone, which would be taken letter by letter, and for no names."""
+    if isinstance(given, str):
+        raise ArgumentError(argument, f": expected a list, as [{given!r}], but was given {given!r} alone")
+    names = list(given) if isinstance(given, Iterable) else [given]
+    if not all(isinstance(name, str) for name in names):
+        raise ArgumentError(argument, f": expected a list of names but was given {given!r}")
+    return names

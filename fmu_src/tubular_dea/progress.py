@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from threading import Timer
+from threading import Event, Thread
 from typing import Any
 
 from tqdm import tqdm
@@ -17,12 +17,20 @@ class Lines(tqdm):
 
     def __init__(self, **options: Any) -> None:
         self._shown = ""
+        self._ended = Event()
         self.disable: bool
-        super().__init__(mininterval=EVERY, maxinterval=EVERY, delay=SILENT, ascii=True, ncols=100, **options)
-        self._first = Timer(SILENT, self.refresh)  # also of work whose one step is long
-        self._first.daemon = True
+        # Steps themselves show nothing: a clock of its own does, which goes on during a long one.
+        never = float("inf")
+        super().__init__(mininterval=never, maxinterval=never, delay=SILENT, ascii=True, ncols=100, **options)
+        self._clock = Thread(target=self._tell, daemon=True)
         if not self.disable:
-            self._first.start()
+            self._clock.start()
+
+    def _tell(self) -> None:
+        wait = SILENT
+        while not self._ended.wait(wait):
+            self.refresh()
+            wait = EVERY
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Write the state as a line."""
@@ -34,7 +42,9 @@ class Lines(tqdm):
 
     def close(self) -> None:
         """The last line, where there was one before."""
-        self._first.cancel()
+        self._ended.set()
+        if self._clock.is_alive():
+            self._clock.join()  # else its line could follow the last one
         if not self.disable and self._shown:
             self.display()
         self.leave = False

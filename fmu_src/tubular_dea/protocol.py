@@ -37,6 +37,13 @@ class Protocol:
     time: np.ndarray
     inputs: dict[str, np.ndarray]
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.inputs, Mapping):
+            raise ProtocolError(f"inputs: expected values by name, as in a dict, but was given {self.inputs!r}")
+        # Whoever makes one by hand may have lists, or whole numbers, into which no parts of a second would fit.
+        object.__setattr__(self, "time", _doubles("time", self.time))
+        object.__setattr__(self, "inputs", {name: _doubles(name, values) for name, values in self.inputs.items()})
+
     @staticmethod
     def of(time: Sequence[float] | np.ndarray, **inputs: Sequence[float] | np.ndarray) -> Protocol:
         """A protocol, checked.
@@ -65,18 +72,26 @@ class Protocol:
         >>> step.at([0.5, 2.0])["voltage"].tolist()
         [0.0, 5000.0]
         """
-        grid = np.array(time, dtype=float)
-        columns = {name: np.array(values, dtype=float) for name, values in inputs.items()}
-        if grid.size < 2 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) < 0) or grid[-1] <= grid[0]:
+        made = Protocol(
+            _doubles("time", time).copy(), {name: _doubles(name, values).copy() for name, values in inputs.items()}
+        )
+        grid = made.time
+        if (
+            grid.ndim != 1
+            or grid.size < 2
+            or not np.all(np.isfinite(grid))
+            or np.any(np.diff(grid) < 0)
+            or grid[-1] <= grid[0]
+        ):
             raise ProtocolError(
                 "time: expected at least two finite times that do not descend, the last above the first"
             )
-        for name, values in columns.items():
+        for name, values in made.inputs.items():
             if values.shape != grid.shape:
                 raise ProtocolError(f"{name}: expected {grid.size} values but was given {values.size}")
             if not np.all(np.isfinite(values)):
                 raise ProtocolError(f"{name}: expected finite values but was given {values[~np.isfinite(values)][0]}")
-        return Protocol(grid, columns)
+        return made
 
     @property
     def jumps(self) -> np.ndarray:
@@ -146,6 +161,14 @@ class Protocol:
         span = self.time[right] - self.time[right - 1]
         part = np.clip(np.divide(times - self.time[right - 1], span, out=np.ones_like(span), where=span > 0), 0, 1)
         return _Places(right - 1, part)
+
+
+def _doubles(name: str, given: Sequence[float] | np.ndarray) -> np.ndarray:
+    """`given` as an array of doubles; `ProtocolError` for what holds no numbers."""
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ProtocolError(f"{name}: expected numbers but was given {given!r}") from None
 
 
 @dataclass(frozen=True)

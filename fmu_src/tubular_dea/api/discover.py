@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..discover import engine
 from ..discover.answer import between_files, outcome
+from ..errors import list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
 from ..identify.study.study import Piece
@@ -213,6 +214,7 @@ def discover(
     '30 ms'
     """
     chosen = engine.SEED if seed is None else whole(seed, 0, "seed")
+    hold_out = None if hold_out is None else list_of_names("hold_out", hold_out)
     recordings = recordings_of(data, plant)
     with recorded(recordings.plant), steps(progress, None) as tell:
         found = engine.discover(recordings, tell, chosen, hold_out)

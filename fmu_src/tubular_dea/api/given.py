@@ -27,8 +27,10 @@ def amount(given: Amount, unit: str, argument: str) -> float:
     """A number in `unit` (SI) from a number or a text such as "5.5 kV"; `ArgumentError` names the argument."""
     try:
         value = quantity(given, unit) if isinstance(given, str) else float(given)
-    except (UnitError, TypeError, ValueError) as problem:
+    except UnitError as problem:
         raise ArgumentError(argument, f": {problem}") from None
+    except (TypeError, ValueError):
+        raise ArgumentError(argument, f": expected a number but was given {brief(given)}") from None
     if not math.isfinite(value):
         raise ArgumentError(argument, f": expected a finite number but was given {value:g}")
     return value
@@ -93,7 +95,8 @@ def tube_of(tube: AnyModel) -> Model:
 
 def parameters_of(model: Model, given: Mapping[str, Amount] | None, argument: str = "parameters") -> dict[str, float]:
     """Parameters of one model by name, each in SI or as a text with a unit, checked against the declaration."""
-    return {name: _value(argument, name, _declared(argument, model, name, name, v), v) for name, v in _items(given)}
+    items = _items(argument, given)
+    return {name: _value(argument, name, _declared(argument, model, name, name, v), v) for name, v in items}
 
 
 def settings_of(
@@ -101,7 +104,7 @@ def settings_of(
 ) -> dict[str, float]:
     """The same of a system, by "part.name"; `also` are other names there are, which the caller has taken out."""
     values = {}
-    for full, value in _items(given):
+    for full, value in _items(argument, given):
         part, _, name = full.partition(".")
         if part not in parts:
             known = [*also, *(f"{p}.{q.quantity.name}" for p, model in parts.items() for q in model.parameters)]
@@ -124,7 +127,9 @@ def whole(value: int, least: int, argument: str) -> int:
     return value
 
 
-def _items(given: Mapping[str, Amount] | None) -> list[tuple[str, Amount]]:
+def _items(argument: str, given: Mapping[str, Amount] | None) -> list[tuple[str, Amount]]:
+    if not isinstance(given, Mapping | None):
+        raise ArgumentError(argument, f": expected values by name, as in a dict, but was given {brief(given)}")
     return list((given or {}).items())
 
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from ..discover.alternatives.input_noise import input_sensitivities, weighted
 from ..discover.scores.parameters import is_share
-from ..errors import ArgumentError
+from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
 from ..identify.fitting.fit import Fit, goodness, rmse, uncertainty
 from ..identify.fitting.intervals import intervals, vanishing, with_coarse_residuals
@@ -234,6 +234,7 @@ def identify(
     """
     whole(starts, 1, "starts")
     whole(seed, 0, "seed")
+    free = None if free is None else list_of_names("free", free)
     recordings = recordings_of(data, plant)
     known = recordings.plant
     if staged and not known.stages:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
 from ..model.declare import Model
 from ..model.effect import with_effects
@@ -84,9 +84,7 @@ def add_effects(plant: AnyPlant, effects: Sequence[str] = (), **parameters: Amou
     >>> late.effects, late.parameter_values()["flow_delay"]
     (('flow_delay',), 0.03)
     """
-    chosen = plant_of(plant)
-    if isinstance(effects, str):
-        raise ArgumentError("effects", f": expected a list, as [{effects!r}], but was given {effects!r} alone")
+    chosen, effects = plant_of(plant), list_of_names("effects", effects)
     model = with_effects(chosen.model, effects, chosen.catalogue)
     usual = {name: value for effect in effects for name, value in chosen.catalogue[effect].typical.items()}
     return model.with_values(usual | parameters_of(model, parameters))

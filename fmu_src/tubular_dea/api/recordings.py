@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
 from ..identify.fitting import scales, signs
 from ..identify.records.bench_file import BenchFile
@@ -163,7 +163,10 @@ def read_recordings(
     301
     """
     chosen = plant_of(plant)
-    settings = [f"{name}={column}" for name, column in columns.items()] if isinstance(columns, Mapping) else columns
+    if isinstance(columns, Mapping):
+        settings = [f"{name}={column}" for name, column in columns.items()]
+    else:
+        settings = list_of_names("columns", columns)
     if isinstance(data, Mapping):
         known = parameters_of(chosen.model, geometry, "geometry")
         found = of_tables([_table(name, given) for name, given in data.items()], chosen, settings, BenchFile(known))

@@ -13,13 +13,14 @@ from .. import tabular
 from ..errors import ArgumentError, MissingError
 from ..files import write_atomically
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
+from ..kernel.checks import check_protocol, doubles
 from ..model.declare import Model, Quantity, nearest
 from ..model.units import factor, three
 from ..plants.load import shipped_of
 from ..plants.plant import Plant
 from ..protocol import INTERVAL, STOP, Protocol, from_specifications, read_csv
 from . import tables
-from .given import Amount, AnyModel, AnyPlant, amount, model_of, parameters_of, plant_of
+from .given import Amount, AnyModel, AnyPlant, amount, brief, model_of, parameters_of, plant_of
 
 if TYPE_CHECKING:
     import pandas
@@ -190,6 +191,9 @@ def simulate(
     timed = None if isinstance(inputs, Mapping) else inputs
     # What was given is judged before what was not: who mistyped a value should not be told of the next one first.
     values, spacing = parameters_of(chosen, parameters), amount(interval, "s", "interval")
+    tolerance, wanted = amount(tolerance, "1", "tolerance"), None if times is None else doubles("times", times)
+    if wanted is not None and not wanted.size:
+        raise ArgumentError("times", ": expected at least one time [s] but was given none")
     if not 1e-12 <= tolerance <= 1e-2:
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     protocol = _protocol(chosen, timed, named, stop)
@@ -197,7 +201,7 @@ def simulate(
     if isinstance(timed, str | Path):
         owner = plant if plant is not None else model if isinstance(model, Plant) else shipped_of(chosen.name)
         remarks = tuple(_odd(Path(timed), protocol, plant_of(owner))) if owner is not None else ()
-    sampled = _times(protocol, spacing) if times is None else np.asarray(times, dtype=float)
+    sampled = _times(protocol, spacing) if wanted is None else wanted
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
@@ -220,7 +224,7 @@ def _protocol(
             raise ArgumentError(
                 other, " and inputs exclude each other: these inputs have times of their own; give one of the two"
             )
-        return timed if isinstance(timed, Protocol) else read_csv(Path(timed), units)
+        return _given(model, timed, units)
     end = STOP if stop is None else amount(stop, "s", "stop")
     texts = {n: v if isinstance(v, str) else f"{amount(v, units[n], n):.17g}" for n, v in named.items()}
     protocol = from_specifications(texts, units, end)
@@ -229,6 +233,16 @@ def _protocol(
         text = f" is missing: expected a file of inputs, or each of {', '.join(units)}"
         raise MissingError(missing[0].name, text, _step_of(missing[0], end))
     return protocol
+
+
+def _given(model: Model, timed: Protocol | str | Path, units: Mapping[str, str]) -> Protocol:
+    """The inputs that are given over a time of their own, checked."""
+    if isinstance(timed, Protocol):
+        check_protocol(model, timed)
+        return timed
+    if not isinstance(timed, str | Path):
+        raise ArgumentError("inputs", f": expected a Protocol, a file or inputs by name but was given {brief(timed)}")
+    return read_csv(Path(timed), units)
 
 
 def _step_of(q: Quantity, stop: float) -> str:

@@ -16,14 +16,15 @@ import sympy
 
 from ..emit.functions import layout
 from ..emit.jacobian import needed
-from ..errors import UserError
-from ..model.declare import Model, nearest
+from ..model.declare import Model, Quantity, nearest
 from ..model.delays import input_delays, output_delays
+from .checks import KernelError, by_name, check_rows, declared, doubles, positive, vector, whole
 from .library import batch_library
 
 KINDS = ("final", "min", "max", "mean", "at", "rise", "fall")
 SOURCES = ("state", "output", "input", "fold", "fold_place", "beyond_fold", "time")
 MAX_STEPS = 1_000_000
+END = Quantity("stop", "s", "end of a row", minimum=0.0)
 MESSAGES = {
     0: "",
     -1: "there is no rest state: the load is beyond the fold at these inputs, or below the curve",
@@ -31,10 +32,6 @@ MESSAGES = {
     3: "no step size, however small, solves the equations",
     4: "a state would come to its minimum, where the equations end; check inputs and parameters",
 }
-
-
-class BatchError(UserError, ValueError):
-    """A probe or parameter that the model does not have; the text names the most similar one."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +48,21 @@ class Probe:
     time: float | np.ndarray | None = None
     threshold: float = 0.0
 
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise KernelError(f"probe: expected one of the kinds {', '.join(KINDS)} but was given {self.kind!r}")
+        vector(f"{self}: threshold", [self.threshold], ["threshold"])
+
+    def __str__(self) -> str:
+        return f"probe {self.kind} {self.variable}"
+
 
 @dataclass(frozen=True)
 class Breakpoints:
     """An input over time: straight between (`time` [s], `value`), level outside; a time listed twice is a jump.
 
-    Both have the shape (rows, n), or (1, n) where all rows share them. That times do not descend is not checked here: a
-    plan of thousands has rows in which they do, and these are its to tell.
+    Both have the shape (rows, n), or (1, n) where all rows share them. That times do not descend and that all is finite
+    is not checked: a plan of thousands has rows in which it is not so, and these are its to tell.
     """
 
     time: np.ndarray
@@ -132,6 +137,8 @@ class Batch:
         arrays = layout(self.model)
         self.inputs = [str(s) for s in arrays.u]
         self._defaults = self.model.parameter_values()
+        self._parameters = {p.quantity.name: p.quantity for p in self.model.parameters}
+        self._input_quantities = {q.name: q for q in model.inputs}
         places = {"state": arrays.x, "output": arrays.y, "input": arrays.u}
         self._places = {
             str(s): (SOURCES.index(kind), i) for kind, symbols in places.items() for i, s in enumerate(symbols)
@@ -140,13 +147,16 @@ class Batch:
         self._library = batch_library(self.model)
 
     def parameters(self, rows: int, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
-        """Parameters of shape (rows, n): defaults, and `values` by name (SI units), each a number or one a row."""
+        """Parameters of shape (rows, n): defaults, and `values` by name (SI units), each a number or one a row.
+
+        `KernelError` for the first value that the model does not take, with its row.
+        """
         p = np.tile(np.array(list(self._defaults.values())), (rows, 1))
         names = list(self._defaults)
-        for name, value in values.items():
-            if name not in self._defaults:
-                raise BatchError(f"{self.model.name} has no parameter {name!r}{nearest(name, names)}")
-            p[:, names.index(name)] = _column(name, value, rows)[:, 0]
+        for name, value in by_name("parameters", values).items():
+            q, column = declared(self.model.name, "parameter", name, self._parameters), _column(name, value, rows)
+            check_rows(q, column)
+            p[:, names.index(name)] = column[:, 0]
         return p
 
     def trajectories(
@@ -160,9 +170,10 @@ class Batch:
     ) -> Results:
         """The probes of `rows` trajectories from 0 to `stop` [s]; inputs that are not given are 0.
 
-        `probes` are the same as those that were declared, but for their times.
+        `probes` are the same as those that were declared, but for their times. A row that stops at 0 is not computed.
         """
-        self._check(rows, inputs, tolerance)
+        p, inputs = self.parameters(whole("rows", rows), parameters), self._courses(rows, inputs)
+        positive("tolerance", tolerance)
         held: list[np.ndarray] = []  # arrays that C points into
 
         def pointer(array: np.ndarray) -> int:
@@ -183,14 +194,14 @@ class Batch:
         for place, b in zip(c_inputs, given, strict=False):
             place.n = b.time.shape[1]
             (place.time, place.time_stride), (place.value, place.value_stride) = table(b.time), table(b.value)
-        stops, stop_stride = table(_column("stop", stop, rows))
+        stops, stop_stride = table(_stops(stop, rows))
         results = Results(
             np.empty((rows, len(self.probes))), np.empty(rows, np.int32), np.empty(rows), np.empty(rows, ctypes.c_long)
         )
-        c_probes = self._c_probes(self.probes if probes is None else probes, table)
+        c_probes = self._c_probes(self.probes if probes is None else self._placed(probes), rows, table)
         batch = _BatchLayout(
             rows,
-            pointer(self.parameters(rows, parameters)),
+            pointer(p),
             ctypes.addressof(c_inputs),
             0.0,
             tolerance,
@@ -208,33 +219,48 @@ class Batch:
         self._library.batch_trajectories(ctypes.byref(batch))
         return results
 
-    def _check(self, rows: int, inputs: Mapping[str, Breakpoints], tolerance: float) -> None:
-        """`BatchError` for what C could not use: it reads all rows of every array."""
-        if not (tolerance > 0 and np.isfinite(tolerance)):
-            raise BatchError(f"tolerance: expected a positive number but was given {tolerance:g}")
-        names = [q.name for q in self.model.inputs]
-        for name, given in inputs.items():
-            if name not in names:
-                raise BatchError(f"{self.model.name} has no input {name!r}{nearest(name, names)}")
-            for what, array in (("time", given.time), ("value", given.value)):
-                if array.ndim != 2 or array.shape[0] not in (1, rows) or array.shape[1] != given.time.shape[1]:
-                    raise BatchError(
+    def _courses(self, rows: int, inputs: Mapping[str, Breakpoints]) -> dict[str, Breakpoints]:
+        """The inputs as arrays of doubles; `KernelError` for what C could not use: it reads all rows of every array."""
+        courses = {}
+        for name, given in by_name("inputs", inputs).items():
+            declared(self.model.name, "input", name, self._input_quantities)
+            if not isinstance(given, Breakpoints):
+                raise KernelError(f"{name}: expected Breakpoints but was given {given!r}")
+            course = Breakpoints(doubles(f"{name}: time", given.time), doubles(f"{name}: value", given.value))
+            for what, array in (("time", course.time), ("value", course.value)):
+                if array.ndim != 2 or array.shape[0] not in (1, rows) or array.shape[1] != course.time.shape[1]:
+                    raise KernelError(
                         f"{name}: {what}: expected the shape (1, n) or ({rows}, n) but was given {array.shape}"
                     )
+            if not course.time.size:
+                raise KernelError(f"{name}: time: expected at least one breakpoint but was given none")
+            courses[name] = course
+        return courses
+
+    def _placed(self, probes: Sequence[Probe]) -> Sequence[Probe]:
+        """`probes`; `KernelError` unless they are those that were declared, but for their times."""
+        expected, given = ([(p.kind, p.variable, p.threshold) for p in listed] for listed in (self.probes, probes))
+        if expected != given:
+            raise KernelError(
+                f"probes: expected {', '.join(map(str, self.probes))}, as declared, but was given "
+                f"{', '.join(map(str, probes)) or 'none'}"
+            )
+        return probes
 
     def rest(
         self, rows: int, parameters: Mapping[str, float | np.ndarray], inputs: Mapping[str, float | np.ndarray]
     ) -> Results:
         """The probed variables of `rows` rest states on the first rising branch, under constant inputs (SI units)."""
         if self.model.curve is None:
-            raise BatchError(f"{self.model.name} has no equilibrium curve, so that there are no rest states to sweep")
-        u = np.zeros((rows, len(self.inputs)))
+            raise KernelError(f"{self.model.name} has no equilibrium curve, so that there are no rest states to sweep")
+        p, u = self.parameters(whole("rows", rows), parameters), np.zeros((rows, len(self.inputs)))
+        for name in by_name("inputs", inputs):
+            declared(self.model.name, "input", name, self._input_quantities)
         settled = {**inputs, **{d.quantity.name: inputs.get(d.of, 0.0) for d in self._delays}}
         for i, name in enumerate(self.inputs):
-            u[:, i] = settled.get(name, 0.0)
-        p = self.parameters(rows, parameters)
+            u[:, i] = _column(name, settled.get(name, 0.0), rows)[:, 0]
         values, status = np.empty((rows, len(self.probes))), np.empty(rows, np.int32)
-        probes = self._c_probes(self.probes, lambda array: (0, 0))
+        probes = self._c_probes(self.probes, rows, lambda array: (0, 0))
         self._library.batch_rest(
             ctypes.c_long(rows),
             ctypes.c_void_p(p.ctypes.data),
@@ -247,7 +273,7 @@ class Batch:
         return Results(values, status, np.zeros(rows), np.zeros(rows, ctypes.c_long))
 
     def _c_probes(
-        self, given: Sequence[Probe], table: Callable[[np.ndarray], tuple[int, int]]
+        self, given: Sequence[Probe], rows: int, table: Callable[[np.ndarray], tuple[int, int]]
     ) -> ctypes.Array[_ProbeLayout]:
         probes = (_ProbeLayout * max(1, len(given)))()
         for place, probe in zip(probes, given, strict=False):
@@ -255,7 +281,7 @@ class Batch:
             place.source, place.index = self._source(probe.variable)
             place.threshold = probe.threshold
             if probe.time is not None:
-                place.time, place.time_stride = table(np.reshape(np.asarray(probe.time, float), (-1, 1)))
+                place.time, place.time_stride = table(_column(f"{probe}: time", probe.time, rows))
         return probes
 
     def _source(self, name: str) -> tuple[int, int]:
@@ -265,11 +291,18 @@ class Batch:
 
 
 def _column(name: str, given: float | np.ndarray, rows: int) -> np.ndarray:
-    """Numbers of shape (rows, 1): `given` for all, or one a row; `BatchError` for any other number of them."""
-    values = np.reshape(np.asarray(given, float), (-1, 1))
+    """Numbers of shape (1, 1), for all rows, or (rows, 1), one a row; `KernelError` for any other number of them."""
+    values = np.reshape(doubles(name, given), (-1, 1))
     if values.shape[0] not in (1, rows):
-        raise BatchError(f"{name}: expected one number or {rows}, one a row, but was given {values.shape[0]}")
-    return np.broadcast_to(values, (rows, 1))
+        raise KernelError(f"{name}: expected one number or {rows}, one a row, but was given {values.shape[0]}")
+    return values
+
+
+def _stops(given: float | np.ndarray, rows: int) -> np.ndarray:
+    """Where rows end [s], as `_column` has numbers; `KernelError` for one that is no time from 0 on."""
+    stops = _column("stop", given, rows)
+    check_rows(END, stops)
+    return stops
 
 
 def _lean(model: Model, probes: Sequence[Probe]) -> Model:
@@ -278,15 +311,17 @@ def _lean(model: Model, probes: Sequence[Probe]) -> Model:
     known |= {model.curve.fold.name, "fold_place", "beyond_fold"} if model.curve else set()
     definitions = {d.quantity.name for d in model.definitions}
     for probe in probes:
+        if not isinstance(probe, Probe):
+            raise KernelError(f"probes: expected each as Probe(kind, variable) but was given {probe!r}")
         if probe.variable not in known | definitions:
             hint = nearest(probe.variable, sorted(known | definitions))
-            raise BatchError(f"{model.name} has no variable {probe.variable!r}{hint}")
+            raise KernelError(f"{model.name} has no variable {probe.variable!r}{hint}")
     wanted = dict.fromkeys(p.variable for p in probes if p.variable in definitions)
     return dataclasses.replace(model, outputs=tuple(wanted))
 
 
 def _instant(model: Model) -> Model:
-    """The model with one more input for each delayed one; `BatchError` where something wanted is delayed itself."""
+    """The model with one more input for each delayed one; `KernelError` where something wanted is delayed itself."""
     delayed = {d.quantity.symbol for d in output_delays(model)}
     kept = []
     for d in model.definitions:
@@ -295,7 +330,7 @@ def _instant(model: Model) -> Model:
             continue
         delayed.add(d.quantity.symbol)
         if d.quantity.name in model.outputs:
-            raise BatchError(f"{model.name}: {d.quantity.name} is delayed; want what it is read from")
+            raise KernelError(f"{model.name}: {d.quantity.name} is delayed; want what it is read from")
     more = (d.quantity for d in input_delays(model))
     return dataclasses.replace(model, inputs=(*model.inputs, *more), definitions=tuple(kept), delays=())
 

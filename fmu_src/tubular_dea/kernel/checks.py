@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from ..errors import UserError
+from ..errors import UserError, list_of_names
 from ..model.declare import Model, Quantity, nearest
 from ..protocol import Protocol
 
 
 class KernelError(UserError, RuntimeError):
-    """A trajectory that could not be computed; the text says at which time and why."""
+    """A trajectory that could not be computed, or an argument that cannot be used; the text says where and why."""
 
 
 def parameter_array(model: str, parameters: Mapping[str, Quantity], given: Mapping[str, float]) -> np.ndarray:
     """The values of all `parameters` of a model in their order (SI units), those that are `given` by name in place."""
-    for name, value in given.items():
-        if name not in parameters:
-            raise KernelError(f"{model} has no parameter {name!r}{nearest(name, parameters)}")
-        check_value(parameters[name], value)
+    for name, value in by_name("parameters", given).items():
+        check_value(declared(model, "parameter", name, parameters), value)
     return np.array([float(given.get(name, q.value or 0.0)) for name, q in parameters.items()])
 
 
@@ -43,6 +42,49 @@ def check_value(q: Quantity, value: float) -> None:
         raise KernelError(f"{q.name}: expected at least {q.minimum:g}{unit} but was given {number:.10g}")
     if q.maximum is not None and number > q.maximum:
         raise KernelError(f"{q.name}: expected at most {q.maximum:g}{unit} but was given {number:.10g}")
+
+
+def check_rows(q: Quantity, values: np.ndarray) -> None:
+    """`KernelError` for the first of `values`, one a row or one for all, that `check_value` would refuse."""
+    if values.size == 1:
+        return check_value(q, values.item())
+    bad = np.flatnonzero(unfit(q, values))
+    if bad.size:
+        try:
+            check_value(q, float(values.flat[bad[0]]))
+        except KernelError as problem:
+            raise KernelError(f"{problem} in row {bad[0]}") from None
+
+
+def unfit(q: Quantity, values: np.ndarray) -> np.ndarray:
+    """Which of `values` `check_value` would refuse, all at once."""
+    bad = ~np.isfinite(values) | fractional(q, values)
+    if q.minimum is not None:
+        bad |= values < q.minimum
+    if q.maximum is not None:
+        bad |= values > q.maximum
+    return bad
+
+
+def fractional(q: Quantity, values: np.ndarray) -> np.ndarray:
+    """Which of `values` are between those of an integer, or neither true nor false."""
+    if q.type == "Boolean":
+        return ~np.isin(values, (0.0, 1.0))
+    return values != np.round(values) if q.type == "Integer" else np.zeros(values.shape, bool)
+
+
+def by_name(what: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """`given`; `KernelError` unless it has values by name."""
+    if not isinstance(given, Mapping):
+        raise KernelError(f"{what}: expected values by name, as in a dict, but was given {given!r}")
+    return given
+
+
+def declared(model: str, kind: str, name: str, quantities: Mapping[str, Quantity]) -> Quantity:
+    """The parameter or input of that name; `KernelError` where a model has none."""
+    if name not in quantities:
+        raise KernelError(f"{model} has no {kind} {name!r}{nearest(name, quantities)}")
+    return quantities[name]
 
 
 def check_protocol(model: Model, protocol: Protocol) -> None:
@@ -101,11 +143,13 @@ def whole(what: str, value: int) -> int:
     return int(value)
 
 
-def known(model: Model, what: str, given: Sequence[str], names: Collection[str]) -> None:
-    """`KernelError` for a name that is not among `names`."""
-    for name in given:
+def known(model: Model, what: str, given: Sequence[str], names: Collection[str]) -> list[str]:
+    """The `given` names; `KernelError` for one that is not among `names`."""
+    listed = list_of_names(what, given)
+    for name in listed:
         if name not in names:
             raise KernelError(f"{what}: {model.name} has no value {name!r}{nearest(name, names)}")
+    return listed
 
 
 def finite(what: str, found: np.ndarray) -> np.ndarray:

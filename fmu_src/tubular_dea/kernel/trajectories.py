@@ -12,6 +12,7 @@ import numpy as np
 import sympy
 
 from ..emit.functions import layout
+from ..errors import list_of_names
 from ..model.declare import Model, nearest
 from ..model.delays import input_delays, undelayed
 from ..protocol import Protocol
@@ -19,8 +20,10 @@ from . import tangents
 from .checks import (
     KernelError,
     ascending,
+    by_name,
     check_protocol,
     check_value,
+    declared,
     doubles,
     finite,
     known,
@@ -174,7 +177,7 @@ class Kernel:
         UserError
             For unknown names and for values that the model does not take.
         """
-        return parameter_array(self.model.name, self._parameters, values or {})
+        return parameter_array(self.model.name, self._parameters, {} if values is None else values)
 
     def driven(self, protocol: Protocol) -> Driven:
         """A protocol for many runs, checked once.
@@ -257,11 +260,11 @@ class Kernel:
         (5, 1)
         """
         values, driven = self.parameters(parameters), self._checked(protocol)
-        protocol = driven.protocol
+        protocol, sensitivities = driven.protocol, list_of_names("sensitivities", sensitivities)
         points, u = self._drive(driven, values)
         times = ascending("sample times", times, points[0], points[-1])
         positive("tolerance", tolerance)
-        known(self.model, "wanted", wanted or (), self._values)
+        wanted = None if wanted is None else known(self.model, "wanted", wanted, self._values)
         if sensitivities or mesh is not None:
             if with_fold:
                 raise KernelError("the fold has no sensitivities here; ask for it without `sensitivities` and `mesh`")
@@ -551,10 +554,9 @@ class Kernel:
         unknown = doubles(self.model.curve.unknown, unknown)
         if unknown.ndim != 1 or not np.all(np.isfinite(unknown)):
             raise KernelError(f"{self.model.curve.unknown}: expected a list of finite numbers")
-        for name, value in inputs.items():
-            if name not in self.inputs:
-                raise KernelError(f"{self.model.name} has no input {name!r}{nearest(name, self.inputs)}")
-            check_value(self.model.quantity(name), value)
+        quantities = {q.name: q for q in self.model.inputs}
+        for name, value in by_name("inputs", inputs).items():
+            check_value(declared(self.model.name, "input", name, quantities), value)
         load, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
         u = self._with_delayed(np.array([float(inputs.get(name, 0.0)) for name in self.inputs]))
         self._library.kernel_curve(

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..errors import UserError
+from ..kernel.checks import fractional
 from ..model.declare import Model, Quantity, nearest
 from ..model.units import quantity
 from .expression import PlanError
@@ -63,8 +66,10 @@ class Quantities:
         return value
 
     def check_bounds(self, name: str, value: float, place: str) -> None:
-        """`PlanError` where the value is outside the parameter's bounds."""
+        """`PlanError` where the value is outside the parameter's bounds, or of an integer between two."""
         q = self.parameters[name]
+        if fractional(q, np.array(value)):
+            raise PlanError(f"{place} {name}: expected a whole number but was given {value:g}")
         if not q.allows(value):
             low = -float("inf") if q.minimum is None else q.minimum
             high = float("inf") if q.maximum is None else q.maximum

@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernel.batch import MESSAGES, Batch, Results, message
+from ..kernel.checks import fractional, unfit
 from .expression import Values
 from .models import ExternalFmu
 from .plan import Plan
 from .quantities import Quantities
 
-BAD_INPUT, OUT_OF_BOUNDS, UNDEFINED = -2, -3, -4
+BAD_INPUT, OUT_OF_BOUNDS, UNDEFINED, NOT_WHOLE = -2, -3, -4, -5
 TEXTS = {
     BAD_INPUT: "the times of {what} do not ascend",
     OUT_OF_BOUNDS: "{what} is outside its bounds",
     UNDEFINED: "{what} is not a finite number",
+    NOT_WHOLE: "{what} is not one of the whole numbers that it takes",
     4: "the FMU could not be simulated",
 }
 Rows = dict[str, np.ndarray]
@@ -48,10 +50,12 @@ class PreparedPlan:
         parameters = dict(plan.fixed) | {k: v for k, v in varied.items() if k in self.quantities.parameters}
         problems = _Problems(n)
         for name, value in parameters.items():
-            q = self.quantities.parameters[name]
-            low = -np.inf if q.minimum is None else q.minimum
-            high = np.inf if q.maximum is None else q.maximum
-            problems.add(OUT_OF_BOUNDS, name, ~((np.asarray(value) >= low) & (np.asarray(value) <= high)))
+            q, given = self.quantities.parameters[name], np.asarray(value)
+            bad = unfit(q, given)
+            problems.add(NOT_WHOLE, name, fractional(q, given))
+            problems.add(OUT_OF_BOUNDS, name, bad)
+            if np.any(bad):  # the engine takes none of them, and what it finds in these rows is not used
+                parameters[name] = np.where(bad, defaults[name], given)
         compute = self._trajectories if plan.study == "trajectory" else self._rest
         results = compute(n, parameters, values, problems)
         return self._table(start, n, varied, results, problems)
