@@ -162,15 +162,18 @@ def bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
 
 
 def untold_delay(pieces: Sequence[Piece], name: str) -> float:
-    """The standard deviation [s] of what no edge of an input tells of a delay of it, which moves them all alike: all of
-    them may have happened earlier or later, until one is at a bound."""
+    """How far off [s, rms] a delay of an input may be that moves all its edges alike: they may have happened earlier or
+    later together, anywhere until one is at a bound."""
     ends = [
         (s - low, high - s)
         for p in pieces
         for e, s, low, high in zip(p.driven.edges, p.shifts, *bounds(p), strict=True)
         if e.input == name
     ]
-    return float(np.sum(np.min(ends, axis=0)) / np.sqrt(12)) if ends else 0.0
+    if not ends:
+        return 0.0
+    earlier, later = np.min(ends, axis=0)
+    return float(np.sqrt((earlier**3 + later**3) / (3 * max(earlier + later, LEAST_WAY))))
 
 
 def reach(edge: Edge) -> float:
