@@ -202,3 +202,14 @@ def test_every_command_has_help_with_an_example(command: str, capsys: pytest.Cap
 def test_a_negative_amount_is_a_value_and_no_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["assist", "--voltage", "-5kV"]) == 2
     assert "expected one argument" not in (said := capsys.readouterr().err) and "voltage" in said
+
+
+def test_interrupted_while_a_command_is_imported(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(name: str, parser: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tubular_dea.cli.declare", interrupted)
+    assert run("simulate", "--pressure", "95 mmHg") == 130
+    assert capsys.readouterr().err == "tubular-dea simulate: interrupted\n"

@@ -12,14 +12,19 @@ import sys
 import tempfile
 import time
 import zipfile
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tubular_dea.cosim.slaves import Slave
 from tubular_dea.export import cache
 from tubular_dea.export.compile import host, shared_library
 from tubular_dea.files import FileError, read_whole, unpack, write_atomically
+from tubular_dea.sweep.models import ExternalFmu
+from tubular_dea.sweep.unpacked import unpacked
 
 SOURCE = {"one.c": '__attribute__((visibility("default"))) int one(void) { return 1; }\n'}
 SIMULATE = ["simulate", "--pressure", "10 mmHg", "--voltage", "1 kV", "--stop", "0.01"]
@@ -84,6 +89,37 @@ def test_dangling_link(tmp_path: Path) -> None:
     refused(command(*SIMULATE, "--out", str(tmp_path / "out")), "is a link to", "which is not there")
     with pytest.raises(FileError, match="is a link to .*which is not there"):
         write_atomically(tmp_path / "out" / "file", b"x")
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every file that is opened to be written has no room."""
+    real = Path.open
+
+    def opened(path: Path, mode: str = "r", *more: Any, **options: Any) -> Any:
+        return real(Path("/dev/full") if "w" in mode else path, mode, *more, **options)
+
+    def written(path: Path, data: bytes) -> None:
+        with opened(path, "wb") as file:
+            file.write(data)
+
+    monkeypatch.setattr(Path, "open", opened)
+    monkeypatch.setattr(Path, "write_bytes", written)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("load", [lambda p: Slave("tube", p), lambda p: unpacked(ExternalFmu(p.name, p.read_bytes()))])
+def test_a_full_temporary_disk_is_no_bad_fmu(
+    tmp_path: Path, full_disk: None, load: Callable[[Path], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with zipfile.ZipFile(tmp_path / "good.fmu", "w") as bundle:
+        bundle.writestr("modelDescription.xml", "x" * 20000)
+    with pytest.raises(FileError, match=f"{tmp_path / 'temporary'}.*: No space left on device$") as refusal:
+        load(tmp_path / "good.fmu")
+    assert "expected" not in str(refusal.value)
+    assert not list((tmp_path / "temporary").iterdir())
 
 
 # The cache -------------------------------------------------------------------------------------------------------
@@ -183,6 +219,14 @@ def test_more_than_the_largest_input(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with subprocess.Popen(["sh", "-c", f"printf abc > '{tmp_path / 'pipe'}'"]):
         assert read_whole(tmp_path / "pipe") == b"abc"
+
+
+@pytest.mark.parametrize("name", ["0.csv", "bench.toml"])
+def test_a_pipe_in_a_folder_is_no_recording(tmp_path: Path, name: str) -> None:
+    """Nobody writes to it: reading would wait for ever."""
+    (tmp_path / "a.csv").write_text("time [s],pressure [Pa],voltage [V],radius [m]\n0,0,0,0.015\n")
+    os.mkfifo(tmp_path / name)
+    refused(command("close-loop", str(tmp_path), "--dry-run"), f"{name}: expected a file but it is a pipe; move it")
 
 
 def bomb(path: Path, megabytes: int) -> Path:

@@ -59,15 +59,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=f"tubular-dea {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    # Only the command in use is imported: help and errors come at once.
-    for name, description in COMMANDS.items():
-        subparser = subparsers.add_parser(name, help=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-        if name in given[:1]:
-            declare(name, subparser)
-    options, left = parser.parse_known_args(given)
-    if left:
-        subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(left)}")
+    options = argparse.Namespace(command=given[0])
     try:
+        # Only the command in use is imported, which may take a second: help and errors come at once.
+        for name, description in COMMANDS.items():
+            form = argparse.RawDescriptionHelpFormatter
+            subparser = subparsers.add_parser(name, help=description, formatter_class=form)
+            if name in given[:1]:
+                declare(name, subparser)
+        options, left = parser.parse_known_args(given)
+        if left:
+            subparsers.choices[options.command].error(f"unrecognized arguments: {' '.join(left)}")
         if getattr(options, "out", None) is not None:
             usual = subparsers.choices[options.command].get_default("out")
             is_file = named_file(options.out, usual) if usual is not None else False

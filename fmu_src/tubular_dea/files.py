@@ -6,6 +6,7 @@ that names the path.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import stat
@@ -22,10 +23,15 @@ UNFINISHED = ".unfinished"
 LARGEST_INPUT = 1 << 30  # bytes: more than any recording; an endless device has them in seconds
 LARGEST_ARCHIVE = 1 << 30  # bytes, unpacked
 CHUNK = 1 << 20
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class FileError(UserError, OSError):
     """A file that cannot be read or written; the text names it and gives the system's reason."""
+
+
+class FullDiskError(FileError):
+    """There is no room to write a file; what was to be written, or unpacked, has no fault."""
 
 
 @contextmanager
@@ -36,7 +42,8 @@ def as_file_error(path: Path, what: str) -> Iterator[None]:
     except FileError:
         raise
     except OSError as problem:
-        raise FileError(f"{path}: cannot be {what}: {_reason(path, problem)}") from None
+        kind = FullDiskError if problem.errno in FULL else FileError
+        raise kind(f"{path}: cannot be {what}: {_reason(path, problem)}") from None
 
 
 def _reason(path: Path, problem: OSError) -> str:
@@ -71,12 +78,17 @@ def is_unfinished(path: Path) -> bool:
     return path.name.startswith(".") and path.name.endswith(UNFINISHED)
 
 
-def read_whole(path: Path, largest: int = LARGEST_INPUT) -> bytes:
-    """The content of a file or a pipe; `FileError` for what is no file, and for more than `largest` bytes."""
+def read_whole(path: Path, largest: int = LARGEST_INPUT, pipe: bool = True) -> bytes:
+    """The content of a file, or of a `pipe` if it will do; `FileError` for all else and for more than `largest` bytes.
+
+    A pipe that nobody writes to never ends: it will do where it was given itself, and not where it is in a folder.
+    """
     with as_file_error(path, "read"):
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
             raise FileError(f"{path}: expected a file but it is a folder")
+        if stat.S_ISFIFO(mode) and not pipe:
+            raise FileError(f"{path}: expected a file but it is a pipe; move it away, or put a file in its place")
         if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):
             raise FileError(f"{path}: expected a file but it is a device; give a file")
         with path.open("rb") as file:
@@ -105,11 +117,12 @@ def working_folder(purpose: str) -> Iterator[Path]:
 def unpack(archive: Path, folder: Path, largest: int = LARGEST_ARCHIVE) -> None:
     """Unpack a zip archive (an FMU) into `folder`.
 
-    `FileError` for what is no archive, for more than `largest` bytes unpacked (counted as they come: what the archive
-    says of itself may be false), and for names that lead out of the folder; what was unpacked so far stays.
+    `FullDiskError` where there is no room; `FileError` for what is no archive, for more than `largest` bytes unpacked
+    (counted as they come: what the archive says of itself may be false), and for names that lead out of the folder;
+    what was unpacked so far stays.
     """
     try:
-        with as_file_error(archive, "unpacked"), zipfile.ZipFile(archive) as bundle:
+        with as_file_error(archive, f"unpacked to {folder}"), zipfile.ZipFile(archive) as bundle:
             left = largest
             for entry in bundle.infolist():
                 target = _inside(archive, folder, entry.filename)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import itertools
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -22,7 +21,7 @@ from fmpy.fmi2 import (
 )
 
 from ..errors import UserError
-from ..files import unpack
+from ..files import FullDiskError, unpack, working_folder
 from .system import Port, Ports
 
 SWEEPS = 50  # at most, to find the initial values of connected slaves
@@ -40,17 +39,17 @@ class Slave:
         self.messages: list[str] = []
         self._instance = f"{name}-{next(_NUMBERS)}"
         _MESSAGES[self._instance] = self.messages
-        self._folder = tempfile.mkdtemp(prefix="slave-")
-        try:
+        with contextlib.ExitStack() as stack:
+            self._folder = stack.enter_context(working_folder(f"{name}: {path.name}"))
             self._load(path)
-        except BaseException:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise
+            self._kept = stack.pop_all()
 
     def _load(self, path: Path) -> None:
         try:
-            unpack(path, Path(self._folder))
-            self.description = fmpy.read_model_description(self._folder, validate=False)
+            unpack(path, self._folder)
+            self.description = fmpy.read_model_description(str(self._folder), validate=False)
+        except FullDiskError:
+            raise
         except Exception as problem:  # FMPy and its parsers may raise anything
             why = str(problem) or type(problem).__name__
             raise SlaveError(
@@ -64,7 +63,7 @@ class Slave:
         try:
             self.fmu = FMU2Slave(
                 guid=self.description.guid,
-                unzipDirectory=self._folder,
+                unzipDirectory=str(self._folder),
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
                 instanceName=self._instance,
             )
@@ -80,11 +79,10 @@ class Slave:
 
     def close(self) -> None:
         """Free the instance and unload the library."""
-        if self._folder:
+        if self._instance in _MESSAGES:
             self.fmu.freeInstance()
-            _MESSAGES.pop(self._instance, None)
-            shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = ""
+            del _MESSAGES[self._instance]
+            self._kept.close()
 
     def said(self) -> str:
         """The last message of the slave."""

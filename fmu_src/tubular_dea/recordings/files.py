@@ -56,10 +56,13 @@ def is_spreadsheet(path: Path) -> bool:
     return path.suffix.lower() in SPREADSHEETS and not path.name.startswith((".", "~"))
 
 
-def read(path: Path, names: Collection[str] = ()) -> Table:
-    """The table in a file; `ReadError` says what was expected, and where. `names` are expected headings."""
+def read(path: Path, names: Collection[str] = (), pipe: bool = True) -> Table:
+    """The table in a file, or of a `pipe` if that will do; `ReadError` says what was expected, and where.
+
+    `names` are expected headings.
+    """
     try:
-        raw = read_whole(path)
+        raw = read_whole(path, pipe=pipe)
     except FileError as problem:
         raise ReadError(str(problem)) from None
     for start, reader in BINARY:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import shutil
-import tempfile
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import fmpy
 
-from ..files import unpack
+from ..files import FullDiskError, unpack, working_folder
 from ..model.declare import Quantity
 from .expression import PlanError
 from .models import ExternalFmu
@@ -22,19 +19,21 @@ from .models import ExternalFmu
 @cache
 def unpacked(fmu: ExternalFmu) -> tuple[str, Any]:
     """The folder it is unpacked in, and its description; once a process."""
-    folder = tempfile.mkdtemp(prefix="tubular-dea-fmu-")
-    try:
-        path = Path(folder) / "model.fmu"
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(working_folder(f"model: {fmu.name}"))
+        path = folder / "model.fmu"
         path.write_bytes(fmu.content)
-        unpack(path, Path(folder))
-        description = fmpy.read_model_description(folder)
-    except Exception as problem:
-        shutil.rmtree(folder)
-        raise PlanError(
-            f"model: {fmu.name}: cannot be read as an FMU: {problem}; expected an archive with a valid description"
-        ) from None
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder, description
+        try:
+            unpack(path, folder)
+            description = fmpy.read_model_description(str(folder))
+        except FullDiskError:
+            raise
+        except Exception as problem:
+            raise PlanError(
+                f"model: {fmu.name}: cannot be read as an FMU: {problem}; expected an archive with a valid description"
+            ) from None
+        atexit.register(stack.pop_all().close)
+    return str(folder), description
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
     if not path.exists():
         return BenchFile()
     try:
-        text = tomllib.loads(read_whole(path).decode())
+        text = tomllib.loads(read_whole(path, pipe=False).decode())
     except (OSError, ValueError, RecursionError) as problem:
         raise ReadError(f"{path}: cannot be read as TOML: {problem}") from None
     unknown = sorted(set(text) - set(TABLES))

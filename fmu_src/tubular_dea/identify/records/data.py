@@ -262,7 +262,7 @@ def read_experiment(
     `chosen` says which column a signal is, `rate` [Hz] how a file without a time was sampled, `commanded` which inputs
     were not measured. `DataError` for what cannot be used.
     """
-    return experiment_of(read(path, signals(plant)), plant, geometry, chosen, rate, commanded)
+    return experiment_of(read(path, signals(plant), pipe=False), plant, geometry, chosen, rate, commanded)
 
 
 def experiment_of(
