@@ -49,9 +49,15 @@ def test_gains_as_monitors_have_them_are_no_finding() -> None:
 
 
 @pytest.mark.long
-def test_a_drift_over_files_in_a_row_is_no_gain_of_each(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("seed", "drifts", "kept"),
+    [(7700000, "stiffness_drift", None), (7900000, "sensor_drift", ["monitor_gains", "order", "laser_zero"])],
+)
+def test_a_drift_over_files_in_a_row_is_no_gain_of_each(
+    seed: int, drifts: str, kept: list[str] | None, tmp_path: Path
+) -> None:
     """A stiffness that falls by 2.8 % over eight files was gains of -1.5 % to +1.0 %, and nothing was named."""
-    write(laboratory(7700000, "stiffness_drift"), tmp_path / "set")
+    write(laboratory(seed, drifts, kept), tmp_path / "set")
     found = td.discover(td.read_recordings(tmp_path / "set"))
-    assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", ["stiffness_drift"])
+    assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", [drifts])
     assert found.discovery.unlike is None

@@ -214,18 +214,18 @@ def _found(
 ) -> tuple[float, Search]:
     """What numerical errors may gain, and the search."""
     numeric = numerics.numeric_gain(work, fitted.values)
-    found = _with_firm_gains(_searched(work, fitted, numeric, seed, tell), numeric, seed, tell)
+    found = _with_firm_monitors(_searched(work, fitted, numeric, seed, tell), numeric, seed, tell)
     return numeric, _from_equilibrium(prepared, found, recordings, seed, tell)
 
 
-def _with_firm_gains(found: Search, numeric: float, seed: int, tell: Progress) -> Search:
-    """The search with gains of monitors as firm as they usually are, where nothing was `found` because some change from
-    file to file as no monitor's do, if effects then explain everything: what drifts over files recorded one after the
-    other is like a gain of each."""
+def _with_firm_monitors(found: Search, numeric: float, seed: int, tell: Progress) -> Search:
+    """The search with zeros and gains of monitors as firm as they usually are, where nothing was `found` because some
+    gains change from file to file as no monitor's do, if effects then explain everything: what drifts over files
+    recorded one after the other is like a gain and a zero of each."""
     if found.chosen.ids or unlike_files(found.base_study, found.base) is None:
         return found
     tell("gains of monitors changed between files as they hardly do: is it an effect?")
-    firm = replace(found.base_study, firm_gains=True)
+    firm = replace(found.base_study, firm=True)
     firm_found = _searched(*base_settled(firm, found.base.fitted, seed), numeric, seed, tell)
     return firm_found if firm_found.chosen.ids and acceptance.noise_alone(firm_found.chosen) else found
 

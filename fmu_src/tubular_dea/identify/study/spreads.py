@@ -96,8 +96,10 @@ def spreads(
 
 def most_spread(study: Study, name: str) -> float:
     """By how much a zero, a drift or a gain differs between files at most (SI)."""
+    if study.firm:
+        return size_of(study, name)
     if name.startswith(GAIN_OF):
-        return size_of(study, name) if study.firm_gains else MOST_GAIN
+        return MOST_GAIN
     monitor = any(s.name == name for s in study.plant.inputs)
     return (ZEROS if monitor else MOST_ZERO) * size_of(study, name)
 

@@ -127,7 +127,7 @@ class Study:
     samples, by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless
     effects are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors
     whose noise the user knows. `remembering`: noise that the plant remembers is a record's own (`remembered`).
-    `firm_gains`: gains of monitors differ between files by no more than is usual.
+    `firm`: zeros and gains differ between files by no more than is usual.
     """
 
     plant: Plant
@@ -144,7 +144,7 @@ class Study:
     tolerance: float = TOLERANCE
     stated: frozenset[str] = frozenset()
     remembering: bool = True
-    firm_gains: bool = False
+    firm: bool = False
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
