@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupled import needs, reference, slaves, stretch
+from coupled import last_beats, needs, reference, slaves, stretch
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.cosim.beats import BeatError, beats, last_beats, measure, r_wave_rows
+from tubular_dea.cosim.beats import BeatError, beats, measure, r_wave_rows
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, Run, simulate
 from tubular_dea.model.dea import tubular_dea

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupled import CASES, PERIOD, case, pulses, reference, slaves, stretch
+from coupled import CASES, PERIOD, case, driven_tube, pulses, reference, slaves, stretch, tube_work
 from shared_data import shared
-from tubular_dea.cosim.beats import tube_work
-from tubular_dea.cosim.heart_assist import driven_tube, heart_assist
+from tubular_dea.cosim.heart_assist import heart_assist
 from tubular_dea.cosim.master import MasterError, Options, Run, simulate
 from tubular_dea.cosim.slaves import SlaveError
 from tubular_dea.cosim.system import Connection, System

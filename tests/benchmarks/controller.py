@@ -119,8 +119,7 @@ def random(runs: int = 1000, seed: int = 3) -> None:
 
 def region(reference: float = 25e-3) -> None:
     """From where (pressure, radius) the controller brings the tube to 25 mm; what equilibria say about it."""
-    from tubular_dea.control.region import attraction
-    from tubular_dea.report.region import draw_region
+    from region_of_attraction import attraction, draw_region
 
     maps = {field: attraction(reference, field) for field in (85e6, 140e6)}
     Path("region_of_attraction.png").write_bytes(draw_region(reference, maps))

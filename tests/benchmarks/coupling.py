@@ -20,9 +20,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from coupled import CASES, PERIOD, case, pulses, reference, slaves, stretch
-from tubular_dea.cosim.beats import tube_work
-from tubular_dea.cosim.heart_assist import driven_tube, heart_assist
+from coupled import CASES, PERIOD, case, driven_tube, pulses, reference, slaves, stretch, tube_work
+from tubular_dea.cosim.heart_assist import heart_assist
 from tubular_dea.cosim.master import Options, Run, Simulation
 from tubular_dea.cosim.system import System
 from tubular_dea.export.python_fmu import python_fmu

@@ -112,6 +112,16 @@ def compare(
     UserError
         For arguments that cannot be used, and where a run ends early, with time and reason.
 
+    References
+    ----------
+    H. Suga, Am. J. Physiol. 236 (1979) H498-H505: the pressure-volume area.
+
+    R. Fincke et al., J. Am. Coll. Cardiol. 44 (2004) 340-348: the cardiac power output.
+
+    S. J. Sarnoff et al., Am. J. Physiol. 192 (1958) 148-156: the tension-time index.
+
+    G. D. Buckberg et al., Circ. Res. 30 (1972) 67-81: the diastolic pressure-time index.
+
     Examples
     --------
     >>> import tubular_dea as td

@@ -191,6 +191,10 @@ def discover(
     UserError
         For invalid recordings or arguments, and for too few samples.
 
+    References
+    ----------
+    C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50: the score statistic of a candidate.
+
     Examples
     --------
     An aorta with a delayed flow probe, recorded three times. Only effects of the flow probe are candidates here:

@@ -207,6 +207,14 @@ def fit_patient(
     UserError
         For recordings without beats, and where no patient of this model has such a beat.
 
+    References
+    ----------
+    M. A. Simaan et al., "A dynamical state space representation and performance analysis of a feedback-controlled
+    rotary left ventricular assist device", IEEE Trans. Control Syst. Technol. 17 (2009) 15-28: the healthy values.
+
+    N. Stergiopulos, J. J. Meister, N. Westerhof, "Determinants of stroke volume and systolic and diastolic aortic
+    pressure", Am. J. Physiol. 270 (1996) H2050-H2059: the activation.
+
     Examples
     --------
     >>> import tubular_dea as td

@@ -144,6 +144,10 @@ def read_recordings(
     UserError
         For invalid files, columns and values, with file, line and column.
 
+    References
+    ----------
+    Hampel, J. Am. Stat. Assoc. 69 (1974) 383: samples that stand out.
+
     Examples
     --------
     >>> import tubular_dea as td

@@ -1,4 +1,6 @@
-"""The gains of the tube controller, from the model's own Jacobian at the design point: run it to see them.
+"""The gains of the tube controller (`model/tube_controller.py`), from the model's own Jacobian at the design point.
+
+Run it to see them::
 
     python -m tubular_dea.control.design
 

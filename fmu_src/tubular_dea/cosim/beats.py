@@ -247,14 +247,6 @@ def r_wave_rows(run: Run) -> np.ndarray:
     return np.flatnonzero(np.diff(cycle, prepend=cycle[0] - 1) > 0)
 
 
-def last_beats(run: Run, n: int = 1) -> slice:
-    """The rows of the last `n` whole beats, both R waves included."""
-    rows = r_wave_rows(run)
-    if rows.size < n + 1:
-        raise BeatError(f"expected a run of at least {n} whole beats but it has {max(0, rows.size - 1)}; run it longer")
-    return slice(int(rows[-1 - n]), int(rows[-1]) + 1)
-
-
 def beats(run: Run) -> list[Beat]:
     """The whole beats of a run."""
     rows = r_wave_rows(run)
@@ -268,22 +260,6 @@ def measure(beat: Beat) -> dict[str, float]:
     """The indices that this beat has, in SI units."""
     found = {figure.name: figure.index(beat) for figure in FIGURES}
     return {name: value for name, value in found.items() if value is not None}
-
-
-def tube_work(run: Run, rows: slice | None = None) -> tuple[float, float]:
-    """Work [J] the windkessel has given to the tube, and work the tube has received by its own pressure and volume.
-
-    The first is integrated inside the windkessel. The second is p dV, step by step, from the pressure the tube was
-    given and the volume and flow it reports at both ends (a trapezoid with end correction, of fourth order).
-    """
-    rows = rows or slice(0, run.time.size)
-    h = np.diff(run.time[rows])
-    p, volume, flow = (run[name][rows] for name in ("heart.aortic_pressure", "tube.tube_volume", "tube.tube_flow"))
-    slope = np.diff(p) / h
-    integral = h / 2 * (volume[1:] + volume[:-1]) + h**2 / 12 * (flow[:-1] - flow[1:])
-    received = float(np.sum(p[1:] * volume[1:] - p[:-1] * volume[:-1] - slope * integral))
-    given = float(run["heart.tube_work"][rows][-1] - run["heart.tube_work"][rows][0])
-    return given, received
 
 
 def shown(figure: Figure) -> float:

@@ -92,20 +92,6 @@ def heart_assist(
     return System(slaves, connections, {"ecg": pace} if pace else {}, parameters, EVENTS)
 
 
-def driven_tube(
-    slaves: Mapping[str, Path],
-    patient: Mapping[str, float],
-    voltage: Protocol,
-    settings: Mapping[str, float] | None = None,
-) -> System:
-    """Tube and heart without a scheduler, under a known `voltage`."""
-    parameters = {f"heart.{name}": value for name, value in patient.items()}
-    parameters |= {"tube.start_at_equilibrium": 1.0, **(settings or {})}
-    wires = [*COUPLING, Connection("drive.voltage", "tube.voltage")]
-    pair = {part: slaves[part] for part in ("tube", "heart")}
-    return System(pair, wires, {"drive": voltage}, parameters, ("heart.next_r_wave",))
-
-
 def archive(
     slaves: Mapping[str, Path],
     path: Path,

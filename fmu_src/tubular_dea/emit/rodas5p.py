@@ -3,8 +3,8 @@
 A stiffly accurate, L-stable Rosenbrock method of order 5 with an embedded order 4, in eight stages: G. Steinebach,
 "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within the Julia Differential Equations
 package", BIT Numerical Mathematics 63:27, 2023. Of the family (RODAS, RODASP, Rodas4P2, Rodas5) it needs the fewest
-stages for an error of 1e-6 in the stretch, in steps, ramps and the snap-through alike: two thirds of RODAS, with half
-as many steps.
+stages for an error of 1e-6 in a state, in steps, ramps and jumps to another equilibrium alike: two thirds of RODAS,
+with half as many steps.
 """
 
 from __future__ import annotations

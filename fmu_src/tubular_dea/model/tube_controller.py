@@ -21,9 +21,8 @@ be scheduled). What is left is dl/dt = wanted rate, an integrator; LQR gives its
 the closed loop. The branches s_i decay by themselves (-3 and -0.37 1/s): their estimate needs no correction.
 
 Observer. The same model, corrected by the measured displacement; `bias`, a pressure, is what the model lacks (wrong
-parameters, an offset of the pressure). Its gains are a Kalman filter's at the design point (`control.design`). It is
-also the controller's integral action; since it is driven by the voltage that was applied, limits included, it does not
-wind up.
+parameters, an offset of the pressure). Its gains are a Kalman filter's at the design point. It is also the controller's
+integral action; since it is driven by the voltage that was applied, limits included, it does not wind up.
 
 Limits: the field at the estimated stretch; no voltage below 0; slew rate and current of the amplifier. The reference
 ramps by `reference_rate` and waits for the tube where that cannot follow by `lead`.
@@ -35,7 +34,8 @@ Without voltage the tube falls back to its stable branch from every radius up to
 
 Sampled every `sample_time`, whatever the communication step; exact where the master lands on `next_event`.
 
-Citation: N. Liu et al., Section V (control beyond the snap-through as the next step); gains: `control.design`.
+Citation: N. Liu et al., Section V (control beyond the snap-through as the next step); gains: LQR and Kalman filter of
+the design point.
 
 Parameters: `PARAMETERS`, and the tube's own (Tables I and III), as assumed by the controller.
 
@@ -73,7 +73,7 @@ INPUTS = (REFERENCE, PRESSURE, DISPLACEMENT, ENABLE)
 
 
 STRETCH = sympy.Symbol("lambda_2", real=True)
-DESIGN = "python -m tubular_dea.control.design"
+DESIGN = "LQR and Kalman filter of the design point"
 QUANTITIES = (
     sized("sample_time", "s", "Time between samples", 1e-3, "", 1e-5, 0.1, "ms"),
     sized("tracking_gain", "1/s", "LQR gain: wanted rate of the stretch over its error", 60.0, DESIGN, 0.0, 1e4),

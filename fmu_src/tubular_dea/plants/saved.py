@@ -62,7 +62,7 @@ def load(path: Path, plant: Plant | None = None) -> Model:
         raise ModelFileError(f"{path}: cannot be read as JSON: {problem}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ModelFileError(
-            f'{path}: expected an object with "format": {FORMAT}, as `tubular-dea close-loop` writes model.json'
+            f'{path}: expected an object with "format": {FORMAT}, as in a model.json of an identified model'
         )
     name, effects = content.get("model"), content.get("effects", [])
     base = _base(path, name, str(content.get("plant") or ""), plant)

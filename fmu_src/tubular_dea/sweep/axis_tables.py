@@ -179,7 +179,7 @@ def _patients(name: str, given: Mapping[str, Any], quantities: Quantities, place
 def _calibration(path: Path, quantities: Quantities, place: str, plant: Plant | None) -> Joint:
     _, joint = calibrated(path, plant)
     if joint is None:
-        raise PlanError(f"{place}: {path} has no covariance; expected one from `tubular-dea identify` or `close-loop`")
+        raise PlanError(f"{place}: {path} has no covariance; expected one of a model that was identified")
     for column, _ in joint.columns:
         if column not in quantities.parameters:
             raise PlanError(

@@ -35,6 +35,7 @@ WRONG_WAY = 0.7  # [1] share of a file's worst output that is missed before anyt
 RIGHT_WAY = 0.25  # [1] share that may be missed with the sign changed, and in the other files
 SWAPPED = 0.1  # [1] share of a file that is missed, and share of that which two inputs exchanged may leave
 OTHER_FILES = 2  # [files] that the declared plant follows, for one to be unlike them
+FOLLOWED_PER_WRONG = 2  # [1] files that it follows for each one that is missed, for a sign to be asked about
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def wrong_signs(recordings: Recordings) -> list[str]:
     followed = [name for name, share in left.items() if share < RIGHT_WAY]
     odd = [file for file in files if left[file.name] > SWAPPED]
     wrong = [file for file in odd if left[file.name] > WRONG_WAY]
-    if len(followed) < max(OTHER_FILES, 2 * len(wrong)):
+    if len(followed) < max(OTHER_FILES, FOLLOWED_PER_WRONG * len(wrong)):
         return []
     swapped = [said for file in odd for said in _swapped(recordings.plant, file, missed, left[file.name])]
     return [*_asked(recordings.plant, wrong, missed), *swapped]

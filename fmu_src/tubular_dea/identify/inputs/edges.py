@@ -41,6 +41,7 @@ FAITHFUL = 0.01  # [1] of its height by which samples miss an exponential: other
 # Set by judgement: no unit test tells a factor of four. Check:
 # `python -m blind.score --nulls 12 --conventions edges amplifier --seed 1000`
 SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
+LEAST_RANGE = 2.0  # [1] times that one, up to which longer ones are tried at least
 TRIALS = 96  # [1] rises that are tried
 PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
 INSTANTS = 33  # [1] instants between two samples that are tried where none is on the way
@@ -170,7 +171,7 @@ def _hidden(edges: Sequence[_EdgeSamples]) -> Rise:
     """What is known of a rise that a filter hides: it is short beside the sampling. A jump is the simplest."""
     period = _period(edges)
     trials = np.geomspace(SHORTEST, HIDDEN_RISE, TRIALS) * period
-    weights = trials * (trials <= max(SLOW_EDGE, 2 * SHORTEST * period))  # every rise as likely beforehand
+    weights = trials * (trials <= max(SLOW_EDGE, LEAST_RANGE * SHORTEST * period))  # every rise as likely beforehand
     return Rise(False, trials, weights / weights.sum(), False)
 
 
@@ -189,7 +190,7 @@ def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, 
     period = _period(edges)
     most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else ON_WAY_MORE)
     seen = any(e.anchor is not None for e in edges)
-    longest = most * period if seen else max(min(most * period, SLOW_EDGE), 2 * SHORTEST * period)
+    longest = most * period if seen else max(min(most * period, SLOW_EDGE), LEAST_RANGE * SHORTEST * period)
     trials = np.geomspace(SHORTEST * period, longest, TRIALS)
     odds = _odds(edges, trials, exponential)
     chance = float(odds.max() + np.log(np.mean(np.exp(odds - odds.max()))))
