@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "fmu_src" / "tubular_dea"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SOURCES = sorted(PACKAGE.rglob("*.py"))
+C_SOURCES = sorted(path for suffix in ("c", "h") for path in PACKAGE.rglob(f"*.{suffix}"))
 
 # Words that no name, comment, docstring or message has, and what is said instead.
 DISCOURAGED = {
@@ -30,6 +31,8 @@ DISCOURAGED = {
     "mend": "correct",
     "foretell": "predict",
     "foretold": "predicted",
+    "foreign": "external",
+    "right side": "right-hand side",
 }
 
 
@@ -82,7 +85,10 @@ def test_no_public_function_of_the_engine_is_defined_twice() -> None:
 
 
 def text_of(path: Path) -> Iterator[tuple[int, str]]:
-    """Names, comments and texts of a source, with their lines."""
+    """Names, comments and texts of a source, with their lines; all of one in C."""
+    if path.suffix != ".py":
+        yield from enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        return
     kinds = (tokenize.NAME, tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING))
     for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
         if token.type in kinds:
@@ -93,7 +99,7 @@ def test_no_discouraged_word_is_used() -> None:
     wrong = re.compile(rf"(?<![a-z])({'|'.join(DISCOURAGED)})(?:s|ed|d|ly)?(?![a-z])", re.IGNORECASE)
     found = [
         f"{path.relative_to(ROOT)}, line {line}: {match[1]!r}; say {DISCOURAGED[match[1].lower()]!r}"
-        for path in SOURCES
+        for path in [*SOURCES, *C_SOURCES]
         for line, text in text_of(path)
         for match in wrong.finditer(text)
     ]
