@@ -29,6 +29,9 @@ FINE_PLACES = 81  # [1] places between an edge's bounds that are compared, and b
 LEAST_WAY = 1e-12  # [s] between bounds at least: the places between those that are the same are distinct
 SHARES = CubicSpline(GRID, np.eye(len(GRID)))  # of every answer on the grid, at a part of the way
 
+# Set by theory. Check: `pytest tests/test_delayed_edges.py`
+MEAN_SQUARE = 1 / 3  # [1] of what is anywhere from 0 to 1
+
 # Set by judgement. Check: `pytest tests/test_adjust.py -k clock`
 SURELY = 5.0  # [log likelihood] by which edges at one part of the sampling are likelier than edges anywhere
 ON_CLOCK = 0.02  # [1] of the sampling interval: uncertainty of that part
@@ -173,7 +176,7 @@ def untold_delay(pieces: Sequence[Piece], name: str) -> float:
     if not ends:
         return 0.0
     earlier, later = np.min(ends, axis=0)
-    return float(np.sqrt((earlier**3 + later**3) / (3 * max(earlier + later, LEAST_WAY))))
+    return float(np.sqrt(MEAN_SQUARE * (earlier**3 + later**3) / max(earlier + later, LEAST_WAY)))
 
 
 def reach(edge: Edge) -> float:
