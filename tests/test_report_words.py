@@ -384,7 +384,7 @@ def test_a_parameter_that_is_not_determined_has_no_interval() -> None:
 def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 1e9)
     spread = {"measured_displacement": 1e-6, "pressure": 20.0}
-    study = SimpleNamespace(plant=PLANT, spread=spread, zero=lambda name: 30e-6 if name[0] == "m" else 20.0)
+    study = SimpleNamespace(plant=PLANT, firm=False, spread=spread, zero=lambda name: 30e-6 if name[0] == "m" else 20.0)
     found = {"study": study, "named": made_up.option(excess=0.0, z_slow=0.0)}
     said = between_files.spread(SimpleNamespace(**found, shifted=Shift("measured_displacement", "trap1", 654e-6)))
     assert len(said) == 1 and said[0].startswith("The zero of pressure")
@@ -394,7 +394,7 @@ def test_a_zero_that_cannot_be_one_is_told_once(monkeypatch: pytest.MonkeyPatch)
 def test_a_zero_beside_what_the_model_lacks_is_not_said_to_be_the_monitors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where more than noise is left, zeros make up for it."""
     monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 1e9)
-    study = SimpleNamespace(plant=PLANT, spread={"pressure": 20.0}, zero=lambda name: 20.0)
+    study = SimpleNamespace(plant=PLANT, firm=False, spread={"pressure": 20.0}, zero=lambda name: 20.0)
     (said,) = between_files.spread(SimpleNamespace(study=study, named=made_up.option(excess=4e3), shifted=None))
     assert said.startswith("In the fits the zero of pressure") and "make up for what the model lacks" in said
 
@@ -447,7 +447,7 @@ def test_an_error_beyond_the_sensors_noise_is_said_to_be_that_of_the_monitors() 
 
 def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(between_files, "zero_spread", lambda study, name: 390.0)
-    study = SimpleNamespace(plant=PLANT, spread={"pressure": 1e9}, zero=lambda name: 130.0)
+    study = SimpleNamespace(plant=PLANT, firm=False, spread={"pressure": 1e9}, zero=lambda name: 130.0)
     named = made_up.option(excess=0.0, z_slow=0.0)
     (said,) = between_files.spread(SimpleNamespace(study=study, named=named, shifted=None))
     assert "do not tell" in said and "2.93 mmHg" in said
