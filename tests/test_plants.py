@@ -165,6 +165,11 @@ def test_an_experiment_that_tells_nothing_apart_is_not_advised() -> None:
         ("ambiguous", None, "range distinguishes lag(a) from lag(b); a second sensor may."),
         (
             "ambiguous",
+            Proposal("a sweep of force", 2e-6),
+            "nothing distinguishes lag(a) from lag(b): in the Axis they are one thing under several names",
+        ),
+        (
+            "ambiguous",
             Proposal("steps of force", 72.0),
             "steps of force, which distinguishes lag(a) from lag(b) by 12 ",
         ),

@@ -45,6 +45,10 @@ TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
 # Set by judgement: nobody repeats an experiment ten times. Check: `pytest tests/test_next_experiment.py`
 OFTEN = 4  # [1] times that an experiment is proposed at most
 
+# Set by measurement: two names of one equation came to 2e-6, what is alike in all experiments that may be done to 0.2.
+# Check: `pytest tests/test_plants.py -k tells_nothing_apart`
+ONE_THING = 1e-3  # [1] discrimination of the best experiment, below which names are those of one thing
+
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
 
@@ -337,6 +341,8 @@ def _apart(found: Discovery) -> str:
     alike = [f"{name} from {either(others)}" for name, others in found.equivalent.items() if others]
     names = " and ".join(alike or found.chosen.ids)
     if proposal is None or proposal.deviations < DIFFER or _times(found, proposal) > OFTEN:
+        if found.verdict == "ambiguous" and proposal is not None and proposal.discrimination < ONE_THING:
+            return f"nothing distinguishes {names}: in the {_plant(found)} they are one thing under several names"
         if found.verdict == "ambiguous":
             return f"no experiment {kind(found.study.plant)} distinguishes {names}; a second sensor may"
         sensors = {o.channel for o in found.study.plant.outputs}
