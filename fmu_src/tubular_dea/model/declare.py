@@ -282,9 +282,11 @@ class Model:
             "parameters": [p.quantity.name for p in self.parameters],
         }
         lines = [
-            f"{what + ':':12s}{', '.join(f'{n} [{known[n].unit}]' for n in names)}" for what, names in listed.items()
+            f"{what + ':':12s}{', '.join(f'{n} [{known[n].unit}]' for n in names)}"
+            for what, names in listed.items()
+            if names
         ]
-        return "\n".join([f"{self.name}: {self.description}", *(line for line in lines if line.endswith("]"))])
+        return "\n".join([f"{self.name}: {self.description}", *lines])
 
     def __getitem__(self, name: str) -> sympy.Symbol:
         """The symbol of a declared quantity."""

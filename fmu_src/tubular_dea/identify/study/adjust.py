@@ -65,11 +65,12 @@ def adjusted(
     if not all(_noise_alone(p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True) if not p.held_out):
         return adjusted(replace(study, remembering=False), ids, values, free, started)
     priors = [_credible(work, p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
-    part = None if study.sought else _part_on_clock(work.pieces, linear, priors)
-    alike = _moved_alike(work, ids, free, linear, priors)
+    left = [_without_own(p, s, sd) for p, s, sd in zip(work.pieces, linear, priors, strict=True)]
+    part = None if study.sought else _part_on_clock(work.pieces, linear, left)
+    alike = _moved_alike(work, ids, free, linear, left)
     pieces = [
-        _settled(work, ids, fixed, p, s, sd, common, part, alike)
-        for p, s, sd in zip(work.pieces, linear, priors, strict=True)
+        _settled(work, ids, fixed, p, s, rest, sd, common, part, alike)
+        for p, s, rest, sd in zip(work.pieces, linear, left, priors, strict=True)
     ]
     work = replace(work, pieces=pieces, spread=spread, delays=common.delays, longer=common.longer)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
@@ -89,6 +90,7 @@ def _settled(
     values: Mapping[str, float],
     piece: Piece,
     linear: Linearised,
+    left: np.ndarray,
     sd: np.ndarray,
     common: Common,
     part: float | None,
@@ -96,12 +98,12 @@ def _settled(
 ) -> Piece:
     """The piece with its edges at their most likely instants, and all nuisance parameters integrated out.
 
-    `sd` (k,) are their priors, `common` what all files have in common, `part` that of the sampling at which edges
-    happened, if they did so on one clock, and `alike` what the edges of inputs are moved by beside [s].
+    `sd` (k,) are their priors, `left` (N,) the residual without all but edges, `common` what all files have in common,
+    `part` that of the sampling at which edges happened, if they did so on one clock, and `alike` what the edges of
+    inputs are moved by beside [s].
     """
     shifts, delays = piece.shifts, {name: by * step_of(piece) for name, by in common.delays.items()}
     if linear.windows:
-        left = _without_own(piece, linear, sd)
         best = np.array([m.best(left[m.where]) for m in linear.windows])
         if part is not None:
             low, high = bounds(piece)
@@ -157,7 +159,10 @@ def _limit(study: Study, piece: Piece, name: str) -> float:
 
 
 def _without_own(piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray:
-    """The residual (N,) at the most likely values of the nuisance parameters, whose priors are `sd` (k,), but edges."""
+    """The residual (N,) at the most likely values of the nuisance parameters, whose priors are `sd` (k,), but edges;
+    as it is where no edge has a window, as nobody asks."""
+    if not linear.windows:
+        return linear.residual
     sd = _undelayed(piece, sd)
     local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
     own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
@@ -175,19 +180,20 @@ def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
 
 
 def _moved_alike(
-    study: Study, ids: Ids, free: Sequence[Free], linear: Sequence[Linearised], priors: Sequence[np.ndarray]
+    study: Study, ids: Ids, free: Sequence[Free], linear: Sequence[Linearised], left: Sequence[np.ndarray]
 ) -> dict[str, float]:
     """By how much [s] all edges of an input have to be moved so that each is likeliest within its bounds, where a
     fitted delay of that input makes up for it: else the delay stays where fits began, however far off the bounds."""
     fitted, found = {f.name for f in free}, {}
     for name in {d.of for d in study.compiled.model(ids).delays if d.by in fitted}:
         told = []
-        for piece, one, sd in zip(study.pieces, linear, priors, strict=True):
+        for piece, one, rest in zip(study.pieces, linear, left, strict=True):
             if one.windows and not piece.held_out:
-                left, ends = _without_own(piece, one, sd), zip(*bounds(piece), strict=True)
-                each = zip(piece.driven.edges, one.windows, ends, strict=True)
+                each = zip(piece.driven.edges, one.windows, *bounds(piece), strict=True)
                 told += [
-                    (*m.likeliest(left[m.where]), *end) for e, m, end in each if e.input == name and m.answers.size
+                    (*m.likeliest(rest[m.where]), low, high)
+                    for e, m, low, high in each
+                    if e.input == name and m.answers.size
                 ]
         if told:
             found[name] = _into_bounds(*np.array(told).T)
@@ -206,14 +212,13 @@ def _into_bounds(shifts: np.ndarray, weights: np.ndarray, low: np.ndarray, high:
     return float(minimize_scalar(outside, bounds=(last, first), method="bounded").x)
 
 
-def _part_on_clock(pieces: Sequence[Piece], linear: Sequence[Linearised], priors: Sequence[np.ndarray]) -> float | None:
+def _part_on_clock(pieces: Sequence[Piece], linear: Sequence[Linearised], left: Sequence[np.ndarray]) -> float | None:
     """The part of the sampling interval at which all edges happened, where the samples behind them say so."""
     squares = []
-    for piece, one, sd in zip(pieces, linear, priors, strict=True):
+    for piece, one, rest in zip(pieces, linear, left, strict=True):
         if one.windows and not piece.held_out:
-            left = _without_own(piece, one, sd)
             each = zip(one.windows, wide(piece), strict=True)
-            squares += [m.squares(left[m.where]) for m, may_be_anywhere in each if may_be_anywhere]
+            squares += [m.squares(rest[m.where]) for m, may_be_anywhere in each if may_be_anywhere]
     return part_on_clock(squares)
 
 
