@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 from threading import local
-from typing import ParamSpec, TypeVar, cast
+from typing import Generic, ParamSpec, TypeVar, cast
 
 from threadpoolctl import threadpool_limits
 
@@ -21,24 +24,62 @@ _here = local()  # `busy`: this thread is one of as many as there are processors
 def side_by_side(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """`work` of every item, in their order, by a thread a processor: kernels and numpy run without Python's lock.
 
-    By the calling thread, where that is one of such threads itself, or there is one item: a thread takes longer to
-    start than a short trajectory.
+    The calling thread is one of them, and the only one where that is one of as many already, or there is one item. Of
+    items that fail, the first one's error is raised; those after it are not begun.
     """
     listed = list(items)
-    if len(listed) < 2 or free_processors() < 2:
+    helpers = min(len(listed), free_processors()) - 1
+    if helpers < 1:
         return [work(item) for item in listed]
-    many = len(listed) >= processors()
-    with ThreadPoolExecutor(min(len(listed), processors()), initializer=_begin, initargs=(many,)) as pool:
-        return list(pool.map(work, listed))
+    shared = _Shared(work, listed)
+    asked = [_pool(os.getpid()).submit(shared.take) for _ in range(helpers)]
+    try:
+        shared.take()
+    finally:  # after Ctrl-C too, none is left at work
+        shared.left.clear()
+        wait([future for future in asked if not future.cancel()])
+    if shared.failed:
+        raise shared.failed[min(shared.failed)]
+    return [shared.found[i] for i in range(len(listed))]
+
+
+class _Shared(Generic[T, R]):
+    """Items that threads take one after the other; results and errors by the item's place."""
+
+    def __init__(self, work: Callable[[T], R], listed: list[T]) -> None:
+        self.work = work
+        self.left = deque(enumerate(listed))
+        self.busy = len(listed) >= processors()
+        self.found: dict[int, R] = {}
+        self.failed: dict[int, Exception] = {}
+
+    def take(self) -> None:
+        """Work on what is left until nothing is, or something fails."""
+        before, _here.busy = getattr(_here, "busy", False), self.busy
+        try:
+            while True:
+                try:
+                    i, item = self.left.popleft()
+                except IndexError:
+                    return
+                try:
+                    self.found[i] = self.work(item)
+                except Exception as error:  # raised where all was waited for
+                    self.failed[i] = error
+                    self.left.clear()
+        finally:
+            _here.busy = before
+
+
+@cache
+def _pool(process: int) -> ThreadPoolExecutor:
+    """The threads of this process, which start once: it takes longer than a short trajectory."""
+    return ThreadPoolExecutor(max(processors() - 1, 1))
 
 
 def free_processors() -> int:
     """How many threads are worth while here: one where every processor has its thread already."""
     return 1 if getattr(_here, "busy", False) else processors()
-
-
-def _begin(busy: bool) -> None:
-    _here.busy = busy
 
 
 def one_blas_thread(work: Callable[P, R]) -> Callable[P, R]:
