@@ -25,6 +25,8 @@ PER_UNIT: Mapping[str, tuple[float, float]] = {  # bench's number = what it is a
     "added_mass": (0.0, 1 / OWN_MASS),
     "pressure_offset": (0.0, 1.0),
     "radius_gain": (1.0, 1.0),
+    "passive_layer_stiffness": (0.0, 1.0),
+    "stretch_dependent_viscosity": (0.0, 1.0),
 }
 
 

@@ -6,13 +6,14 @@ what it can: the model's parameters, zeros and gains, switching instants, delays
 asks of a score with a probability of POWER. For an effect with a share (a lag) the size is its time constant: the one
 at which the whole effect would be detected. Sizes are sought from those that scores at "off" tell, by simulating the
 effect as large as it would be: a short lag shows with the fourth power of its length, and a mass in the first ringing.
-Where instants, delays and rises take most of an effect, they do so by much more than their columns say, as they are
-estimated anew: there they are estimated from recordings with the effect.
+Where parameters have far to move to make up for it, what is left is taken from where they went (compensated.py). Where
+instants, delays and rises take most of an effect, they do so by much more than their columns say, as they are estimated
+anew: there they are estimated from recordings with the effect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ...model.effect import Effect
 from .bank import HIDDEN, Candidate, Point, candidates_at
+from .compensated import HARDLY_MOVED, Compensation, step_towards
 from .parameters import switched_off
 
 # Set by convention (Cohen, "Statistical power analysis for the behavioral sciences", 1988).
@@ -118,12 +120,13 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
     """
     common = common_nuisances(study, followed=True)
     basis, held = (np.linalg.qr(j)[0] for j in (common.beside(fitted.jacobian), fitted.jacobian))
+    compensation = Compensation(study, fitted, common)
     searches = {g.effect.id: _SizeSearch(g, [g.size]) for g in guessed if g.size is not None}
     for _ in range(SIMULATED):
         sought = {name: s for name, s in searches.items() if not (s.ended or s.settled(least))}
         if not sought:
             break
-        chords = _chords(study, fitted, list(sought.values()))
+        chords = compensation.of(*_chords(study, fitted, list(sought.values())))
         for name, search in sought.items():
             if name in chords:
                 left = _left(replace(chords[name], columns=common.apply(chords[name].columns)), basis)
@@ -193,20 +196,25 @@ class _SizeSearch:
         return seen if seen is not None and unseen is not None and not self.ended else self.sizes[-1]
 
 
-def _chords(study: Study, fitted: Fit, searches: Sequence[_SizeSearch]) -> dict[str, Candidate]:
-    """What each effect changes at its present size, in one column, by id; without those that cannot be simulated."""
+def _chords(
+    study: Study, fitted: Fit, searches: Sequence[_SizeSearch]
+) -> tuple[dict[str, Candidate], dict[str, dict[str, float]]]:
+    """What each effect changes at its present size, in one column, and its strength there, by id; without those that
+    cannot be simulated."""
     asked = {s.guess.effect.id: s.guess.at(s.sizes[-1]) for s in searches}
     made = candidates_at(
         study, fitted.values, fitted.residual.size, points=lambda e: [asked[e.id]] if e.id in asked else []
     )
-    strengths = {name: next(iter(strength.values())) for name, (_, strength) in asked.items()}
-    return {c.effect.id: replace(c, columns=strengths[c.effect.id] * c.columns[:, :1]) for c in made}
+    strengths = {name: strength for name, (_, strength) in asked.items()}
+    whole = {c.effect.id: next(iter(strengths[c.effect.id].values())) * c.columns[:, :1] for c in made}
+    return {c.effect.id: replace(c, columns=whole[c.effect.id]) for c in made}, strengths
 
 
 def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float | None:
     """What an effect of that size scores in `training` once each record's own numbers are estimated from what it makes
     of them; None where it cannot be simulated."""
     shape, strength = guess.at(size)
+    values = dict(fitted.values)
     kernel = training.compiled.scorers((), None)[guess.effect.id]
     off = {n: v for name in kernel.model.effects for n, v in switched_off(training.catalogue[name]).items()}
     effect = {n: guess.effect.off[n] + v for n, v in strength.items()}
@@ -215,14 +223,26 @@ def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float 
         read = response.outputs_alone(off | fitted.values | shape | effect)
         work = replace(training, pieces=[replace(p, record=r) for p, r in zip(training.pieces, read, strict=True)])
         for _ in range(FOLLOWS):
-            work = adjusted(work, (), fitted.values, fitted.free)
-        problem = work.problem((), fitted.free, fitted.values)
-        residual, jacobian = problem.linearised(problem.scaled(fitted.values))
+            work = adjusted(work, (), values, fitted.free)
+        residual, jacobian = _linearised(work, fitted, values)
+        step = step_towards(jacobian, residual, fitted.scaled.size)
+        if np.max(np.abs(step), initial=0.0) > HARDLY_MOVED:
+            problem = work.problem((), fitted.free, values)
+            values = problem.values(problem.inside(problem.scaled(values) + step))
+            work = adjusted(work, (), values, fitted.free)
+            residual, jacobian = _linearised(work, fitted, values)
     except KernelError:
         return None
-    residual[sum(p.record.size for p in work.training) :] = 0.0  # of the prior, which is about other values
     column = Candidate(guess.effect, shape, (guess.name,), residual[:, None])
     return _left(column, np.linalg.qr(jacobian)[0])
+
+
+def _linearised(work: Study, fitted: Fit, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Residual and Jacobian of a study at `values` (SI), without the residual of the prior: it is about others."""
+    problem = work.problem((), fitted.free, values)
+    residual, jacobian = problem.linearised(problem.scaled(values))
+    residual[sum(p.record.size for p in work.training) :] = 0.0
+    return residual, jacobian
 
 
 def _next(sizes: Sequence[float], scored: Sequence[float], least: float, growth: float) -> float:

@@ -154,9 +154,9 @@ class Problem:
 
     def _residual(self, scaled: np.ndarray, outputs: Sequence[np.ndarray]) -> np.ndarray:
         white = self.whiten([y - r for y, r in zip(outputs, self.records, strict=True)])
-        return np.concatenate([white, self._pulled(scaled)[:, 0]]) if self.prior else white
+        return np.concatenate([white, self.pulled(scaled)[:, 0]]) if self.prior else white
 
-    def _pulled(self, scaled: np.ndarray) -> np.ndarray:
+    def pulled(self, scaled: np.ndarray) -> np.ndarray:
         """How far the prior finds every number from its usual one, and the slopes of that (k, 2)."""
         pairs = [f.pulled(s, self.prior) for f, s in zip(self.free, scaled.tolist(), strict=True)] if self.prior else []
         return np.array(pairs).reshape(-1, 2)
@@ -170,7 +170,7 @@ class Problem:
         jacobian *= slopes
         if self.prior:
             held = np.eye(len(self.free), len(self.free) + len(more))
-            jacobian = np.concatenate([jacobian, held * self._pulled(scaled)[:, 1:]])
+            jacobian = np.concatenate([jacobian, held * self.pulled(scaled)[:, 1:]])
         return self._residual(scaled, outputs), jacobian
 
 
