@@ -65,7 +65,7 @@ class PulseResult:
         from ..report.optimum import ROBUSTNESS, robustness, sentence
 
         return [
-            sentence(self.optimum),
+            sentence(self.optimum, self.courses[DEFAULT]),
             *aligned(*table(self.courses)),
             *aligned(list(ROBUSTNESS), robustness(self.optimum)),
         ]

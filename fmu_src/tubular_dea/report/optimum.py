@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
-from ..control.optimum import BEGINS, ENDS, OBJECTIVES, Optimum, Pulse
+from ..control.optimum import ALIKE, BEGINS, ENDS, LATE, OBJECTIVES, Optimum, Pulse
 from ..cosim.course import Course
 from ..cosim.master import Run
 from ..files import write_atomically
@@ -28,11 +28,15 @@ ROBUSTNESS = ("disturbed", "change", "limits of field and margin")
 
 def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[str, Course], command: str) -> list[Path]:
     """Write optimum.html and optimum.png to `out`."""
-    page = Page("The best pulse", sentence(best))
+    page = Page("The best pulse", sentence(best, courses["default"]))
     page.text(f"To run it: {command}")
     page.heading("Every timing, each at its best voltage within the limits")
     page.figure(_plotly_map(best), _map_words(best))
     page.heading("Sensitivity to disturbances")
+    page.text(
+        f"Of pulses that gain alike (within {100 * ALIKE:g} %), even if they end {1e3 * LATE:g} ms later, the one that "
+        "begins last is taken: one that begins earlier may gain as little as that more."
+    )
     page.table(ROBUSTNESS, robustness(best))
     page.heading("The optimum and the default, as the scheduler runs them")
     page.table(*table(courses))
@@ -43,16 +47,22 @@ def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[st
     return [page.write(out / "optimum.html"), out / "optimum.png"]
 
 
-def sentence(best: Optimum) -> str:
-    """The optimum in words."""
+def sentence(best: Optimum, default: Course) -> str:
+    """The optimum in words, beside the default pulse as the scheduler ran it."""
     begin, end = 1e3 * best.pulse.begin * best.period, 1e3 * best.pulse.end * best.period
     words, place = OBJECTIVES[best.objective][1], "before" if best.ahead < 0 else "after"
     return (
         f"The best pulse is {best.pulse.voltage / 1e3:.2f} kV from {begin:.0f} to {end:.0f} ms after the R wave, "
         f"starting {abs(1e3 * best.ahead):.0f} ms {place} ejection would begin without it: {words} changes by "
         f"{100 * best.gain:+.1f} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
-        f"(the default: {100 * best.default_gain:+.1f} %, where the scheduler does not veto it)."
+        f"(the default: {100 * best.default_gain:+.1f} %{_vetoed(default)})."
     )
+
+
+def _vetoed(course: Course) -> str:
+    """How often the scheduler refuses a pulse, in words; empty where it never does."""
+    vetoed = course.fates.count("vetoed")
+    return f" if it were run, but the scheduler vetoes it in {vetoed} of {len(course.fates)} beats" if vetoed else ""
 
 
 def _map_words(best: Optimum) -> str:

@@ -189,7 +189,7 @@ function drawList() {
   });
   D.list.replaceChildren(make("table#recordings", {}, make("thead", {}, make("tr", {}, ...["experiment", "RMSE", "fit", "noise, about", "understood"].map((t) => make("th", { scope: "col" }, t)))), make("tbody", {}, ...rows)));
   const before = D.before && !D.same ? total(D.before) : null;
-  D.score.replaceChildren(make("p", {}, n ? `All together: RMSE ${amount(unit, Math.sqrt(square / n))}${before ? `, before ${amount(unit, before)}` : ""}.` : "Computing ..."));
+  D.score.replaceChildren(make("p", {}, n ? `All together: RMSE ${amount(unit, Math.sqrt(square / n))}${before ? `, before ${amount(unit, before)}. Files are compared as they were recorded; a report's errors are smaller, as each file's zeros and gains are fitted there` : ""}.` : "Computing ..."));
 }
 
 function total(runs) {
