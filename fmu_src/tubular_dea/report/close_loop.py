@@ -14,6 +14,7 @@ from ..discover.answer.reservations import loud, still, thin
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import clean
 from ..discover.options.options import Option
+from ..discover.search.equivalence import form_share, told_apart
 from ..discover.search.law_uncertainty import LAW
 from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
@@ -227,11 +228,13 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         f"between samples {noise['correlation']:.2f}. The noise of the monitors passes through the model and adds "
         f"{_size(found, noise['from_monitors']) if counts else 'nothing that counts'}."
     )
+    before, after = (option.lack_of_fit.ratio for option in (found.base, found.chosen))
     page.text(
-        f"Residuals are compared with {LEFT}: {_size(found, noise['allowed'])} rms over all samples, of three parts. "
+        f"Residuals are compared, sample by sample, with {LEFT}, of three parts. "
         "The sensor's noise counts as it disturbs slow changes: more than its rms if neighbouring errors are alike. "
         "The noise of the monitors counts where the output follows the inputs. What an input may have done between "
-        "two samples counts near its edges; a few samples there may dominate the number."
+        f"two samples counts near its edges. Refitted without effects, the residual is {before:.2f} times all that "
+        f"(rms), with what is named {after:.2f} times."
     )
     page.text(
         f"2. The residual of the model with its own parameters refitted: {_left(found, outcome, 'recalibrated')}."
@@ -319,15 +322,25 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("Ranking", level=3)
     rows = []
     for r in outcome["ranking"]:
+        if (r["evidence"] or 0.0) <= 0:  # one that gained too little at its first steps to be fitted to the end
+            continue
         meaning = "; ".join(found.study.catalogue[i].summary for i in r["effects"])
         rows.append([" + ".join(r["effects"]), meaning, _number(r["evidence"]), f"{r['ratio']:.3f}"])
     page.table(["refitted with", "what it means", "log evidence over the base", "residual / noise"], rows)
+    page.text("Effects that gain nothing at the first steps of their refit are left out.")
     for name, others in found.equivalent.items() if found.named.ids else ():
         page.text(
-            f"Not distinguishable from {name}: {', '.join(others)}."
+            f"Not distinguishable from {name}: {', '.join(others)}. No law is exactly that of a plant: another form "
+            f"of this one may lose a log evidence of {_form_loss(found, name):.3g}, however many samples there are."
             if others
             else f"{name} is distinguished from every rival: none explains these recordings as well."
         )
+
+
+def _form_loss(found: Discovery, name: str) -> float:
+    """The log evidence that another form of a named effect's law may lose."""
+    form = form_share(found.chosen, found.repeated)
+    return told_apart(found.chosen, found.chosen_gains[name], form) / 2
 
 
 def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:

@@ -291,8 +291,8 @@ def about_held_out(found: Discovery, errors: dict[str, Any]) -> list[str]:
     if declared is not None and refitted is not None and BETTER * declared < refitted:
         one, other = (in_units_of(v, errors["published"]) for v in (declared, refitted))
         said.append(
-            f"Held out, the base model has an error of {one} as it was declared, and of {other} refitted: it is the "
-            "refit that makes up for something."
+            f"On the held-out experiments the model without effects errs less as it was declared ({one}) than "
+            f"refitted ({other}): the refit bends parameters to imitate something in the other experiments."
         )
     if after is not None and refitted is not None and after > WORSE * refitted:
         said.append(
