@@ -205,6 +205,16 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             8,
             "q: expected a finite real expression but was given nan",
         ),
+        (
+            HEAD + "z = m.parameter('z', 's', 0.0)\nm.define('q', 'V/s', level / (2 * z))\n",
+            9,
+            "q divides by z, which is 0 with z = 0; declare another value",
+        ),
+        (
+            HEAD.replace('"1/s", 0.05', '"1/s", 0.0') + "m.define('q', 'V.s', level * k**-0.5)\n",
+            8,
+            "q divides by k, which is 0 with k = 0",
+        ),
         (HEAD + "m.define('q', 'V', 'level)')\n", 8, "q: expected an expression but was given 'level)'"),
         (HEAD + "m.define('q', 'V', [level])\n", 8, "q: expected a number or an expression but was given [level]"),
         (HEAD + "m.define('pump_rate', 'V/s', level)\n", 8, "'pump_rate' already means the rate of an input"),

@@ -305,7 +305,18 @@ class Build:
         known |= {q.symbol for q, _, _ in self._states.values()}
         for symbol in sorted(value.free_symbols - known, key=str):
             raise DeclarationError(f"{_here()}: {name} uses {symbol}, {_unknown(str(symbol), sorted(map(str, known)))}")
+        self._check_divisors(name, value)
         return value
+
+    def _check_divisors(self, name: str, expression: sympy.Expr) -> None:
+        """That nothing is divided by parameters that are declared as 0."""
+        nothing = {p.quantity.symbol: 0 for p in self._parameters if p.quantity.value == 0}
+        for power in expression.atoms(sympy.Pow):
+            if power.exp.is_negative and power.base.subs(nothing) == 0:
+                by = ", ".join(sorted(str(symbol) for symbol in power.base.free_symbols if symbol in nothing))
+                raise DeclarationError(
+                    f"{_here()}: {name} divides by {power.base}, which is 0 with {by} = 0; declare another value"
+                )
 
     def _check_unit(self, name: str, expression: sympy.Expr, unit: str) -> None:
         """That an expression is in the unit that was declared for it."""
