@@ -68,7 +68,8 @@ def _vetoed(course: Course) -> str:
 def _map_words(best: Optimum) -> str:
     return (
         f"Change of {OBJECTIVES[best.objective][1]} [%]. Empty: the pulse would end before it starts, be too short or "
-        "too long, or no voltage meets the limits of field and margin. The default is marked at its timing; its "
+        "too long, or no voltage meets the limits of field and margin. The optimum lies between the cells' timings and "
+        "voltages, and may gain more than any of them. The default is marked at its timing; its "
         f"voltage is {best.default.voltage / 1e3:g} kV."
     )
 
