@@ -70,6 +70,7 @@ REFUSED = {
     "two that may be": GOOD.replace("pressure [Pa]", "druck [Pa]").replace("radius [m]", "soll [Pa]"),
     "no unit": GOOD.replace("pressure [Pa]", "pressure"),
     "wrong unit": GOOD.replace("[Pa]", "[V]"),
+    "a rate": GOOD.replace("[Pa]", "[/min]"),
     "unknown unit": GOOD.replace("[Pa]", "[mmgH]"),
     "odd unit": GOOD.replace("[Pa]", "[parsec]"),
     "twice": GOOD.replace("voltage [V]", "pressure [Pa]"),

@@ -147,7 +147,7 @@ def _value(argument: str, full: str, q: Quantity, given: Amount) -> float:
     try:
         value = _number(given, q)
     except (UserError, TypeError, ValueError) as problem:
-        example = f"{full}={shown(q).replace(' ', '')}"
+        example = f"{full}={shown(q).replace(' 1/', '/').replace(' ', '')}"  # 75/min: for shells, without a space
         raise ArgumentError(argument, f"{where}: {problem}; for example {example}") from None
     if not math.isfinite(value) or not q.allows(value):
         raise ArgumentError(argument, f"{where}: expected {q.allowed} but was given {q.told(value)}")

@@ -328,11 +328,12 @@ def quantity(text: str, expected: str) -> float:
 
 
 def _plain(text: str) -> str:
-    """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets around."""
+    """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets; /s is 1/s."""
     plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).strip().replace("..", "")
     while plain.startswith(("(", "[")) and plain.endswith((")", "]")):
         plain = plain[1:-1].strip()
-    return re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+    plain = re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+    return f"1{plain}" if plain.startswith("/") else plain
 
 
 def _written(name: str, exponent: Power) -> str:
