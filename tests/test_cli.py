@@ -54,6 +54,13 @@ def test_simulate_warns_of_a_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFi
     assert "warning" not in capsys.readouterr().err
 
 
+def test_simulate_warns_of_a_tube_that_runs_away(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("simulate", "--pressure", "95 mmHg", "--voltage", "12 kV", "--stop", "1", "--out", str(tmp_path)) == 0
+    said = capsys.readouterr()
+    assert said.err == "warning: the pressure passes the snap-through fold at 0 s: the tube runs away there\n"
+    assert "runs away" not in said.out
+
+
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     assert (
