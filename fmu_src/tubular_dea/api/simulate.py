@@ -158,7 +158,7 @@ def simulate(
         The plant of a model.json, if it is declared in a file of your own.
     **signals : float or str
         The inputs by name: a number in SI, which is held, or ``"95 mmHg"``, ``"step 0 5 kV at 1 until 2"``,
-        ``"ramp 0 95 mmHg from 0 to 1"``.
+        ``"ramp 0 95 mmHg from 0 to 1"``, ``"pulses 0 5 kV every 0.8 from 0.1 for 0.3"``.
 
     Returns
     -------

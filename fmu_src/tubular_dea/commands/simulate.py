@@ -42,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='an input of any plant, for example "flow=step 0 90 mL/s at 1"',
     )
     parser.add_argument("--pressure", help='for example "95 mmHg" or "ramp 0 95 mmHg from 0 to 1"')
-    parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
+    parser.add_argument(
+        "--voltage", help='for example "step 0 5 kV at 1 until 2" or "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
+    )
     parser.add_argument("--stop", help=f"end of the run for specifications, as in 2min (default: {STOP:g} s)")
     parser.add_argument("--interval", default=INTERVAL, help="time between rows of the table (default: 10 ms)")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")
