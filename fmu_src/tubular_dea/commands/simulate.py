@@ -2,7 +2,8 @@
 
 Inputs are short specifications, or a CSV file whose header names quantity and unit:
   time [s],pressure [mmHg],voltage [kV]
-A time listed twice is a jump; between rows the inputs are linear.
+Commas between columns, points before decimals, these very names, any usual unit; other columns are left alone. A time
+listed twice is a jump; between rows the inputs are linear.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea simulate`; parameters are listed from the declaration."""
     parser.add_argument("--model", type=Path, help="a model.json of close-loop, instead of the plant's own model")
     add_plant(parser)
-    parser.add_argument("--inputs", type=Path, help="CSV file with time and the inputs (pressure and voltage)")
+    parser.add_argument("--inputs", type=Path, help="file of all inputs over time, as described above")
     parser.add_argument(
         "--input",
         action="extend",
