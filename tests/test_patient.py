@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tubular_dea as td
 from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
@@ -22,7 +23,7 @@ from tubular_dea.identify.patients.recorded_beat import (
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE
-from tubular_dea.model.windkessel import aortic_windkessel, patient
+from tubular_dea.model.windkessel import PARAMETERS, aortic_windkessel, patient
 from tubular_dea.protocol import Protocol
 
 PERIOD = 0.8
@@ -107,6 +108,17 @@ def test_human_beat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert values["heart_rate"] * 60 == pytest.approx(72.3, abs=0.1)
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert main(["assist", "--patient", str(out), "--beats", "6", "--out", str(tmp_path / "assisted")]) == 0
+
+
+def test_every_fitted_parameter_is_told_with_its_meaning(tmp_path: Path) -> None:
+    found = td.fit_patient(Path(__file__).parents[1] / "cosim_examples" / "data" / "pig" / "in_vivo.csv")
+    meant = {p.quantity.name: p.quantity.description for p in PARAMETERS}
+    toml = found.report(tmp_path / "pig.toml")[0].read_text()
+    for name in found.found.estimates:
+        (line,) = [line for line in found.lines() if line.startswith(f"{name} ")]
+        assert meant[name] in line and meant[name] in toml
+    labels = [text.get_text() for axis in found.plot().axes for text in axis.get_legend().get_texts()]
+    assert "fitted" in labels and "patient" not in labels
 
 
 def test_record_of_arterial_pressure_and_ecg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
