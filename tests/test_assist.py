@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,12 +21,13 @@ from shared_data import shared
 from tubular_dea.api.given import settings_of
 from tubular_dea.cli import main
 from tubular_dea.commands.assist import EXAMPLE
-from tubular_dea.cosim.beats import BeatError, beats, measure, r_wave_rows
+from tubular_dea.cosim.beats import FIGURES, BeatError, beats, measure, r_wave_rows
+from tubular_dea.cosim.course import Spread, _row
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, Run, simulate
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.patient_files import read_patient
-from tubular_dea.model.units import factor
+from tubular_dea.model.units import factor, signed
 from tubular_dea.model.windkessel import aortic_windkessel, patient
 from tubular_dea.plants.effects import catalogue, with_effects
 from tubular_dea.plants.saved import as_json
@@ -422,3 +424,26 @@ def test_a_rate_is_read_as_it_is_advised() -> None:
     assert settings_of({"heart": aortic_windkessel()}, {"heart.heart_rate": "100/min"}) == {
         "heart.heart_rate": 100 / 60
     }
+
+
+@pytest.mark.parametrize(
+    ("without", "assisted", "shown"),
+    [
+        (50.896, 50.884, ("50.90", "50.88 ± 0.00", "-0.02 (0.0 %)")),
+        (3.8151, 3.8149, ("3.82", "3.81 ± 0.00", "-0.01 (0.0 %)")),
+        (50.881, 50.879, ("50.88", "50.88 ± 0.00", "0.00 (0.0 %)")),
+        (50.0, 51.0, ("50.00", "51.00 ± 0.00", "+1.00 (+2.0 %)")),
+    ],
+)
+def test_a_change_is_that_of_the_numbers_beside_it(without: float, assisted: float, shown: tuple[str, ...]) -> None:
+    (figure,) = [f for f in FIGURES if f.name == "stroke_volume"]
+    a, b = (Spread(v * 1e-6, 0.0, v * 1e-6, 3) for v in (without, assisted))
+    course = SimpleNamespace(
+        without={figure.name: a}, assisted={figure.name: b}, change=lambda name: b.mean / a.mean - 1
+    )
+    _, before, after, _, change = _row(figure, course)
+    assert (before, after, change) == shown
+
+
+def test_no_sign_stands_before_nothing() -> None:
+    assert [signed(v, 1) for v in (-0.04, 0.04, -0.0, -0.06, 12.34)] == ["0.0", "0.0", "0.0", "-0.1", "+12.3"]

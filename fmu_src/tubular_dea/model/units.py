@@ -408,6 +408,12 @@ def three(value: float, digits: int = 3) -> str:
     return f"{float(short):.0f}" if 1e3 <= abs(float(short)) < 1e5 else short
 
 
+def signed(value: float, digits: int) -> str:
+    """A difference with its sign and so many decimals; nothing that rounds to 0 has one."""
+    rounded = round(value, digits)
+    return f"{rounded:+.{digits}f}" if rounded else f"{0:.{digits}f}"
+
+
 def with_ends(value: float, ends: Sequence[float | None], least: int = 3) -> list[str]:
     """A value and the ends of its interval, in `least` digits, or in as many as tell them apart.
 
