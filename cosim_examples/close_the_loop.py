@@ -25,7 +25,7 @@ def main() -> None:
         sys.exit(f"close_the_loop.py: {problem}")
     print("\n".join(found.lines()))
     for effect in found.effects:
-        print(effect.id, {name: f"{p.value:.4g} {p.unit}" for name, p in effect.parameters.items()})
+        print(effect.id, {name: f"{p.value:.4g} {p.unit}".removesuffix(" 1") for name, p in effect.parameters.items()})
     print(found.next_experiment)
 
 

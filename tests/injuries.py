@@ -99,12 +99,12 @@ def _heading_gone(file: File, luck: Luck) -> list[str]:
     del file.lines[file.heading]
     if "row" in file.habits.style:
         del file.lines[file.heading]
-    return ["column 'time [s]' is missing", "--columns time="]
+    return ["column 'time [s]' is missing", 'columns={"time": ']
 
 
 def _heading_other(file: File, luck: Luck) -> list[str]:
     file.lines[file.heading] = file.lines[file.heading].lower().replace("radius", "weg")
-    return [f"line {file.heading + 1}: expected one column 'radius [m]' or", "weg", "--columns radius="]
+    return [f"line {file.heading + 1}: expected one column 'radius [m]' or", "weg", 'columns={"radius": ']
 
 
 def _heading_twice(file: File, luck: Luck) -> list[str]:
@@ -112,7 +112,7 @@ def _heading_twice(file: File, luck: Luck) -> list[str]:
         cells = _cells(file, i) if line else []
         if len(cells) == 4:
             _put(file, i, [*cells, cells[3]])
-    return [f"line {file.heading + 1}: column 'radius' appears twice", "--columns radius=5"]
+    return [f"line {file.heading + 1}: column 'radius' appears twice", 'columns={"radius": 5}']
 
 
 def _other_unit(unit: str, words: str) -> Any:

@@ -330,3 +330,13 @@ def _without_paths() -> dict[str, str]:
 
 def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(PACKAGE.parent)}
+
+
+@pytest.mark.parametrize(
+    ("pressure", "voltage"), [("95 mmHg", "step 0 12 kV at 1"), ("ramp 0 180 mmHg from 0 to 2", 0)]
+)
+def test_a_tube_that_runs_away_is_remarked(pressure: str, voltage: object) -> None:
+    run = td.simulate(pressure=pressure, voltage=voltage, stop=2)
+    at = run.time[run["snap_through_margin"] < 0][0]
+    assert run.remarks == (f"the pressure passes the snap-through fold at {at:.3g} s: the tube runs away there",)
+    assert td.simulate(pressure="95 mmHg", voltage="5 kV", stop=1).remarks == ()

@@ -82,6 +82,32 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda out: td.Protocol([0.0, 1.0], [1.0, 2.0]),
         "inputs: expected values by name, as in a dict, but was given [1.0, 2.0]",
     ),
+    "settings of a case": (
+        lambda out: td.compare({"a": "voltage=4kV"}),
+        "cases a: expected values by name, as in a dict, but was given 'voltage=4kV'",
+    ),
+    "no cases": (lambda out: td.compare([{}]), "cases: expected values by name, as in a dict, but was given a list"),
+    "a table": (
+        lambda out: td.read_recordings({"one": "one.csv"}),
+        "data one: expected arrays by heading, as in a dict, but was given 'one.csv'",
+    ),
+    "a column of words": (
+        lambda out: td.read_recordings({"one": {"time [s]": "abc"}}),
+        "data one: time [s]: expected numbers but was given 'abc'",
+    ),
+    "a folder for tables": (lambda out: td.discover({"data": 1}), "data data: expected arrays by heading"),
+    "a number for a name": (
+        lambda out: td.assist(settings={3: 1}),
+        "settings: expected a name, as 'name', but was given 3",
+    ),
+    "a number of a table": (
+        lambda out: td.read_recordings({3: {}}),
+        "data: expected a name, as 'name', but was given 3",
+    ),
+    "commands": (
+        lambda out: td.handbook_page(commands="lab"),
+        "commands: expected values by name, as in a dict, but was given 'lab'",
+    ),
     "plant": (lambda out: td.load_plant(None), "plant: expected a Plant, 'tube', 'aorta' or a FILE.py"),
 }
 

@@ -5,24 +5,30 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import re
+import shlex
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from coupled import last_beats, needs, reference, slaves, stretch
 from shared_data import shared
+from tubular_dea.api.given import settings_of
 from tubular_dea.cli import main
-from tubular_dea.cosim.beats import BeatError, beats, measure, r_wave_rows
+from tubular_dea.commands.assist import EXAMPLE
+from tubular_dea.cosim.beats import FIGURES, BeatError, beats, measure, r_wave_rows
+from tubular_dea.cosim.course import Spread, _row
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, Run, simulate
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.patient_files import read_patient
-from tubular_dea.model.units import factor
-from tubular_dea.model.windkessel import patient
+from tubular_dea.model.units import factor, signed
+from tubular_dea.model.windkessel import aortic_windkessel, patient
 from tubular_dea.plants.effects import catalogue, with_effects
 from tubular_dea.plants.saved import as_json
 from tubular_dea.protocol import Protocol
@@ -297,6 +303,7 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
         (["--set", "heart.C=1mmHg"], "expected a unit like 'm3/Pa'"),
         (["--set", "heart.C=-1"], "expected 1e-11 to 1e-06 m3/Pa but was given -1"),
         (["--set", "heart.C"], "expected a number with a unit like 'm3/Pa' but was given ''; for example heart.C="),
+        (["--set", "heart.heart_rate=75 /mn"], "; for example heart.heart_rate=75/min"),
         (["--set", "heart.C=1e-9", "--set", "heart.C=1e-8"], "--set heart.C is given twice; give it once"),
         (["--ecg", "nothing.hea"], "nothing: cannot be read as a WFDB record: there is no file nothing.hea"),
         (["--step", "0"], "step: expected a positive number"),
@@ -403,3 +410,40 @@ def test_the_ecg_s_example_says_how_to_give_a_record_where_there_is_none(tmp_pat
     done = subprocess.run([sys.executable, str(script), "no.hea"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr.startswith("heartbeat_on_ecg.py: there is no no.hea; give a recorded ECG, as in python")
+
+
+def test_the_examples_of_the_help_assist(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (line,) = [line for line in EXAMPLE.splitlines() if "--patient stiff" in line]
+    _, *arguments = shlex.split(line)
+    assert main([*arguments[:-1], str(tmp_path / "out"), "--beats", "8"]) == 0
+    said = capsys.readouterr().out
+    assert "vetoed" not in said and re.search(r"beats assisted +5\n", said)
+
+
+def test_a_rate_is_read_as_it_is_advised() -> None:
+    assert settings_of({"heart": aortic_windkessel()}, {"heart.heart_rate": "100/min"}) == {
+        "heart.heart_rate": 100 / 60
+    }
+
+
+@pytest.mark.parametrize(
+    ("without", "assisted", "shown"),
+    [
+        (50.896, 50.884, ("50.90", "50.88 ± 0.00", "-0.02 (0.0 %)")),
+        (3.8151, 3.8149, ("3.82", "3.81 ± 0.00", "-0.01 (0.0 %)")),
+        (50.881, 50.879, ("50.88", "50.88 ± 0.00", "0.00 (0.0 %)")),
+        (50.0, 51.0, ("50.00", "51.00 ± 0.00", "+1.00 (+2.0 %)")),
+    ],
+)
+def test_a_change_is_that_of_the_numbers_beside_it(without: float, assisted: float, shown: tuple[str, ...]) -> None:
+    (figure,) = [f for f in FIGURES if f.name == "stroke_volume"]
+    a, b = (Spread(v * 1e-6, 0.0, v * 1e-6, 3) for v in (without, assisted))
+    course = SimpleNamespace(
+        without={figure.name: a}, assisted={figure.name: b}, change=lambda name: b.mean / a.mean - 1
+    )
+    _, before, after, _, change = _row(figure, course)
+    assert (before, after, change) == shown
+
+
+def test_no_sign_stands_before_nothing() -> None:
+    assert [signed(v, 1) for v in (-0.04, 0.04, -0.0, -0.06, 12.34)] == ["0.0", "0.0", "0.0", "-0.1", "+12.3"]

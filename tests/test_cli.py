@@ -54,6 +54,32 @@ def test_simulate_warns_of_a_wrong_unit(tmp_path: Path, capsys: pytest.CaptureFi
     assert "warning" not in capsys.readouterr().err
 
 
+def test_simulate_warns_of_a_tube_that_runs_away(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("simulate", "--pressure", "95 mmHg", "--voltage", "12 kV", "--stop", "1", "--out", str(tmp_path)) == 0
+    said = capsys.readouterr()
+    assert said.err == "warning: the pressure passes the snap-through fold at 0 s: the tube runs away there\n"
+    assert "runs away" not in said.out
+
+
+@pytest.mark.parametrize("command", ["simulate", "build", "atlas", "handbook", "lab", "identify", "close-loop"])
+def test_help_calls_the_plant_what_it_is(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        run(command, "--help")
+    assert "the plant: its file, or tube (default) or aorta" in " ".join(capsys.readouterr().out.split())
+
+
+def test_help_says_which_files_of_inputs_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        run("simulate", "--help")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Commas between columns, points before decimals, these very names, any usual unit" in said
+    file = tmp_path / "in.csv"
+    file.write_text("time [ms],remark,pressure [kPa],voltage [kV]\n0,a,0,0\n500,b,9.5,5\n", encoding="utf-8")
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 0
+    file.write_text("t (s);p (mmHg);U (kV)\n0;0;0\n0,5;9,5;5\n", encoding="utf-8")
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 2
+
+
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     assert (

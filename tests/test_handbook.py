@@ -11,7 +11,7 @@ from lxml import html
 import tubular_dea
 from tubular_dea.cli import main
 from tubular_dea.commands import COMMANDS
-from tubular_dea.docstrings import paragraph, rendered, signature, summary
+from tubular_dea.docstrings import paragraph, rendered, signature, summary, without
 from tubular_dea.emit import tables
 from tubular_dea.emit.line_breaks import ROOM
 from tubular_dea.laws import laws
@@ -137,6 +137,25 @@ def test_numpydoc_sections_lists_and_literal_blocks() -> None:
     assert [t.text for t in page.iter("dt")] == ["size : float", "*rest"]
     assert [d.text_content() for d in page.iter("dd")] == ["How large [m].Not negative.", "What else."]
     assert summary(text) == "A thing, `made` of ``parts``::"
+
+
+def test_what_is_written_for_readers_of_the_source_is_not_on_pages(page: html.HtmlElement) -> None:
+    models = entries(page, "Models")
+    pages = [*models.values(), html.fromstring(tables.page(tube())), html.fromstring(tables.page(aorta.PLANT.model))]
+    for shown in pages:
+        text = shown.text_content()
+        assert not any(word in text for word in ("`", "PARAMETERS", "Usage", "import ", "`tubular_dea` below"))
+        assert "In a tool that reads FMUs: connect" in text
+    assert "connect pressure [Pa] and voltage [V], give fixed" in models["TubularDEA"].text_content()
+    listed = [item.text_content() for item in models["AorticWindkessel"].iter("li")]
+    assert len(listed) == 7 and listed[0].startswith("elastance E = ") and listed[-1].endswith("smooth valves.")
+    assert not [p for p in page.iter("p") if p.text_content().startswith("* ")]
+
+
+def test_a_usage_is_left_out_with_its_code_and_nothing_else() -> None:
+    text = "What.\n\nUsage::\n\n    a()\n\n    b()\n\nSource: none.\n\n* One\n  thing.\n* Another."
+    assert without(text, "Usage") == "What.\n\nSource: none.\n\n* One\n  thing.\n* Another."
+    assert [i.text for i in html.fromstring(f"<div>{rendered(text)}</div>").iter("li")] == ["One thing.", "Another."]
 
 
 def test_paragraphs_and_calls() -> None:

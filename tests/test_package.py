@@ -6,6 +6,7 @@ import re
 import shutil
 import struct
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -377,3 +378,17 @@ def test_no_clock_in_the_archive(full: Path) -> None:
         assert {entry.date_time for entry in bundle.infolist()} == {(1980, 1, 1, 0, 0, 0)}
         assert bundle.namelist() == sorted(bundle.namelist())
     assert description(full).get("generationDateAndTime") is None
+
+
+@pytest.mark.parametrize(
+    "script", sorted((Path(__file__).parent / "benchmarks").glob("*.py")), ids=lambda path: path.stem
+)
+def test_every_benchmark_that_is_run_has_a_help(script: Path) -> None:
+    text = script.read_text()
+    assert "__main__" not in text or re.search(r"parser\(__doc__\)|ArgumentParser\(", text), script.name
+
+
+def test_a_benchmark_tells_its_help() -> None:
+    script = Path(__file__).parent / "benchmarks" / "discovery.py"
+    done = subprocess.run([sys.executable, str(script), "--help"], capture_output=True, text=True, check=True)
+    assert "How long a discovery takes" in done.stdout and "30k-none" in done.stdout and not done.stderr

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tubular_dea as td
 from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
@@ -22,10 +23,11 @@ from tubular_dea.identify.patients.recorded_beat import (
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE
-from tubular_dea.model.windkessel import aortic_windkessel, patient
+from tubular_dea.model.windkessel import PARAMETERS, aortic_windkessel, patient
 from tubular_dea.protocol import Protocol
 
 PERIOD = 0.8
+BENCH = Path(__file__).parents[1] / "cosim_examples" / "data" / "bench"
 
 
 def recorded(values: dict[str, float], beats: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,6 +110,17 @@ def test_human_beat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["assist", "--patient", str(out), "--beats", "6", "--out", str(tmp_path / "assisted")]) == 0
 
 
+def test_every_fitted_parameter_is_told_with_its_meaning(tmp_path: Path) -> None:
+    found = td.fit_patient(Path(__file__).parents[1] / "cosim_examples" / "data" / "pig" / "in_vivo.csv")
+    meant = {p.quantity.name: p.quantity.description for p in PARAMETERS}
+    toml = found.report(tmp_path / "pig.toml")[0].read_text()
+    for name in found.found.estimates:
+        (line,) = [line for line in found.lines() if line.startswith(f"{name} ")]
+        assert meant[name] in line and meant[name] in toml
+    labels = [text.get_text() for axis in found.plot().axes for text in axis.get_legend().get_texts()]
+    assert "fitted" in labels and "patient" not in labels
+
+
 def test_record_of_arterial_pressure_and_ecg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     needs("wfdb")
     needs("sleepecg")
@@ -170,6 +183,54 @@ def test_bad_recordings_are_refused(
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert message.startswith("tubular-dea patient: ") and text in message
     assert {f.name for f in tmp_path.iterdir()} == {"x.csv"}, "nothing is written"
+
+
+def courses_without_beats() -> dict[str, np.ndarray]:
+    """Pressures [mmHg] every 5 ms for 20 s in which no heart beats."""
+    time, random = np.arange(0, 20, 0.005), np.random.default_rng(3)
+    white = random.normal(0, 1, time.size)
+    walk = np.cumsum(white) - np.linspace(0, white.sum(), time.size)
+    red = np.convolve(white, np.exp(-np.arange(400) * 0.005 / 0.2), "same")
+    return {
+        "white noise": 95 + 5 * white,
+        "random walk": 95 + 15 * walk / np.abs(walk).max(),
+        "red noise": 95 + 20 * red / np.abs(red).max(),
+        "stairs": 40 + 10 * np.floor(time / 2) + 0.5 * white,
+        "ramp": 40 + 5 * time + 0.05 * white,
+        "ramp and hold": 40 + 60 * np.clip(time - 5, 0, 1) + 0.5 * white,
+    }
+
+
+@pytest.mark.parametrize("kind", courses_without_beats())
+def test_what_does_not_beat_is_refused(kind: str, tmp_path: Path) -> None:
+    course = courses_without_beats()[kind]
+    path = table(tmp_path / "x.csv", np.arange(course.size) * 0.005, course * MMHG)
+    with pytest.raises(PatientRecordError, match="x.csv: no heart beats found: .* recording of the arterial pressure"):
+        average(read_signals(path), "x.csv")
+
+
+@pytest.mark.parametrize("name", ["01_ramp_4kV", "03_step_6kV", "04_ramp_7kV", "05_pressure_steps"])
+def test_ramps_of_a_bench_are_no_beats(name: str) -> None:
+    path = BENCH / f"{name}.csv"
+    with pytest.raises(PatientRecordError, match=r"no heart beats found: .* mmHg above the last|beats of like length"):
+        average(read_signals(path), name)
+
+
+@pytest.mark.parametrize("who", ["healthy", "failing", "stiff"])
+@pytest.mark.parametrize("disturbance", ["noise", "breathing", "drift"])
+def test_disturbed_beats_are_beats(who: str, disturbance: str, tmp_path: Path) -> None:
+    time, pressure, _ = recorded(patient(who), 12)
+    added = {
+        "noise": np.random.default_rng(2).normal(0, 2, time.size),
+        "breathing": 20 * np.sin(2 * np.pi * 0.25 * time),
+        "drift": 30 * time / time[-1],
+    }[disturbance]
+    beat = average(read_signals(table(tmp_path / "x.csv", time, pressure + added * MMHG)), "x")
+    assert beat.beats == 11 and beat.period == pytest.approx(PERIOD, rel=0.03)
+
+
+def test_a_heartbeat_on_the_bench_is_one() -> None:
+    assert average(read_signals(BENCH / "08_heartbeat_5kV.csv"), "bench").beats >= 3
 
 
 def test_a_flow_counts_where_it_covers_whole_beats(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from tubular_dea.model.units import UnitError, factor, parse
 from tubular_dea.protocol import Protocol, ProtocolError, from_specifications, read_csv
+from tubular_dea.sweep.inputs import template
 
 UNITS = {"pressure": "Pa", "voltage": "V"}
 
@@ -40,6 +41,19 @@ def test_specifications_become_breakpoints() -> None:
     np.testing.assert_allclose(at["voltage"], [0, 0, 6e3, 6e3, 0, 0])
 
 
+@pytest.mark.parametrize("begin", ["0", "0.2", "100 ms"])
+@pytest.mark.parametrize("stop", [0.25, 3.0, 3.3, 4.05])
+def test_pulses_are_those_of_a_sweep(begin: str, stop: float) -> None:
+    text = f"pulses 0 5 kV every 1 from {begin} for 0.3"
+    ours = from_specifications({"voltage": text, "pressure": "ramp 0 95 mmHg from 0 to 0.25"}, UNITS, stop)
+    swept = template("voltage", text, "V", Path()).breakpoints({}, np.array([stop]))
+    theirs = Protocol(np.insert(swept.time[0], 0, 0.0), {"voltage": np.insert(swept.value[0], 0, 0.0)})
+    times = np.linspace(0, stop, 1237)[:-1]
+    assert np.array_equal(ours.at(times)["voltage"], theirs.at(times)["voltage"])
+    np.testing.assert_allclose(ours.at(times)["pressure"], 95 * 133.322 * np.minimum(times / 0.25, 1))
+    assert ours.time[-1] == stop and ours.time[0] == 0
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -54,6 +68,8 @@ def test_specifications_become_breakpoints() -> None:
         "1 2 3",
         "step 0 1 Pa at 1kV",
         "step 0 1 Pa at x",
+        "pulses 0 1 Pa",
+        "pulses 0 1 every 1 from 0",
     ],
 )
 def test_bad_specifications_name_the_input(text: str) -> None:
@@ -67,6 +83,16 @@ def test_bad_specifications_name_the_input(text: str) -> None:
         ("step 0 1 Pa at -3", "expected times from 0 s on but was given -3 s"),  # and not the end, which was not given
         ("ramp 0 1 Pa from -1 to 2", "expected times from 0 s on but was given -1 s"),
         ("step 0 1 Pa at 2 until 1", "expected times that rise but was given 2 and 1 s"),
+        (
+            "pulses 0 1 Pa every 1 from 5 for 0.1",
+            "5 s is not before the end of the run (4 s); choose it earlier, or a later end",
+        ),
+        ("pulses 0 1 Pa every 1 from 0 for 1", "expected pulses of less than the 1 s between them but was given 1 s"),
+        (
+            "pulses 0 1 Pa every 1 ms from 0 for 0",
+            "expected pulses of less than the 0.001 s between them but was given 0 s",
+        ),
+        ("pulses 0 1 Pa every 1 us from 0 for 1 ns", "expected at most 10000 pulses but was given 4e+06"),
         ("step 0 1 Pa at 9", "9 s is not before the end of the run (4 s); choose it earlier, or a later end"),
     ],
 )

@@ -146,6 +146,28 @@ def test_choices_that_cannot_be_meant_are_refused(
         assert word in said
 
 
+def test_advice_on_columns_can_be_followed_where_it_is_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strange(tmp_path / "data")
+    data, missing = str(tmp_path / "data"), "column 'pressure [Pa]' is missing"
+    said = {}
+    for command in ("lab", "identify"):
+        given = ["--data", data] if command == "lab" else [data]
+        assert main([command, *given, "--out", str(tmp_path / "x.html")]) == 2
+        said[command] = capsys.readouterr().err
+    assert missing in said["lab"] and '"ITS_NAME_OR_NUMBER" below [columns] in the folder\'s bench.toml' in said["lab"]
+    assert "--columns pressure=ITS_NAME_OR_NUMBER" in said["identify"] and "--columns" not in said["lab"]
+    with pytest.raises(UserError) as problem:
+        tubular_dea.read_recordings(data)
+    assert 'say columns={"pressure": "ITS_NAME_OR_NUMBER"} in read_recordings' in str(problem.value)
+    tubular_dea.read_recordings(data, columns={"pressure": "AI1[kPa]", "voltage": 3, "radius": "laser_2[um]"})
+    (tmp_path / "data" / "bench.toml").write_text(
+        '[columns]\npressure = "AI1 [kPa]"\nvoltage = 3\nradius = "laser_2 [um]"\n'
+    )
+    assert main(["lab", "--data", data, "--out", str(tmp_path / "lab.html")]) == 0
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

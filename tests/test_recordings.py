@@ -106,6 +106,8 @@ def test_headings_are_taken_apart(heading: str, name: str, unit: str) -> None:
         ("L\u00b7min^-1", "m3/s", 1e-3 / 60),
         ("m\u00b3/s", "m3/s", 1),
         ("bpm", "Hz", 1 / 60),
+        ("/min", "Hz", 1 / 60),
+        ("(/ s)", "1/s", 1),
         ("rpm", "rad/s", scipy.constants.pi / 30),
         ("rpm", "Hz", 1 / 60),
         ("Hz", "rad/s", 2 * scipy.constants.pi),

@@ -13,12 +13,14 @@ from scipy.stats import norm
 from scenarios import MMHG
 from sweeps import steps
 from tubular_dea.cli import main
+from tubular_dea.emit.variables import guid
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants.load import load_plant
 from tubular_dea.protocol import Protocol
 from tubular_dea.sweep.axes import Joint
 from tubular_dea.sweep.expression import PlanError
 from tubular_dea.sweep.inputs import template
+from tubular_dea.sweep.models import resolve
 from tubular_dea.sweep.plan import make_plan, read_plan
 from tubular_dea.sweep.rows import PreparedPlan
 
@@ -232,6 +234,15 @@ m.derivative(warmth, (power - loss * warmth) / capacity)
 m.output("reading", "K", warmth)
 PLANT = Plant(m.model(), [Input("power")], [Output("reading")])
 """
+
+
+@pytest.mark.parametrize("effects", [(), ("electrode_resistance",)])
+def test_a_plan_calls_the_tube_as_all_else_does(effects: tuple[str, ...]) -> None:
+    ours, full = resolve("tube", effects, Path()), resolve("TubularDEA", effects, Path())
+    assert guid(ours) == guid(full)
+    assert resolve("aorta", (), Path()).name == "AorticAfterload"
+    with pytest.raises(PlanError, match="there is no 'tub'; did you mean tube"):
+        resolve("tub", (), Path())
 
 
 def test_a_calibrated_model_of_an_own_plant(tmp_path: Path) -> None:

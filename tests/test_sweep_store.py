@@ -12,16 +12,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 from sweeps import parts, steps
 from tubular_dea.cli import main
 from tubular_dea.report.sweep import _pictures, write_report
 from tubular_dea.sweep.backends import Threads
 from tubular_dea.sweep.plan import make_plan, read_plan
-from tubular_dea.sweep.run import carry_out
+from tubular_dea.sweep.run import FORMAT, carry_out
 from tubular_dea.sweep.store import Store, StoreError, cube, part_size, write_cube
 
 pytest.importorskip("pyarrow")
+
+
+def test_progress_fits_a_terminal() -> None:
+    with open(os.devnull, "w") as nowhere:
+        bar = tqdm(total=1_000_000, initial=123_456, unit_scale=True, bar_format=FORMAT, ncols=80, file=nowhere)
+        bar.set_postfix_str("123456 cannot be computed")
+        assert str(bar).endswith("?, 123456 cannot be computed]") and len(str(bar)) <= 80
+        bar.close()
+
 
 SLOW = """
 outputs = ["min snap_through_margin"]

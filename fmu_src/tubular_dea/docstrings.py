@@ -1,6 +1,6 @@
 """What a docstring says: its first paragraph, a paragraph by the word it begins with, the whole of it as HTML.
 
-Read are plain paragraphs, literal blocks behind `::`, numbered lists, examples, `names`, and numpydoc's sections.
+Read are plain paragraphs, literal blocks behind `::`, lists behind 1. or *, examples, `names`, and numpydoc's sections.
 """
 
 from __future__ import annotations
@@ -28,6 +28,15 @@ def paragraph(text: str, head: str) -> str:
         if colon and first.startswith(head):
             return rest.strip()
     return ""
+
+
+def without(text: str, head: str) -> str:
+    """The text without the paragraph that begins with `head`, and without the literal blocks behind it."""
+    kept, left_out = [], False
+    for block in inspect.cleandoc(text).split("\n\n"):
+        left_out = block.startswith(head) or (left_out and block.startswith(" "))
+        kept += [] if left_out else [block]
+    return "\n\n".join(kept)
 
 
 def rendered(text: str) -> str:
@@ -81,5 +90,8 @@ def _block(block: str) -> str:
     if block.startswith("1. "):
         items = "".join(f"<li>{inline(' '.join(i.split()))}</li>" for i in re.split(r"(?m)^\d+\. ", block) if i)
         return f"<ol>{items}</ol>"
+    if block.startswith("* "):
+        items = "".join(f"<li>{inline(' '.join(i.split()))}</li>" for i in re.split(r"(?m)^\* ", block) if i)
+        return f"<ul>{items}</ul>"
     text = inline(re.sub("::$", ":", " ".join(block.split())))
     return f"<p>{text}</p>" if text != ":" else ""

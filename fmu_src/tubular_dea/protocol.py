@@ -2,7 +2,7 @@
 
 A time listed twice is a jump: the first row holds until then, the second from then on. Protocols come from
 CSV files with units in their headers, or from short specifications: "95 mmHg", "step 0 6 kV at 1",
-"ramp 0 95 mmHg from 0 to 1".
+"ramp 0 95 mmHg from 0 to 1", "pulses 0 5 kV every 0.8 from 0.1 for 0.3".
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,9 @@ from .tabular import TableError, headings, rows
 
 STOP, INTERVAL = 5.0, 0.01  # s: end of a run, and time between its samples, that is not told otherwise
 
-WORDS = ("at", "until", "from", "to")  # before the times of a specification
+WORDS = ("at", "until", "from", "to", "every", "for")  # before the times of a specification
+
+MOST_PULSES = 10_000
 
 LATER = "later"  # name of an input that is late, while it is made
 
@@ -206,23 +209,19 @@ def from_specifications(specifications: Mapping[str, str], units: Mapping[str, s
         raise ProtocolError(f"stop time: expected a positive number of seconds but was given {stop:g}")
     pieces = {name: _pieces(name, text, units[name], stop) for name, text in specifications.items()}
     marks = sorted({0.0, stop, *(t for times, _ in pieces.values() for t in times)})
-    jumps = {t for times, _ in pieces.values() for t in times if times.count(t) > 1}
+    jumps = {t for times, _ in pieces.values() for t, then in pairwise(times) if t == then}
     grid = [t for mark in marks for t in ([mark, mark] if mark in jumps else [mark])]
     inputs = {name: _on_grid(grid, times, values) for name, (times, values) in pieces.items()}
     return Protocol.of(grid, **inputs)
 
 
-def _on_grid(grid: list[float], times: list[float], values: list[float]) -> list[float]:
+def _on_grid(grid: list[float], times: list[float], values: list[float]) -> np.ndarray:
     """Values of one input on a grid that holds all breakpoints; the first of a doubled time is its left side."""
-    out = []
-    for i, t in enumerate(grid):
-        if t in times:
-            first = times.index(t)
-            second = len(times) - 1 - times[::-1].index(t)
-            out.append(values[second] if i > 0 and grid[i - 1] == t else values[first])
-        else:
-            out.append(float(np.interp(t, times, values)))
-    return out
+    here, known = np.array(grid), np.array(values)
+    after = np.diff(here, prepend=np.nan) == 0
+    first, last = np.searchsorted(times, here, "left"), np.searchsorted(times, here, "right") - 1
+    found = np.where(after, known[last], known[np.minimum(first, last)])
+    return np.where(np.isin(here, times), found, np.interp(here, times, known))
 
 
 def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], list[float]]:
@@ -232,17 +231,19 @@ def _pieces(name: str, text: str, unit: str, stop: float) -> tuple[list[float], 
             return _step(words, unit, stop)
         if words and words[0] == "ramp":
             return _ramp(words, unit, stop)
+        if words and words[0] == "pulses":
+            return _pulses(words, unit, stop)
         value = quantity(text, unit)
         return [0.0, stop], [value, value]
     except (ValueError, IndexError) as problem:
-        course = words[:1] in (["step"], ["ramp"]) or re.match(rf"\s*{NUMBER}", text)
+        course = words[:1] in (["step"], ["ramp"], ["pulses"]) or re.match(rf"\s*{NUMBER}", text)
         if course and isinstance(problem, UnitError | ProtocolError):
             raise ProtocolError(f"{name}: {problem}") from None
         example = {"V": "5 kV", "Pa": "95 mmHg"}.get(unit, f"1 {unit}".removesuffix(" 1"))
         raise ProtocolError(
             f'{name}: cannot read {text!r}; expected "{example}", "step 0 {example} at 1", "step 0 {example} at 1 '
-            f'until 3" or "ramp 0 {example} from 0 to 1", the times in s or another unit; a file holds all inputs '
-            "and is given as inputs (--inputs FILE)"
+            f'until 3", "ramp 0 {example} from 0 to 1" or "pulses 0 {example} every 1 from 0.2 for 0.3", the times '
+            "in s or another unit; a file holds all inputs and is given as inputs (--inputs FILE)"
         ) from None
 
 
@@ -294,6 +295,24 @@ def _ramp(words: list[str], unit: str, stop: float) -> tuple[list[float], list[f
     times = [0.0, *([start] if start > 0 else []), end, *([stop] if end < stop else [])]
     values = [low, *([low] if start > 0 else []), high, *([high] if end < stop else [])]
     return times, [v * scale for v in values]
+
+
+def _pulses(words: list[str], unit: str, stop: float) -> tuple[list[float], list[float]]:
+    low, high = _finite(words[1]), _finite(words[2])
+    scale = factor(words[3], unit) if words.index("every") == 4 else 1.0
+    every, begin, length = (_instant(words, word) for word in ("every", "from", "for"))
+    _check_times(begin, stop, stop)
+    if not 0 < length < every:
+        raise ProtocolError(f"expected pulses of less than the {every:g} s between them but was given {length:g} s")
+    if (stop - begin) / every > MOST_PULSES:
+        raise ProtocolError(f"expected at most {MOST_PULSES} pulses but was given {(stop - begin) / every:.6g}")
+    starts = begin + every * np.arange(math.ceil((stop - begin) / every))
+    on = starts[stop - starts > 1e-9]
+    off = np.minimum(on + length, stop)
+    times = [0.0, *np.column_stack([on, on, off, off]).ravel().tolist(), stop]
+    values = [low, *[low, high, high, low] * on.size, low]
+    end = -2 if off[-1] == stop else None  # a pulse that lasts to the end has none of its own
+    return times[:end], [v * scale for v in values[:end]]
 
 
 def read_csv(path: Path, units: Mapping[str, str]) -> Protocol:

@@ -10,13 +10,13 @@ Everywhere the radius is measured with 15 um rms of noise and 2 ms late, unless 
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
+from told import parser
 from tubular_dea.control.peers import PI
 from tubular_dea.control.rig import Bench, Record, TubeController, experiment, rest_voltage
 from tubular_dea.model.dea import IDENTIFIED
@@ -161,5 +161,9 @@ def tune() -> None:
 
 
 if __name__ == "__main__":
-    command, *arguments = sys.argv[1:] or ["hold"]
-    {"hold": hold, "random": random, "region": region, "tune": tune}[command](*map(int, arguments))
+    commands = {"hold": hold, "random": random, "region": region, "tune": tune}
+    told = parser(__doc__)
+    told.add_argument("command", nargs="?", default="hold", choices=commands)
+    told.add_argument("runs", nargs="*", type=int, help="of random (default: 1000)")
+    given = told.parse_args()
+    commands[given.command](*given.runs)

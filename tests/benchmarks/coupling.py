@@ -21,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from coupled import CASES, PERIOD, case, driven_tube, pulses, reference, slaves, stretch, tube_work
+from told import parser
 from tubular_dea.cosim.heart_assist import heart_assist
 from tubular_dea.cosim.master import Options, Run, Simulation
 from tubular_dea.cosim.system import System
@@ -131,6 +132,7 @@ def _list(values: list[float]) -> str:
 
 
 if __name__ == "__main__":
+    parser(__doc__).parse_args()
     timings()
     print("the same loop of tube and heart in pythonfmu slaves (two beats):")
     against_python()

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from blind.conventions import Conventions
 from blind.laboratory import laboratory, write
+from told import parser
 
 SIZES = {
     "30k": Conventions(),
@@ -47,7 +48,12 @@ def measured(folder: Path) -> tuple[str, list[str], float, float, float]:
 
 def main() -> None:
     """One line for every set."""
-    for name in sys.argv[1:] or SETS:
+    told = parser(__doc__)
+    told.add_argument("sets", nargs="*", metavar="SET", help=", ".join(SETS))
+    sets = told.parse_args().sets or list(SETS)
+    if unknown := [name for name in sets if name not in SETS]:
+        told.error(f"there is no set {unknown[0]!r}; expected some of {', '.join(SETS)}")
+    for name in sets:
         size, kind = SETS[name]
         with tempfile.TemporaryDirectory() as folder:
             samples = write(laboratory(5, kind, conventions=SIZES[size]), Path(folder) / "set")["samples"]

@@ -22,6 +22,7 @@ from scipy.signal import resample
 from scipy.signal.windows import tukey
 
 import tubular_dea as td
+from told import parser
 
 PLANT = Path(__file__).parents[2] / "cosim_examples" / "plants" / "silverbox.py"
 SAMPLES, RATE, FINE = 1000, 610.35, 16
@@ -55,10 +56,11 @@ def seconds(arguments: list[str], cache: Path, out: Path) -> tuple[float, float]
 def main() -> None:
     """One line each for the first run and the second, what the first takes more, and the verdict (of what is made up:
     no_effect)."""
+    _, given = parser(__doc__).parse_known_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         (folder / "data").mkdir()
-        arguments = sys.argv[1:] or made_up(folder / "data")
+        arguments = given or made_up(folder / "data")
         first, second = (seconds(arguments, folder / "cache", folder / "out") for _ in range(2))
         verdict = json.loads((folder / "out" / "result.json").read_text())["verdict"]
     for name, (wall, processor) in {"first": first, "second": second}.items():

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "browser"))
 
 from lab_page import BENCH, Page
 
+from told import parser
 from tubular_dea.cli import main
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
@@ -139,4 +140,5 @@ def run() -> None:
 
 
 if __name__ == "__main__":
+    parser(__doc__).parse_args()
     run()

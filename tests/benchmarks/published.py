@@ -8,6 +8,7 @@ minute the best pulse began 30 ms before systole and ended 0 to 30 ms after dias
 
 from __future__ import annotations
 
+from told import parser
 from tubular_dea.control.optimum import Limits, optimise
 from tubular_dea.cosim.beats import beats
 from tubular_dea.cosim.course import follow
@@ -49,4 +50,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    parser(__doc__).parse_args()
     main()

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from told import parser
 from tubular_dea.recordings import read
 
 LINES = 250_000
@@ -70,4 +71,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    parser(__doc__).parse_args()
     main()

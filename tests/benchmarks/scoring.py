@@ -6,12 +6,12 @@ Usage: python tests/benchmarks/scoring.py [SIZE ...]        (default: 1 6 30; co
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 import time
 
 import numpy as np
 
+from told import parser
 from tubular_dea.discover.scores.parameters import switched_off
 from tubular_dea.identify.fitting.compiled import Compiled
 from tubular_dea.kernel import Kernel
@@ -36,11 +36,14 @@ def measured(compiled: Compiled, ids: tuple[str, ...]) -> tuple[float, float]:
 
 def main() -> None:
     """One line for every size of a group."""
+    told = parser(__doc__)
+    told.add_argument("sizes", nargs="*", type=int, default=[1, 6, 30], metavar="SIZE")
+    sizes = told.parse_args().sizes
     with tempfile.TemporaryDirectory() as cache:
         os.environ["TUBULAR_DEA_CACHE"] = cache
         compiled = Compiled(PLANT, ["measured_displacement"])
         names = list(compiled.catalogue)
-        for size in [int(n) for n in sys.argv[1:]] or [1, 6, 30]:
+        for size in sizes:
             groups = [tuple(names[i : i + size]) for i in range(0, len(names), size)]
             found = np.array([measured(compiled, group) for group in groups])
             print(f"{size} in a library: {found[:, 0].sum():.1f} s to compile all, {found[:, 1].mean():.2f} us a step")

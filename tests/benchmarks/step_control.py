@@ -55,9 +55,10 @@ def main() -> None:
     """Print a row for each value."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", choices=[*NEIGHBOURS, []], help="constants (all)")
+    names = parser.parse_args().names or NEIGHBOURS
     declared = {name: getattr(rodas5p, name) for name in NEIGHBOURS}
     print(f"{'':24}" + "".join(f"{case:>14}" for case in CASES))
-    for name in parser.parse_args().names or NEIGHBOURS:
+    for name in names:
         for value in NEIGHBOURS[name]:
             for other, usual in declared.items():
                 setattr(rodas5p, other, usual)

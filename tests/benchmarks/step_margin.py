@@ -15,6 +15,7 @@ import sys
 import numpy as np
 from scipy.optimize import brentq
 
+from told import parser
 from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.protocol import Protocol
@@ -85,4 +86,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    parser(__doc__).parse_args()
     sys.exit(main())

@@ -10,7 +10,7 @@ import pytest
 from lab_page import BENCH, Page
 
 from laboratory import drawn
-from tubular_dea.errors import UserError
+from tubular_dea.errors import ColumnError, UserError
 from tubular_dea.identify.records.data import read_experiment
 from tubular_dea.identify.records.start import detected
 from tubular_dea.plants.tube import PLANT
@@ -70,6 +70,7 @@ REFUSED = {
     "two that may be": GOOD.replace("pressure [Pa]", "druck [Pa]").replace("radius [m]", "soll [Pa]"),
     "no unit": GOOD.replace("pressure [Pa]", "pressure"),
     "wrong unit": GOOD.replace("[Pa]", "[V]"),
+    "a rate": GOOD.replace("[Pa]", "[/min]"),
     "unknown unit": GOOD.replace("[Pa]", "[mmgH]"),
     "odd unit": GOOD.replace("[Pa]", "[parsec]"),
     "twice": GOOD.replace("voltage [V]", "pressure [Pa]"),
@@ -139,7 +140,8 @@ def by_python(path: Path) -> dict:
     try:
         e = read_experiment(path, PLANT)
     except UserError as problem:
-        return {"refused": str(problem).replace(str(path), path.name)}
+        words = problem.otherwise if isinstance(problem, ColumnError) else str(problem)  # a page has no options
+        return {"refused": words.replace(str(path), path.name)}
     assert e.source is not None
     return {
         "time": e.time,

@@ -17,7 +17,7 @@ from ..errors import ArgumentError
 from ..files import write_atomically
 from . import tables
 from .assist import WITHOUT
-from .given import Amount, AnyModel, settings_of
+from .given import Amount, AnyModel, items, settings_of
 from .heart import AnyPatient, Loop, Rhythm, Settings, Stepping
 
 if TYPE_CHECKING:
@@ -130,14 +130,15 @@ def compare(
     >>> changes[1] < changes[0] < 0
     True
     """
-    if not cases:
+    named = {name: dict(items("cases", case, name)) for name, case in items("cases", cases)}
+    if not named:
         raise ArgumentError("cases", ": expected at least one case but was given none")
     loop = Loop.of(
         patient, voltage, beats, tube, settings, Rhythm.of(ecg, lead, r_times), Stepping(scheme, step, variable)
     )
     chosen = {
         name: {**loop.settings, **settings_of(loop.parts, _spelled(case), "cases", [VOLTAGE])}
-        for name, case in cases.items()
+        for name, case in named.items()
     }
     return ComparisonResult(loop, *run_cases(loop, chosen, progress), chosen)
 

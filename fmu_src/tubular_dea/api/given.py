@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from ..emit.tables import shown
 from ..errors import ArgumentError, UserError
@@ -19,6 +19,7 @@ from ..plants.plant import Plant
 from ..plants.saved import load as saved
 
 Amount: TypeAlias = float | str  # a number in SI, or a text with a unit
+Value = TypeVar("Value")
 AnyPlant: TypeAlias = Plant | str | Path
 AnyModel: TypeAlias = Model | Plant | str | Path
 
@@ -95,8 +96,7 @@ def tube_of(tube: AnyModel) -> Model:
 
 def parameters_of(model: Model, given: Mapping[str, Amount] | None, argument: str = "parameters") -> dict[str, float]:
     """Parameters of one model by name, each in SI or as a text with a unit, checked against the declaration."""
-    items = _items(argument, given)
-    return {name: _value(argument, name, _declared(argument, model, name, name, v), v) for name, v in items}
+    return {n: _value(argument, n, _declared(argument, model, n, n, v), v) for n, v in items(argument, given)}
 
 
 def settings_of(
@@ -104,7 +104,7 @@ def settings_of(
 ) -> dict[str, float]:
     """The same of a system, by "part.name"; `also` are other names there are, which the caller has taken out."""
     values = {}
-    for full, value in _items(argument, given):
+    for full, value in items(argument, given):
         part, _, name = full.partition(".")
         if part not in parts:
             known = [*also, *(f"{p}.{q.quantity.name}" for p, model in parts.items() for q in model.parameters)]
@@ -118,6 +118,17 @@ def settings_of(
     return values
 
 
+def items(argument: str, given: Mapping[str, Value] | None, of: str = "") -> list[tuple[str, Value]]:
+    """The values by name `of` an argument; `ArgumentError` for what is none, as {"C_1": 3e5} is one."""
+    where = f" {of}" if of else ""
+    if not isinstance(given, Mapping | None):
+        raise ArgumentError(argument, f"{where}: expected values by name, as in a dict, but was given {brief(given)}")
+    for name in given or {}:
+        if not isinstance(name, str):
+            raise ArgumentError(argument, f"{where}: expected a name, as 'name', but was given {brief(name)}")
+    return list((given or {}).items())
+
+
 def whole(value: int, least: int, argument: str) -> int:
     """A whole number from `least` on; `ArgumentError` for anything less."""
     if not isinstance(value, int):
@@ -125,12 +136,6 @@ def whole(value: int, least: int, argument: str) -> int:
     if value < least:
         raise ArgumentError(argument, f": expected at least {least} but was given {value}")
     return value
-
-
-def _items(argument: str, given: Mapping[str, Amount] | None) -> list[tuple[str, Amount]]:
-    if not isinstance(given, Mapping | None):
-        raise ArgumentError(argument, f": expected values by name, as in a dict, but was given {brief(given)}")
-    return list((given or {}).items())
 
 
 def _declared(argument: str, model: Model, name: str, full: str, value: Amount) -> Quantity:
@@ -147,7 +152,7 @@ def _value(argument: str, full: str, q: Quantity, given: Amount) -> float:
     try:
         value = _number(given, q)
     except (UserError, TypeError, ValueError) as problem:
-        example = f"{full}={shown(q).replace(' ', '')}"
+        example = f"{full}={shown(q).replace(' 1/', '/').replace(' ', '')}"  # 75/min: for shells, without a space
         raise ArgumentError(argument, f"{where}: {problem}; for example {example}") from None
     if not math.isfinite(value) or not q.allows(value):
         raise ArgumentError(argument, f"{where}: expected {q.allowed} but was given {q.told(value)}")

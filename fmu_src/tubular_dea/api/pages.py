@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..errors import ArgumentError
 from ..files import write_atomically
 from ..plants.plant import Plant
-from .given import AnyModel, AnyPlant, model_of, plant_of
+from .given import AnyModel, AnyPlant, items, model_of, plant_of
 from .recordings import Data, folder_of, recordings_of
 from .work import steps
 
@@ -175,7 +175,7 @@ def handbook_page(plant: AnyPlant = "tube", *, commands: Mapping[str, str] | Non
     plants = [chosen] if own else [chosen, *(p for p in ours if p.name != chosen.name)]
     models = {m.name: m for m in (*(p.model for p in plants), *(() if own else heart_models(controlled=True).values()))}
     public = {name: getattr(tubular_dea, name) for name in tubular_dea.__all__}
-    return WebPage(handbook(models.values(), plants, public, commands or {}))
+    return WebPage(handbook(models.values(), plants, public, dict(items("commands", commands))))
 
 
 def _called(plant: AnyPlant) -> str:

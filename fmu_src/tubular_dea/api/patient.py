@@ -56,7 +56,7 @@ class PatientResult:
         """A summary of the fit, and the parameters with their intervals, as text."""
         said = self._header()
         for name, text, interval, remark in self._rows():
-            said.append(f"{name:18} {text:>24}  {interval:24} {remark}".rstrip())
+            said.append(f"{name:16} {text:>22}  {interval:24} {remark}")
         return said
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -116,12 +116,20 @@ class PatientResult:
         return lines
 
     def _rows(self) -> list[tuple[str, str, str, str]]:
-        """Name, value, interval and remark of every fitted parameter, in customary units."""
+        """Name, value, interval and meaning of every fitted parameter, in customary units."""
         units, rows = _shown_units(), []
+        meanings = {p.quantity.name: p.quantity.description for p in PARAMETERS}
         for name, e in self.found.estimates.items():
             scale, unit = factor(*units[name]), units[name][1]
             interval = f"95 %: {e.low * scale:.4g} to {e.high * scale:.4g}"
-            rows.append((name, f"{e.value * scale:.5g} {unit}", interval, "" if e.identified else "not identifiable"))
+            rows.append(
+                (
+                    name,
+                    f"{e.value * scale:.5g} {unit}",
+                    interval,
+                    meanings[name] + ("" if e.identified else " (not identifiable)"),
+                )
+            )
         return rows
 
     def _toml(self) -> str:
@@ -129,9 +137,8 @@ class PatientResult:
         units = _shown_units()
         lines = [*(f"# {line}" for line in self._header()), ""]
         for name, text, interval, remark in self._rows():
-            comment = ", ".join(c for c in (interval, remark) if c)
             entry = f'{name} = "{text}"'
-            lines.append(f"{entry:44} # {comment}")
+            lines.append(f"{entry:44} # {interval}; {remark}")
         lines += ["", "# Taken over, scaled, or from the steady beat:"]
         for name, value in self.found.values.items():
             if name in self.found.estimates:

@@ -15,11 +15,12 @@ from ..files import write_atomically
 from ..identify.fitting import scales, signs
 from ..identify.records.bench_file import BenchFile
 from ..identify.records.data import Experiment, Recordings, of_tables, read_folder
+from ..kernel.checks import doubles
 from ..protocol import Protocol
 from ..recordings import Column, Table
 from ..recordings.heading import parts
 from . import tables, unusual
-from .given import Amount, AnyPlant, parameters_of, path_of, plant_of
+from .given import Amount, AnyPlant, brief, items, parameters_of, path_of, plant_of
 
 if TYPE_CHECKING:
     import pandas
@@ -173,7 +174,9 @@ def read_recordings(
         settings = list_of_names("columns", columns)
     if isinstance(data, Mapping):
         known = parameters_of(chosen.model, geometry, "geometry")
-        found = of_tables([_table(name, given) for name, given in data.items()], chosen, settings, BenchFile(known))
+        found = of_tables(
+            [_table(name, given) for name, given in items("data", data)], chosen, settings, BenchFile(known)
+        )
     elif geometry is not None:
         raise ArgumentError("geometry", f": {data} is a folder; write the geometry into its bench.toml")
     else:
@@ -209,9 +212,11 @@ def folder_of(recordings: Recordings) -> str:
 def _table(name: str, given: Mapping[str, Any]) -> Table:
     """A table in memory as if it had been read."""
     columns = []
+    if not isinstance(given, Mapping) and not hasattr(given, "columns"):
+        raise ArgumentError("data", f" {name}: expected arrays by heading, as in a dict, but was given {brief(given)}")
     for number, heading in enumerate(given, start=1):
         label, unit = parts(str(heading))
-        values = np.asarray(given[heading], dtype=float)
+        values = doubles(f"data {name}: {heading}", given[heading])
         columns.append(Column(label, unit, str(heading), values, number))
     sizes = {c.values.shape for c in columns}
     if len(sizes) != 1 or len(next(iter(sizes))) != 1:

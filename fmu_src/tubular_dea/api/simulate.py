@@ -75,16 +75,11 @@ class SimulationResult(Trajectory):
         """The largest displacement of the tube, and its margin to snap-through."""
         low, high = 1e3 * self["radial_displacement"].min(), 1e3 * self["radial_displacement"].max()
         inward = f"smallest displacement {low:.3f} mm (inward), " if low < -5e-4 else ""
-        said = [
+        return [
             f"{inward}largest displacement {high:.3f} mm, "
             f"largest field {1e-6 * np.abs(self['electric_field']).max():.1f} V/um, "
             f"smallest margin to snap-through {self['snap_through_margin'].min() / factor('mmHg', 'Pa'):.1f} mmHg"
         ]
-        beyond = self["snap_through_margin"] < 0
-        if beyond.any():
-            at = self.time[beyond][0]
-            said.append(f"the pressure passes the snap-through fold at {at:.3g} s: the tube runs away there")
-        return said
 
     def to_pandas(self) -> pandas.DataFrame:
         """All values over `time` [s] as a DataFrame (n rows, SI units; ``attrs["units"]`` has them).
@@ -163,7 +158,7 @@ def simulate(
         The plant of a model.json, if it is declared in a file of your own.
     **signals : float or str
         The inputs by name: a number in SI, which is held, or ``"95 mmHg"``, ``"step 0 5 kV at 1 until 2"``,
-        ``"ramp 0 95 mmHg from 0 to 1"``.
+        ``"ramp 0 95 mmHg from 0 to 1"``, ``"pulses 0 5 kV every 0.8 from 0.1 for 0.3"``.
 
     Returns
     -------
@@ -205,6 +200,7 @@ def simulate(
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
+    remarks += tuple(_runs_away(found))
     return SimulationResult(
         found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks, jumps=protocol.jumps
     )
@@ -273,6 +269,14 @@ def _unset(model: Model, values: Mapping[str, float]) -> list[str]:
     usual = f"{free[0].nominal:g}{free[0].unit}".removesuffix("1")
     chosen = f"--set {free[0].name}={usual}"
     return [f"{taken}: the plant leaves the start free, and the default was taken; choose, as by {chosen}"]
+
+
+def _runs_away(found: Trajectory) -> list[str]:
+    """When a tube passes the fold of its equilibria, if it does."""
+    beyond = found.values["snap_through_margin"] < 0 if "snap_through_margin" in found.values else np.zeros(1, bool)
+    if not beyond.any():
+        return []
+    return [f"the pressure passes the snap-through fold at {found.time[beyond][0]:.3g} s: the tube runs away there"]
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

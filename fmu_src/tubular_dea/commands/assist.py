@@ -22,7 +22,7 @@ from .settings import settings
 
 EXAMPLE = """example:
   tubular-dea assist --patient failing --voltage 5.5kV --out assisted
-  tubular-dea assist --patient stiff --voltage 6kV --set scheduler.off_fraction=0.35 --out stiff
+  tubular-dea assist --patient stiff --voltage 5kV --set scheduler.off_fraction=0.35 --out stiff
   tubular-dea assist --patient failing --ecg record.hea --beats 30 --out recorded
   tubular-dea assist --patient failing --model closed/model.json --out found
   tubular-dea assist --patient failing --compare "voltage=5kV" "scheduler.on_time=-70ms" --out compared

@@ -9,12 +9,9 @@ from ..errors import ArgumentError
 
 
 def add_plant(parser: argparse.ArgumentParser) -> None:
-    """Declare --plant, what was recorded or is to be built."""
+    """Declare --plant, what a command is about."""
     parser.add_argument(
-        "--plant",
-        default="tube",
-        metavar="FILE.py[:NAME]",
-        help="what was recorded: a plant's file, or tube (default) or aorta",
+        "--plant", default="tube", metavar="FILE.py[:NAME]", help="the plant: its file, or tube (default) or aorta"
     )
 
 

@@ -2,7 +2,8 @@
 
 Inputs are short specifications, or a CSV file whose header names quantity and unit:
   time [s],pressure [mmHg],voltage [kV]
-A time listed twice is a jump; between rows the inputs are linear.
+Commas between columns, points before decimals, these very names, any usual unit; other columns are left alone. A time
+listed twice is a jump; between rows the inputs are linear.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `tubular-dea simulate`; parameters are listed from the declaration."""
     parser.add_argument("--model", type=Path, help="a model.json of close-loop, instead of the plant's own model")
     add_plant(parser)
-    parser.add_argument("--inputs", type=Path, help="CSV file with time and the inputs (pressure and voltage)")
+    parser.add_argument("--inputs", type=Path, help="file of all inputs over time, as described above")
     parser.add_argument(
         "--input",
         action="extend",
@@ -42,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='an input of any plant, for example "flow=step 0 90 mL/s at 1"',
     )
     parser.add_argument("--pressure", help='for example "95 mmHg" or "ramp 0 95 mmHg from 0 to 1"')
-    parser.add_argument("--voltage", help='for example "0 V" or "step 0 5 kV at 1 until 2"')
+    parser.add_argument(
+        "--voltage", help='for example "step 0 5 kV at 1 until 2" or "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
+    )
     parser.add_argument("--stop", help=f"end of the run for specifications, as in 2min (default: {STOP:g} s)")
     parser.add_argument("--interval", default=INTERVAL, help="time between rows of the table (default: 10 ms)")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")

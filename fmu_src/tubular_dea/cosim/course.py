@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import scheduler
-from ..model.units import factor
+from ..model.units import factor, signed
 from .beats import FIGURES, BeatError, Figure, beats, measure, r_wave_rows, shown
 from .master import Run
 
@@ -76,7 +76,7 @@ class Course:
         """Rows (figure with unit, without, with and its spread, worst, change) in customary units."""
         rows = [_row(f, self) for f in FIGURES if f.name in self.assisted or f.name in self.without]
         gained = [(label, function(self)) for label, function in COMPARED.items()]
-        return rows + [(f"{label} [mmHg]", "", f"{v * PA:+.2f}", "", "") for label, v in gained if v is not None]
+        return rows + [(f"{label} [mmHg]", "", signed(v * PA, 2), "", "") for label, v in gained if v is not None]
 
     def counts(self) -> list[tuple[str, str]]:
         """Rows (quantity, value) about the whole run: beats by fate, pulses, extremes."""
@@ -268,8 +268,8 @@ def _row(figure: Figure, course: Course) -> tuple[str, str, str, str, str]:
     change = ""
     if a is not None:
         relative = course.change(figure.name)
-        change = f"{round((b.mean - a.mean) * scale, digits) + 0.0:+.{digits}f}"
-        change += f" ({round(100 * relative, 1) + 0.0:+.1f} %)" if relative is not None else ""
+        change = signed(round(b.mean * scale, digits) - round(a.mean * scale, digits), digits)  # of what is shown
+        change += f" ({signed(100 * relative, 1)} %)" if relative is not None else ""
     spread = f"{b.mean * scale:.{digits}f} ± {b.deviation * scale:.{digits}f}"
     return label, without, spread, f"{b.worst * scale:.{digits}f}", change
 

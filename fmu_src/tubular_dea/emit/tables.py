@@ -10,7 +10,7 @@ import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from .. import __version__
-from ..docstrings import rendered
+from ..docstrings import inline, rendered, without
 from ..model import units
 from ..model.declare import TIME, Definition, Delay, Model, Parameter, Quantity, State
 from .line_breaks import break_lines
@@ -55,7 +55,10 @@ def document(title: str, style: str, content: str) -> str:
 
 
 def body(model: Model, heading: str = "h2") -> str:
-    """Everything that a model declares, in the order drawing, equations, parameters, interface; as HTML."""
+    """Everything that a model declares, in the order drawing, equations, parameters, interface, use; as HTML.
+
+    How the source is used, which its docstring says under "Usage", is left out: these readers have an FMU or a plant.
+    """
     listed = "".join(f"<li><code>{html.escape(e)}</code></li>" for e in model.effects)
     sections = {
         "Effects added": f"<ul>{listed}</ul>" if listed else "",
@@ -65,10 +68,11 @@ def body(model: Model, heading: str = "h2") -> str:
         "Samples": _samples(model) if model.discretes else "",
         "Parameters": parameter_table(model.parameters),
         "Inputs and outputs": _interface(model),
+        "Use": _use(model),
     }
     told = "".join(f"<{heading}>{title}</{heading}>{text}" for title, text in sections.items() if text)
-    lead = f"<p>{html.escape(model.description)}. tubular-dea {__version__}.</p>"
-    return f"{lead}{rendered(model.documentation)}{told}"
+    lead = f"<p>{inline(model.description)}. tubular-dea {__version__}.</p>"
+    return f"{lead}{rendered(without(model.documentation, 'Usage'))}{told}"
 
 
 def changes(before: Model, after: Model) -> str:
@@ -112,15 +116,15 @@ def _parameter_row(parameter: Parameter) -> str:
     bounds = f"; {low}{high}{unit}".rstrip() if low or high else ""
     return (
         f"<tr><td class=n><code>{q.name}</code></td><td class=n>{shown(q)}</td><td>{kind}{bounds}</td>"
-        f"<td>{html.escape(q.description)}</td><td class=src>{html.escape(q.source)}</td></tr>"
+        f"<td>{inline(q.description)}</td><td class=src>{inline(q.source)}</td></tr>"
     )
 
 
 def _equations(definitions: Iterable[Definition]) -> str:
     rows = "".join(
         f"<tr><td class=n><code>{d.quantity.name}</code></td><td><div class=eq>"
-        f"{_math(d.quantity.symbol, d.expression)}</div><div class=note>{html.escape(d.quantity.description)} "
-        f"[{d.quantity.unit}]</div></td><td class=src>{html.escape(d.quantity.source)}</td></tr>"
+        f"{_math(d.quantity.symbol, d.expression)}</div><div class=note>{inline(d.quantity.description)} "
+        f"[{d.quantity.unit}]</div></td><td class=src>{inline(d.quantity.source)}</td></tr>"
         for d in definitions
     )
     return _table(rows, "<tr><th>Name</th><th>Equation</th><th>Source</th></tr>")
@@ -141,8 +145,7 @@ def _described(equations: Iterable[tuple[Quantity, str]]) -> str:
     """A row an equation: it, and what its quantity is."""
     return _table(
         "".join(
-            f"<tr><td><div class=eq>{shown}</div>"
-            f"<div class=note>{html.escape(q.description)} [{q.unit}]</div></td></tr>"
+            f"<tr><td><div class=eq>{shown}</div><div class=note>{inline(q.description)} [{q.unit}]</div></td></tr>"
             for q, shown in equations
         )
     )
@@ -151,11 +154,21 @@ def _described(equations: Iterable[tuple[Quantity, str]]) -> str:
 def _samples(model: Model) -> str:
     """The discretes in the order they are sampled; `x_before` is x before the sample."""
     rows = "".join(
-        f"<tr><td class=n><code>{d.quantity.name}</code></td><td>{html.escape(d.quantity.description)} "
+        f"<tr><td class=n><code>{d.quantity.name}</code></td><td>{inline(d.quantity.description)} "
         f"[{d.quantity.unit}]</td></tr>"
         for d in model.discretes
     )
     return f"<p>Sampled at the start of every communication step, in this order:</p>{_table(rows)}"
+
+
+def _use(model: Model) -> str:
+    """How whoever has the model as an FMU drives it."""
+    inputs = " and ".join(f"<code>{q.name}</code> [{q.unit}]" for q in model.inputs)
+    connect = f"connect {inputs}, " if inputs else ""
+    return (
+        f"<p>In a tool that reads FMUs: {connect}give fixed parameters before the start and tunable ones at any time. "
+        "All values are in SI units.</p>"
+    )
 
 
 def _interface(model: Model) -> str:
@@ -170,7 +183,7 @@ def _interface_row(variable: Variable) -> str:
     needs = ", ".join(variable.dependencies)
     return (
         f"<tr><td class=n><code>{variable.name}</code></td><td>{variable.causality}</td><td>{unit}</td>"
-        f"<td>{html.escape(q.description)}</td><td>{needs}</td></tr>"
+        f"<td>{inline(q.description)}</td><td>{needs}</td></tr>"
     )
 
 

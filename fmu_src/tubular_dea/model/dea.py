@@ -13,12 +13,12 @@
         |        '-........-'        |              lambda_1 = l / l_o   (along the generatrix)
              pressure p inside                      lambda_2 = R / r_o   (hoop, at the middle)
 
-Equations: `tubular_dea` below, one definition a line, numbered as in the paper.
+Equations: listed below, one definition a line, numbered as in the paper.
 
 Citation: N. Liu, T. Martinez, A. Walter, Y. Civet, Y. Perriard, "Control-oriented modeling and analysis of
 tubular dielectric elastomer actuators dedicated to cardiac assist devices".
 
-Parameters: Table I (geometry, fixed) and Table III (identified, tunable); see `PARAMETERS`.
+Parameters: Table I (geometry, fixed) and Table III (identified, tunable) of the paper.
 
 Usage::
 
@@ -342,7 +342,7 @@ def _definitions() -> list[Definition]:
         "current",
         "A",
         "d(C V)/dt",
-        "Charging current; a jump of the voltage moves its charge at once and is seen in `charge` alone",
+        "Charging current; a jump of the voltage moves its charge at once and is seen in the charge alone",
         capacitance * rate(VOLTAGE)
         + s["voltage"] * 2 * capacitance * (d_lambda_1 / lambda_1 + 1 / lambda_2) * s["lambda_2_rate"],
         1e-4,

@@ -11,7 +11,7 @@ r"""The heartbeat scheduler: when the tube is given voltage, and when it is refu
 The polarity is the paper's cycle, opposite to a balloon pump's: voltage expands the tube in systole (less afterload),
 its absence lets the wall push in diastole.
 
-Rules, in the order in which they are applied at every sample (`_discretes`, one a line):
+Rules, in the order in which they are applied at every sample:
 
 1. An R wave is a rise of `r_wave` through 0.5, not sooner than `refractory` after the last one.
 2. The predicted beat is the median of the last five RR intervals (up to `longest_rr`; the first one counts five times);
@@ -40,8 +40,6 @@ Rules, in the order in which they are applied at every sample (`_discretes`, one
 Times are exact where the master lands on `next_event`.
 
 Citation: N. Liu et al. (the tube, and the cycle of its assistance, Section I).
-
-Parameters: `PARAMETERS`.
 
 Usage::
 

@@ -37,7 +37,7 @@ Sampled every `sample_time`, whatever the communication step; exact where the ma
 Citation: N. Liu et al., Section V (control beyond the snap-through as the next step); gains: LQR and Kalman filter of
 the design point.
 
-Parameters: `PARAMETERS`, and the tube's own (Tables I and III), as assumed by the controller.
+Parameters: its own, and the tube's (Tables I and III of the paper) as assumed by the controller.
 
 Usage::
 

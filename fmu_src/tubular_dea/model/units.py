@@ -328,11 +328,12 @@ def quantity(text: str, expected: str) -> float:
 
 
 def _plain(text: str) -> str:
-    """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets around."""
+    """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets; /s is 1/s."""
     plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).strip().replace("..", "")
     while plain.startswith(("(", "[")) and plain.endswith((")", "]")):
         plain = plain[1:-1].strip()
-    return re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+    plain = re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+    return f"1{plain}" if plain.startswith("/") else plain
 
 
 def _written(name: str, exponent: Power) -> str:
@@ -405,6 +406,12 @@ def three(value: float, digits: int = 3) -> str:
     """A number in three digits (or more), without a power of ten where it has four or five before the point."""
     short = f"{value:.{digits}g}"
     return f"{float(short):.0f}" if 1e3 <= abs(float(short)) < 1e5 else short
+
+
+def signed(value: float, digits: int) -> str:
+    """A difference with its sign and so many decimals; nothing that rounds to 0 has one."""
+    rounded = round(value, digits)
+    return f"{rounded:+.{digits}f}" if rounded else f"{0:.{digits}f}"
 
 
 def with_ends(value: float, ends: Sequence[float | None], least: int = 3) -> list[str]:

@@ -10,7 +10,7 @@
                                         (4 elements: L       |
                                          beside Z_c)        ---
 
-Equations (`_definitions` and `_states`, one a line):
+Equations:
 
 * elastance E = E_min + (E_max - E_min) e(t_n), p_v = E (V - V_0), dV/dt = Q_mitral - Q_aortic. The activation e is
   the double Hill curve of Stergiopulos et al. (1996) with the numbers of Simaan et al. (2009):
@@ -34,7 +34,7 @@ Citations:
 * M. R. Pfaller et al., "The importance of the pericardium for cardiac biomechanics: from physiology to computational
   modeling", Biomech. Model. Mechanobiol. 18 (2019) 503-529: smooth valves.
 
-Parameters: `PARAMETERS` (the healthy heart) and the sets in `PATIENTS`.
+Parameters: those of the healthy heart are listed below; `tubular_dea.patient` gives those of other patients.
 
 Usage::
 

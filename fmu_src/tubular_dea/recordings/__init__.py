@@ -4,7 +4,8 @@ Text with any delimiter, decimal mark, encoding and head; MATLAB (both formats),
 `files`. The first bytes determine the format, not the ending.
 """
 
+from ..errors import ReadError
 from .files import is_recording, is_spreadsheet, read
-from .table import Column, NoTableError, ReadError, Table
+from .table import Column, NoTableError, Table
 
 __all__ = ["Column", "NoTableError", "ReadError", "Table", "is_recording", "is_spreadsheet", "read"]

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import ReadError
 from .heading import parts
-from .table import Column, ReadError, Table, some
+from .table import Column, Table, some
 
 UNIT_NAMES = ("unit", "units", "unit_string", "Unit", "Units")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
-from .table import ReadError
+from ..errors import ReadError
 
 MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with byte order mark"),

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from pathlib import Path
 
+from ..errors import ReadError
 from ..files import FileError, read_whole
 from . import containers
-from .table import ReadError, Table
+from .table import Table
 from .text import read_text
 
 ENDINGS = (

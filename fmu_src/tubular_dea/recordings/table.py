@@ -8,13 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import UserError
+from ..errors import ReadError
 
 FEW = 4  # alternatives that a message lists; pages and result.json hold all of them
-
-
-class ReadError(UserError, ValueError):
-    """A file that cannot be read; the text names file, line and column, what was expected and what came."""
 
 
 class NoTableError(ReadError):

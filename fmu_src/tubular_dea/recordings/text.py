@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import ReadError
 from ..model.units import NUMBER
 from .cells import SCPI, SOME, Numbers, decimal_mark, is_missing, numbers
 from .encoding import decoded, lines_of
 from .head import Head, head
 from .layout import COMMENT, NAMES, Layout, sniffed, split
-from .table import Column, NoTableError, ReadError, Table, shortened, some
+from .table import Column, NoTableError, Table, shortened, some
 
 LEAST, PROSE = 2, 0.2  # rows that make a table, and the share of words in every column of a text with some numbers
 QUOTED = 20  # lines that a quoted cell may run over

@@ -9,6 +9,7 @@ from ..cosim.beats import FIGURES, shown
 from ..cosim.course import SETTLED, Course
 from ..cosim.master import Run
 from ..files import write_atomically
+from ..model.units import signed
 from .assist import draw_panels, plotly_loops, plotly_panels, pressure_volume
 from .figures import png
 from .page import Page
@@ -52,7 +53,7 @@ def table(courses: Mapping[str, Course]) -> tuple[list[str], list[list[str]]]:
         for course in courses.values():
             spread, change = course.assisted.get(figure.name), course.change(figure.name)
             text = f"{spread.mean * scale:.2f}" if spread else "-"
-            cells.append(text + (f" ({100 * change:+.1f} %)" if change is not None else ""))
+            cells.append(text + (f" ({signed(100 * change, 1)} %)" if change is not None else ""))
         rows.append([f"{figure.label} [{figure.unit}]", *cells])
     rows.append(
         [

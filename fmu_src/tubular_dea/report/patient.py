@@ -29,11 +29,11 @@ def draw(beat: RecordedBeat, found: Patient, figure: Figure | None = None) -> Fi
         label="± sd from beat to beat",
     )
     top.plot(time, beat.pressure * MMHG, color="#1b2733", label="recorded")
-    top.plot(time, found.pressure * MMHG, color=COLOURS[0], label="patient")
+    top.plot(time, found.pressure * MMHG, color=COLOURS[0], label="fitted")
     top.set_ylabel("arterial pressure [mmHg]")
     if beat.flow is not None:
         bottom.plot(time, beat.flow * ML, color="#1b2733", label="recorded")
-    bottom.plot(time, found.flow * ML, color=COLOURS[0], label="patient")
+    bottom.plot(time, found.flow * ML, color=COLOURS[0], label="fitted")
     bottom.set_ylabel("aortic flow [mL/s]")
     bottom.set_xlabel("time [s]")
     bottom.set_xlim(0, float(np.max(time)))

@@ -17,14 +17,13 @@ import numpy as np
 from ..errors import UserError
 from ..kernel.batch import Breakpoints
 from ..model.units import NUMBER
-from ..protocol import read_csv
+from ..protocol import MOST_PULSES, read_csv
 from .expression import Number, PlanError, Values, number
 
 FORMS = (
     '"95 mmHg", "step 0 6 kV at 1 until 3", "ramp 0 95 mmHg from 0 to 1", "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
 )
 CLAUSES = {"step": ("at",), "ramp": ("from", "to"), "pulses": ("every", "from", "for")}
-MOST_PULSES = 10_000
 OPTIONAL = {"step": ("until",), "ramp": (), "pulses": ()}
 
 

@@ -16,7 +16,7 @@ from ..model.declare import Model, nearest
 from ..model.effect import with_effects as added
 from ..model.windkessel import aortic_windkessel
 from ..plants.effects import with_effects
-from ..plants.load import PlantError, load_plant
+from ..plants.load import SHIPPED, PlantError, load_plant
 from ..plants.plant import Plant
 from ..plants.saved import ModelFileError, load
 from .axes import Joint
@@ -71,8 +71,8 @@ def resolve(
     if given in MODELS:
         return with_effects(MODELS[given](), effects)
     path = folder / given
-    if ".py" in path.name:
-        return _of_plant(str(path), effects)
+    if given in SHIPPED or ".py" in path.name:
+        return _of_plant(given if given in SHIPPED else str(path), effects)
     if path.suffix == ".json":
         model, _ = calibrated(path, plant)
         return added(model, effects, plant.catalogue) if plant else with_effects(model, effects)
@@ -81,7 +81,7 @@ def resolve(
             raise PlanError(f"effects: {given} is an FMU made elsewhere; effects go into the package's own models")
         return _external(path)
     also = "or a model.json, FILE.py[:NAME] or .fmu file"
-    raise PlanError(f"model: there is no {given!r}{nearest(given, MODELS)}, {also}")
+    raise PlanError(f"model: there is no {given!r}{nearest(given, [*SHIPPED, *MODELS])}, {also}")
 
 
 def _external(path: Path) -> ExternalFmu:

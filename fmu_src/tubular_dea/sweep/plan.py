@@ -3,7 +3,7 @@
 ::
 
     name = "Displacement over pressure and voltage"
-    model = "TubularDEA"                    # AssistedHeart, AorticWindkessel, model.json, tanks.py[:NAME], any FMU
+    model = "tube"                          # aorta, AssistedHeart, AorticWindkessel, tanks.py[:NAME], model.json, FMU
     plant = "tanks.py"                      # of a model.json, where it is one of your own
     tube = "closed/model.json"              # of an AssistedHeart, where it is not the paper's
     study = "rest"                          # or "trajectory"

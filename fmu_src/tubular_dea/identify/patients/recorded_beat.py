@@ -21,7 +21,7 @@ from ..signals.sampling import usual_step
 # Set by judgement. Check: `pytest tests/test_patient.py`
 BEAT_POINTS = 200  # [1] points of the average beat
 BEATS_ALIKE = 0.15  # [1] of the median length: beats whose own differs by more are left out
-ENDS_ALIKE = 0.15  # [1] of the swing, within which a recording of one beat ends as high as it begins
+ENDS_ALIKE = 0.15  # [1] of the swing, within which a beat ends as high as it begins
 SMOOTHED_FOR = 0.02  # [s] over which the slope of the pressure is averaged
 STEEP = 0.4  # [1] of most upstrokes' slope that each has at least
 STEEPEST_SHARE = 0.98  # [1] quantile of the slope that stands for most upstrokes'
@@ -35,6 +35,11 @@ FEWEST_TIMES = 20  # [samples] of a recording at least
 MORE_BEATS = 3  # [1] upstrokes of the pressure from which on a recording is more than one beat,
 FEWEST_UPSTROKES = 4  # [1] and how many it then has at least
 FLOW_COVERS = 0.9  # [1] share of a single beat that its flow has to cover
+
+# Set by measurement: recorded beats (shared/data, cosim_examples) differ by at most 0.4, those of the models with
+# noise of 5 mmHg or breathing of 20 by 0.6, stretches of noise, random walks and stairs by 1.1 to 6.
+# Check: `pytest tests/test_patient.py`
+MOST_UNLIKE = 0.8  # [1] of the swing that beats share, by which they differ from one another, both as rms
 
 # Set by convention: what arteries have. Check: `pytest tests/test_patient.py::test_bad_recordings_are_refused`
 LOWEST_MEDIAN = 10.0  # [mmHg] of a pressure
@@ -118,8 +123,27 @@ def average(signals: Signals, what: str) -> RecordedBeat:
     if len(places) < FEWEST_BEATS:
         raise PatientRecordError(f"{what}: {len(places)} beats of like length; expected at least {FEWEST_BEATS}")
     cut, by = np.interp(places, signals.time, pressure), "upstrokes of the pressure"
+    _check_alike(cut, np.diff(np.interp(marks, signals.time, pressure))[alike], what)
     flow, said = _flow(signals, places, what)
     return RecordedBeat(period, len(places), cut.mean(axis=0), cut.std(axis=0), flow, by, signals.remarks + said)
+
+
+def _check_alike(cut: np.ndarray, rises: np.ndarray, what: str) -> None:
+    """`PatientRecordError` unless the pressure `cut` (m, BEAT_POINTS) into beats comes back to where it was, so that
+    `rises` (m,) from one to the next are small, and beats are like one another. Each may be on a level of its own, as
+    breathing and drift leave them."""
+    mean, found = cut.mean(axis=0), f"{what}: no heart beats found: the {len(cut)} most regular rises of the pressure"
+    ask = "give a recording of the arterial pressure of a beating heart"
+    if abs(rises.mean()) > ENDS_ALIKE * np.ptp(mean):
+        step = float(rises.mean()) / factor("mmHg", "Pa")
+        apart = f"{abs(step):.3g} mmHg {'above' if step > 0 else 'below'}"
+        raise PatientRecordError(f"{found} are each {apart} the last; expected a pressure that comes back; {ask}")
+    shared, each = mean - mean.mean(), cut - cut.mean(axis=1, keepdims=True)
+    unlike = float(np.sqrt(np.mean((each - shared) ** 2) / np.mean(shared**2)))
+    if unlike > MOST_UNLIKE:
+        raise PatientRecordError(
+            f"{found} differ by {unlike:.2g} times what they have in common; expected at most {MOST_UNLIKE:g}; {ask}"
+        )
 
 
 def _flow(signals: Signals, places: np.ndarray, what: str) -> tuple[np.ndarray | None, tuple[str, ...]]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import ArgumentError
+from ...errors import ArgumentError, ColumnError
 from ...model.declare import nearest
 from ...model.units import NUMBER, UnitError, converted, is_unit
 from ...plants.plant import Output, Plant
@@ -17,6 +17,7 @@ from ...recordings import Column, ReadError, Table
 from ...recordings.heading import name as plain
 
 TRIGGER = "trigger"
+ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
 ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value", "datetime", "date_time", "zeit")
 
 
@@ -149,10 +150,8 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
     if not found and name == "time":
         found = _times(free)
     if len(found) > 1:
-        raise ReadError(
-            f"{table.heading_place}: column {name!r} appears twice; expected it once: say which with "
-            f"--columns {name}={found[1].number}"
-        )
+        problem = f"{table.heading_place}: column {name!r} appears twice; expected it once:"
+        raise ColumnError(f"{problem} say which with", name, found[1].number, f"{problem} rename what is no {name}")
     return found[0] if found else None
 
 
@@ -216,22 +215,20 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
     for name in ["time", *(s.name for s in plant.inputs)]:
         if name not in columns:
             likely = [c for c in table.columns if plain(name) in c.name.split("_") and not c.problem]
-            which = f"{name}={likely[0].number}" if len(likely) == 1 else f"{name}=ITS_NAME_OR_NUMBER"
-            which += ", or give [sampling] rate in bench.toml" if name == "time" else ""
-            raise ReadError(
-                f"{table.heading_place}: column '{name} [{units[name]}]' is missing; found {table.headings}; if it "
-                f"has another name, say --columns {which}"
-            )
+            which = likely[0].number if len(likely) == 1 else ANY
+            rate = "if there are no times, give [sampling] rate in bench.toml; " if name == "time" else ""
+            problem = f"{table.heading_place}: column '{name} [{units[name]}]' is missing; found {table.headings};"
+            renamed = f"{problem} if it has another heading, write '{name} [{units[name]}]' there"
+            raise ColumnError(f"{problem} {rate}if it has another name, say", name, which, renamed)
     for output in plant.outputs:
         there = [name for name in output.headings if name in columns]
         if len(there) > 1 or (output.required and not there):
             wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
             several = sum(o.required for o in plant.outputs) > 1 and not there
-            alone = f"; what some files lack is declared as Output({output.name!r}, required=False)" if several else ""
-            raise ReadError(
-                f"{table.heading_place}: expected one column {wanted} but found {table.headings}; say which with "
-                f"--columns {output.headings[0]}=ITS_NAME_OR_NUMBER{alone}"
-            )
+            alone = f" what some files lack is declared as Output({output.name!r}, required=False);" if several else ""
+            problem = f"{table.heading_place}: expected one column {wanted} but found {table.headings};{alone}"
+            renamed = f"{problem} write that heading where it belongs, and nowhere else"
+            raise ColumnError(f"{problem} say which with", output.headings[0], ANY, renamed)
 
 
 def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:
@@ -241,10 +238,8 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
     if name == TRIGGER:
         return Assigned(column, unit, column.values)
     if not unit:
-        raise ReadError(
-            f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]' or say "
-            f"--columns '{name}={column.number}[{expected}]'"
-        )
+        problem = f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]'"
+        raise ColumnError(f"{problem} or say", name, f"{column.number}[{expected}]", problem)
     try:
         return Assigned(column, unit, converted(column.values * (choice.factor if choice else 1.0), unit, expected))
     except UnitError as problem:

@@ -11,7 +11,7 @@ function benchSignals() {
   return { ...units, [TRIGGER]: "" };
 }
 
-/* One experiment from a file; a ReadError in the words of the command line. */
+/* One experiment from a file; a ReadError in the words of the command line, but for what can be done about columns. */
 function readExperiment(path, raw, geometry = {}) {
   const table = readTable(path, raw, new Set(Object.keys(benchSignals()))), columns = assigned(table);
   if (table.lines.length < bench.leastSamples) throw new ReadError(`${path}: too few samples: ${table.lines.length} lines of numbers; expected at least ${bench.leastSamples}`);
@@ -64,11 +64,11 @@ function assigned(table) {
     if (found) columns[found[0]] = found[1];
   }
   for (const name of ["time", ...bench.inputs.map((s) => s.name)])
-    if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another name, say --columns ${name}=ITS_NAME_OR_NUMBER`);
+    if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another heading, write '${name} [${units[name]}]' there`);
   for (const o of bench.outputs) {
     const headings = Object.keys(o.columns), there = headings.filter((name) => columns[name]);
     if (there.length > 1 || (o.required && !there.length))
-      throw new ReadError(`${table.headingPlace}: expected one column ${headings.map((n) => `'${n} [${units[n]}]'`).join(" or ")} but found ${table.headings}; say which with --columns ${headings[0]}=ITS_NAME_OR_NUMBER`);
+      throw new ReadError(`${table.headingPlace}: expected one column ${headings.map((n) => `'${n} [${units[n]}]'`).join(" or ")} but found ${table.headings}; write that heading where it belongs, and nowhere else`);
   }
   return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, inSi(table, name, column, units[name])]));
 }
@@ -80,7 +80,7 @@ function headed(table, name) {
     if (exact.length) found = exact;
   }
   if (!found.length && name === "time") found = timesOf(table.columns);
-  if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: say which with --columns ${name}=${found[1].number}`);
+  if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: rename what is no ${name}`);
   return found[0];
 }
 
@@ -121,7 +121,7 @@ function timesOf(columns) {
 function inSi(table, name, column, expected) {
   if (column.problem) throw new ReadError(`${table.path}, ${column.problem}`);
   if (name === TRIGGER) return { column, values: column.values };
-  if (!column.unit) throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${expected}]' or say --columns '${name}=${column.number}[${expected}]'`);
+  if (!column.unit) throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${expected}]'`);
   try {
     return { column, values: convertedUnit(column.values, column.unit, expected) };
   } catch (problem) {

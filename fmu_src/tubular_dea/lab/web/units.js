@@ -35,7 +35,8 @@ function convertedUnit(values, unit, expected) {
 function plainUnit(text) {
   let plain = Array.from(text.normalize("NFKC"), (c) => words.signs[c] ?? c).join("").trim().replaceAll("..", "");
   while (/^[([]/.test(plain) && /[)\]]$/.test(plain)) plain = plain.slice(1, -1).trim();
-  return plain.replaceAll("/(", "/").replace(/\)+$/, "").replace(/\s*([/.])\s*|\s+/g, (_, mark) => mark || ".");
+  plain = plain.replaceAll("/(", "/").replace(/\)+$/, "").replace(/\s*([/.])\s*|\s+/g, (_, mark) => mark || ".");
+  return plain.startsWith("/") ? `1${plain}` : plain;
 }
 
 function unitPower(name, text) {
