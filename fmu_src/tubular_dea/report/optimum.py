@@ -14,6 +14,7 @@ from ..control.optimum import ALIKE, BEGINS, ENDS, LATE, OBJECTIVES, Optimum, Pu
 from ..cosim.course import Course
 from ..cosim.master import Run
 from ..files import write_atomically
+from ..model.units import signed
 from .assist import plotly_loops, plotly_panels, pressure_volume
 from .compare import table
 from .figures import png, sized
@@ -54,8 +55,8 @@ def sentence(best: Optimum, default: Course) -> str:
     return (
         f"The best pulse is {best.pulse.voltage / 1e3:.2f} kV from {begin:.0f} to {end:.0f} ms after the R wave, "
         f"starting {abs(1e3 * best.ahead):.0f} ms {place} ejection would begin without it: {words} changes by "
-        f"{100 * best.gain:+.1f} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
-        f"(the default: {100 * best.default_gain:+.1f} %{_vetoed(default)})."
+        f"{signed(100 * best.gain, 1)} % at {best.figures['largest_field'] * 1e-6:.1f} V/um "
+        f"(the default: {signed(100 * best.default_gain, 1)} %{_vetoed(default)})."
     )
 
 
@@ -76,7 +77,7 @@ def _map_words(best: Optimum) -> str:
 
 def robustness(best: Optimum) -> list[list[str]]:
     """Rows (disturbance, change of the objective, whether limits are met)."""
-    return [[c.what, f"{100 * c.gain:+.2f} %", "met" if c.within else "exceeded"] for c in best.robustness]
+    return [[c.what, f"{signed(100 * c.gain, 2)} %", "met" if c.within else "exceeded"] for c in best.robustness]
 
 
 def _marks(best: Optimum) -> list[tuple[str, Pulse, str, str]]:
