@@ -12,6 +12,7 @@ import made_up
 import tubular_dea as td
 from blind.laboratory import laboratory, write
 from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
+from tubular_dea.discover import judgement
 from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
 from tubular_dea.discover.answer import between_files
 from tubular_dea.identify.study.adjust import adjusted
@@ -46,6 +47,26 @@ def test_files_that_differ_as_no_monitor_does_are_told() -> None:
 def test_gains_as_monitors_have_them_are_no_finding() -> None:
     assert unlike(0.006) is None
     assert between_files.unlike(SimpleNamespace(unlike=None)) == []
+
+
+@pytest.mark.parametrize(
+    ("ids", "word", "against"),
+    [
+        (("lag",), "effect_found", 1),
+        (("lag",), "ambiguous", 1),
+        (("lag",), "partly_explained", 0),  # a remainder is told
+        ((), "no_effect", 0),  # "unexplained", with the files' gains
+    ],
+)
+def test_effects_that_need_a_gain_that_no_monitor_has_do_not_explain_all(
+    monkeypatch: pytest.MonkeyPatch, ids: tuple[str, ...], word: str, against: int
+) -> None:
+    """An echo in the pressure of beats was a stop and a viscosity, with a gain that was 1.1 % less in these alone."""
+    monkeypatch.setattr(judgement, "_strained", lambda found, described: ())
+    one = Unlike("load", "file-1", "reading", 43e-6)
+    said = judgement._implausible(SimpleNamespace(), made_up.option(*ids), word, one)
+    assert said == ("a gain of load that changes from file to file",) * against
+    assert judgement._implausible(SimpleNamespace(), made_up.option(*ids), word, None) == ()
 
 
 @pytest.mark.long

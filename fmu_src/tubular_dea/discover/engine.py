@@ -56,8 +56,9 @@ class Discovery:
 
     `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
     `strained` are parameters of the plant that are implausible with the chosen effects, though they were not without
-    them, or their declared values are good ones, where that is all that speaks against these. `turned` are outputs that
-    seem to be counted the other way.
+    them, or their declared values are good ones, where that is all that speaks against these; beside effects a gain
+    that no monitor has in some file, in words, is one of them. `turned` are outputs that seem to be counted the other
+    way.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 

@@ -40,8 +40,8 @@ class Judgement:
     `described` is the choice as it is reported, `equivalent` what would do in place of each of its effects, by id.
     `held_ratio` is the error on held-out experiments over noise. `wandering` is where a zero wanders, and by how much;
     `shifted` a zero that no sensor has; `missed` what another output shows and the model does not have; `unlike` a gain
-    that no monitor has in some file. `strained` are parameters of the plant that speak against the choice. `repeated`
-    is True where all records repeat one course at one operating point.
+    that no monitor has in some file. `strained` are parameters of the plant, and such a gain beside effects, that
+    speak against the choice, in words. `repeated` is True where all records repeat one course at one operating point.
     """
 
     word: str
@@ -73,7 +73,7 @@ def judge(found: Search, turned: bool) -> Judgement:
     if word == "unexplained":  # then the base is what is handed out, with intervals of its own
         same = chosen is found.base and work is found.base_study
         found.base = described if same else _described(found.base_study, found.base, [], {})
-    strained = _strained(found, described) if word in ("no_effect", "effect_found", "ambiguous") else ()
+    strained = _implausible(found, described, word, unlike)
     word = "partly_explained" if strained and described.ids else word  # without effects, one null of 33 had some, too
     return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, unlike, strained)
 
@@ -167,6 +167,15 @@ def _wandering(work: Study, found: Search) -> tuple[str, float] | None:
     if tried and wander.leaves(work, chosen, tried[-1].options, tried[-1].threshold):
         return None
     return wander.largest(work, chosen)
+
+
+def _implausible(found: Search, described: Option, word: str, unlike: Unlike | None) -> tuple[str, ...]:
+    """What speaks against an answer that leaves noise alone, in words: parameters, and beside effects a gain that no
+    monitor has in some file."""
+    if word not in ("no_effect", "effect_found", "ambiguous"):
+        return ()
+    gain = [f"a gain of {unlike.input} that changes from file to file"] if unlike is not None and described.ids else []
+    return (*_strained(found, described), *gain)
 
 
 def _strained(found: Search, described: Option) -> tuple[str, ...]:

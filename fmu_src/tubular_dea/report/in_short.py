@@ -35,8 +35,8 @@ CONFIDENCE = {
     "the fits.",
 }
 STRAINED = (
-    "The named effects explain the recordings to within their noise, but only with parameters of the plant that are "
-    "far from the declared ones. So something else may be there."
+    "The named effects explain the recordings to within their noise, but only with what would be implausible: "
+    "{strained}. So something else may be there."
 )
 HIDING = (
     "The model explains the recordings to within their noise, but only with parameters of the plant that are far from "
@@ -120,7 +120,7 @@ def _confidence(found: Discovery) -> str:
     if may_be_louder(found):
         return LOUDER
     if found.strained:
-        return STRAINED if found.chosen.ids else HIDING
+        return STRAINED.format(strained=" and ".join(found.strained)) if found.chosen.ids else HIDING
     if found.verdict == "no_effect" and found.wandering:
         return DRIFTS
     if found.verdict == "no_effect" and hidden_by_noise(found):

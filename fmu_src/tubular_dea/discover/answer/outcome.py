@@ -37,7 +37,7 @@ WHY = {
     "partly_explained": "The named effects improve the prediction of held-out data, and a significant residual remains",
     "unexplained": "No effect of the catalogue explains the residual",
 }
-IMPLAUSIBLE = "Only with parameters of the plant far from the declared ones is the residual no more than noise"
+IMPLAUSIBLE = "Only with implausible values is the residual no more than noise"
 # Set by judgement: an error is by a few percent smaller than the noise, as parameters are fitted.
 # Check: `pytest tests/test_discover.py -k floor`
 TOO_NOISY = 1.2  # [1] times the error of a model that noise is at most
