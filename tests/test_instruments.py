@@ -131,7 +131,8 @@ def test_instruments(name: str, tmp_path: Path) -> None:
 def test_a_file_without_a_time_has_a_rate(tmp_path: Path) -> None:
     rows = table(lambda t, p, v, r: f"{p:.4f};{v:.4f};{r:.8f}")
     (tmp_path / "a.csv").write_text("pressure [Pa];voltage [V];radius [m]\n" + rows)
-    with pytest.raises(DataError, match=r"column 'time \[s\]' is missing.* or give \[sampling\] rate in bench\.toml"):
+    told = r"column 'time \[s\]' is missing.*; if there are no times, give \[sampling\] rate in bench\.toml"
+    with pytest.raises(DataError, match=told):
         read_folder(tmp_path, PLANT)
     (tmp_path / "bench.toml").write_text('[sampling]\nrate = "250 Hz"\n')
     np.testing.assert_allclose(read_folder(tmp_path, PLANT).experiments[0].time, DATA["time"], atol=1e-12)
