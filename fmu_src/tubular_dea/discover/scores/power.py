@@ -27,7 +27,7 @@ from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ...model.effect import Effect
 from .bank import HIDDEN, Candidate, Point, candidates_at
-from .compensated import HARDLY_MOVED, Compensation, step_towards
+from .compensated import Compensation, step_towards
 from .parameters import switched_off
 
 # Set by convention (Cohen, "Statistical power analysis for the behavioral sciences", 1988).
@@ -225,8 +225,8 @@ def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float 
         for _ in range(FOLLOWS):
             work = adjusted(work, (), values, fitted.free)
         residual, jacobian = _linearised(work, fitted, values)
-        step = step_towards(jacobian, residual, fitted.scaled.size)
-        if np.max(np.abs(step), initial=0.0) > HARDLY_MOVED:
+        step = step_towards(jacobian, residual, fitted.scaled.size, float(np.linalg.norm(residual)))
+        if step is not None:
             problem = work.problem((), fitted.free, values)
             values = problem.values(problem.inside(problem.scaled(values) + step))
             work = adjusted(work, (), values, fitted.free)
