@@ -326,7 +326,8 @@ def _ranking(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
             continue
         meaning = "; ".join(found.study.catalogue[i].summary for i in r["effects"])
         rows.append([" + ".join(r["effects"]), meaning, _number(r["evidence"]), f"{r['ratio']:.3f}"])
-    page.table(["refitted with", "what it means", "log evidence over the base", "residual / noise"], rows)
+    if rows:
+        page.table(["refitted with", "what it means", "log evidence over the base", "residual / noise"], rows)
     page.text("Effects that gain nothing at the first steps of their refit are left out.")
     for name, others in found.equivalent.items() if found.named.ids else ():
         page.text(
