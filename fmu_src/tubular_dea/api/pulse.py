@@ -154,6 +154,10 @@ def best_pulse(
     UserError
         For invalid arguments, and where no pulse meets the limits or none helps.
 
+    References
+    ----------
+    R. Y. Rubinstein, D. P. Kroese, "The Cross-Entropy Method", Springer (2004): the search around the best points.
+
     Examples
     --------
     >>> import tubular_dea as td

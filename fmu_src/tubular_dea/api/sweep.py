@@ -145,6 +145,12 @@ def sweep(
     UserError
         For an invalid plan or folder, and where the extra `sweep` is not installed.
 
+    References
+    ----------
+    M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21 (1979) 239: the Latin hypercube.
+
+    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: the design and the estimates of Sobol indices.
+
     Examples
     --------
     >>> import tubular_dea as td
