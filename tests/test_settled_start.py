@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import tubular_dea as td
+from test_adjust import FREE, TRUTH, set_of
+from tubular_dea.discover import engine
 from tubular_dea.identify.records.start import UNKNOWN
+from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.plants.tube import PLANT
 
 RATE, LONG = 50.0, 40.0  # samples per second, s
@@ -50,3 +55,20 @@ def test_files_cut_from_a_longer_run_keep_states_of_their_own() -> None:
     found = searched(0.0, before=14.0)
     assert found.verdict == "no_effect"
     assert all(p.loose for p in found.discovery.study.pieces)
+
+
+def test_what_leaves_more_of_the_records_is_not_as_close_however_little_they_weigh() -> None:
+    """A start in the middle of a beat was an equilibrium beside a stop and a viscosity, that left twice the error: more
+    was taken for the noise of the pressure's monitor."""
+    study = adjusted(set_of(np.zeros(4)), (), TRUTH, FREE)
+    light = study.weighted([0.3 * p.weight for p in study.pieces])
+
+    def answer(study: object, **values: float) -> SimpleNamespace:
+        fitted = SimpleNamespace(values=TRUTH | values)
+        return SimpleNamespace(study=study, chosen=SimpleNamespace(ids=(), fitted=fitted))
+
+    found = answer(study)
+    assert engine._as_close(found, answer(light))
+    assert engine._as_close(found, answer(light, tau=1.001 * TRUTH["tau"]))
+    assert not engine._as_close(found, answer(light, tau=1.5 * TRUTH["tau"]))
+    assert engine._as_close(answer(study, tau=1.5 * TRUTH["tau"]), found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,10 @@ import numpy as np
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit
 from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, block_sums, parts
+from ...identify.fitting.problem import whitened
 from ...identify.signals.colour import filtered
+from ...identify.signals.noise import Noise
+from ...identify.study.nuisances import with_nuisances
 from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study
 
@@ -101,6 +104,19 @@ def excess(study: Study, squares: float) -> float:
     Sums of squares alone do not compare between studies that allow for other noise of their monitors.
     """
     return squares - expected_squares(study, study.pieces)
+
+
+def sensor_squares(study: Study, ids: Ids, values: Mapping[str, float], noise: Mapping[str, Noise]) -> float:
+    """The sum of squares that a model leaves of the training records in units of the sensors' `noise`, by output: no
+    sample weighs less for what inputs may have done. Infinite where the model has no answer."""
+    total = 0.0
+    answers = study.response(ids, study.training).possible(study.shared(values))
+    for piece, answer in zip(study.training, answers, strict=True):
+        if answer is None:
+            return float("inf")
+        white = whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, noise)
+        total += float(white @ white)
+    return total
 
 
 def expected_variance(study: Study, piece: Piece, block: int) -> np.ndarray:
