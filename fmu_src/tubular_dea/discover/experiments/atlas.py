@@ -25,7 +25,7 @@ from ...laws import seconds
 from ...model.effect import Effect
 from ...plants.plant import Plant
 from ...protocol import Protocol
-from ..scores.parameters import base_parameters, switched_off
+from ..scores.parameters import all_off, base_parameters
 from .next_experiment import sweeps
 
 # Set by judgement: pictures, by which nothing is decided. Check: `pytest tests/test_atlas.py`, `tubular-dea atlas`
@@ -122,7 +122,7 @@ class _Off:
 
     @classmethod
     def of(cls, plant: Plant, kernel: Kernel, cases: Sequence[Case]) -> _Off:
-        off = {n: v for name in kernel.model.effects for n, v in switched_off(plant.catalogue[name]).items()}
+        off = all_off(kernel.model.effects, plant.catalogue)
         values = plant.model.parameter_values() | off
         response = Response(kernel, cases)
         return cls(response, values, response.outputs_alone(values, FINER))

@@ -24,7 +24,7 @@ from ...identify.threads import side_by_side
 from ...kernel import Kernel, KernelError
 from ...model.effect import Effect
 from .levels import Passed, passed
-from .parameters import size, switched_off
+from .parameters import all_off, size, switched_off
 
 # Set by judgement: small against any curvature, large against the integrator's tolerance.
 # Check: `pytest tests/test_discover.py::test_scores_point_to_the_refit`
@@ -115,7 +115,7 @@ def _baseline(
     kernel: Kernel, problem: Problem, values: Mapping[str, float], effects: Mapping[str, Effect]
 ) -> _Baseline:
     response = problem.response.by(kernel)
-    off = {n: v for name in kernel.model.effects for n, v in switched_off(effects[name]).items()} | dict(values)
+    off = all_off(kernel.model.effects, effects) | dict(values)
     return _Baseline(response, off, response.outputs_alone(off, FINER))
 
 

@@ -18,7 +18,7 @@ from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ...kernel import Kernel, KernelError
 from .bank import Candidate
-from .parameters import switched_off
+from .parameters import all_off
 
 Strength = Mapping[str, float]  # by parameter, from off (SI)
 
@@ -84,7 +84,7 @@ class Compensation:
 
     def outputs(self, kernel: Kernel, values: Mapping[str, float]) -> list[np.ndarray]:
         """What a model with many effects reads, all off but for `values` (SI)."""
-        off = {n: v for e in kernel.model.effects for n, v in switched_off(self.catalogue[e]).items()}
+        off = all_off(kernel.model.effects, self.catalogue)
         return self.problem.response.by(kernel).outputs_alone(off | dict(values))
 
     def _step(self, column: np.ndarray) -> np.ndarray | None:

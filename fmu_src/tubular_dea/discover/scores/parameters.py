@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from ...identify.fitting.fit import Fit
@@ -128,6 +130,11 @@ def switched_on(effect: Effect) -> dict[str, float]:
 def switched_off(effect: Effect) -> dict[str, float]:
     """Values at which the effect is off, refinements included."""
     return switched_on(effect) | dict(effect.off)
+
+
+def all_off(ids: Iterable[str], catalogue: Mapping[str, Effect]) -> dict[str, float]:
+    """The same of several effects, as a model with many of them has it where none acts."""
+    return {n: v for name in ids for n, v in switched_off(catalogue[name]).items()}
 
 
 def clipped(free: Free, value: float) -> float:

@@ -28,7 +28,7 @@ from ...kernel import KernelError
 from ...model.effect import Effect
 from .bank import HIDDEN, Candidate, Point, candidates_at
 from .compensated import Compensation, step_towards
-from .parameters import switched_off
+from .parameters import all_off
 
 # Set by convention (Cohen, "Statistical power analysis for the behavioral sciences", 1988).
 # Check: `pytest tests/test_acceptance.py::test_what_would_have_been_seen_is_as_large_as_it_takes`
@@ -216,7 +216,7 @@ def _followed(training: Study, fitted: Fit, guess: Guess, size: float) -> float 
     shape, strength = guess.at(size)
     values = dict(fitted.values)
     kernel = training.compiled.scorers((), None)[guess.effect.id]
-    off = {n: v for name in kernel.model.effects for n, v in switched_off(training.catalogue[name]).items()}
+    off = all_off(kernel.model.effects, training.catalogue)
     effect = {n: guess.effect.off[n] + v for n, v in strength.items()}
     response = training.response((), training.pieces).by(kernel)
     try:
