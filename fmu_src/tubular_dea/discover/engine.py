@@ -47,10 +47,6 @@ MOST_QUIETER = 2  # [1] times that a search is repeated because the noise turned
 # Set by judgement: bounds the cost. Check: `pytest tests/test_settled_start.py`
 WORTH = 0.5  # [1] share of what starts and effects explained that a first effect may leave to the next ones
 
-# Set by measurement: a start in the middle of a beat, taken for an equilibrium, left 12.5 um where 6.5 were left with
-# states of its own, and a stop and a viscosity made up for the rest. Check: `pytest tests/test_settled_start.py`
-AS_CLOSE = 1.1  # [1] times the sum of squares of the records that an answer from equilibria may leave
-
 Progress = Callable[[str], None]
 
 
@@ -315,17 +311,21 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     if first.options[0].ids[-1] in found.chosen.ids:
         return found
     again = selection.forward_selection(work, fitted, numeric, seed, tell, [first])
-    return again if _as_close(found, again) and _explains_more(found, again, by_chance) else found
+    return again if _as_close(found, again, by_chance) and _explains_more(found, again, by_chance) else found
 
 
-def _as_close(found: Search, again: Search) -> bool:
-    """Whether the search `again` comes as close to the records as `found`, beside the sensors' noise: what inputs may
-    have done is taken for more where more is left."""
+def _as_close(found: Search, again: Search, by_chance: float) -> bool:
+    """Whether the search `again` comes as close to the records as `found` but for chance, beside the sensors' noise:
+    what inputs may have done is taken for more where more is left.
+
+    A start in the middle of a beat, taken for an equilibrium, left 12.5 um where 6.5 were left with states of its own,
+    and a stop and a viscosity made up for the rest; 16.1 um beside 15.9 were a stop.
+    """
     before, after = (
         residuals.sensor_squares(s.study, s.chosen.ids, s.chosen.fitted.values, found.study.noise)
         for s in (found, again)
     )
-    return after <= AS_CLOSE * before
+    return after <= before + by_chance
 
 
 def _explains_more(found: Search, again: Search, by_chance: float) -> bool:

@@ -85,7 +85,8 @@ class Drive:
     which the line through each continuous input bends, `edges` all switchings of held inputs that matter, `error` is
     how far the lines miss the record where no edge is near (rms, SI) by input, or straight lines a band-limited one.
     `shown` is whether edges were recorded on their way: then they are slow, or the monitors are. `zeros` (SI, by name)
-    are those of monitors that were taken off. `unheld` names held inputs that also move between their edges. `rises`
+    are those of monitors that were taken off, and `loads` how much of them the plant may have rested under instead
+    (SI, by name). `unheld` names held inputs that also move between their edges. `rises`
     are those of the amplifiers behind monitors that switch, by input. `step` [s] is the time between samples.
     In the spans `untold` (k, 2) [s], by name, samples do not tell how a continuous input moved.
     Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name), and of
@@ -100,6 +101,7 @@ class Drive:
     lines: Mapping[str, HeldLine] = field(default_factory=dict, repr=False)
     shown: bool = False
     zeros: Mapping[str, float] = field(default_factory=dict)
+    loads: Mapping[str, float] = field(default_factory=dict)
     unheld: frozenset[str] = frozenset()
     rises: Mapping[str, Rise] = field(default_factory=dict)
     step: float = 0.0
@@ -132,8 +134,15 @@ class Drive:
         lines = [line.moved(by, widened) for line in self.lines.values()]
         return joined([(line.time, line.values) for line in lines], list(self.lines))
 
-    def without(self, zeros: Mapping[str, float], still: Mapping[str, int], levels: Mapping[str, float]) -> Drive:
-        """The drive without the zeros (SI, by name) of some monitors, and with the first `still` points at a level."""
+    def without(
+        self,
+        zeros: Mapping[str, float],
+        still: Mapping[str, int],
+        levels: Mapping[str, float],
+        loads: Mapping[str, float],
+    ) -> Drive:
+        """The drive without the zeros of some monitors, of which `loads` may be none (SI, by name), and with the first
+        `still` points at a level."""
 
         def rested(name: str, line: HeldLine) -> HeldLine:
             values = line.values - zeros.get(name, 0.0)
@@ -143,7 +152,7 @@ class Drive:
         lines = {name: rested(name, line) for name, line in self.lines.items()}
         edges = tuple(replace(e, low=e.low - z, high=e.high - z) for e in self.edges for z in [zeros.get(e.input, 0.0)])
         protocol = joined([(line.time, line.values) for line in lines.values()], list(lines))
-        return replace(self, protocol=protocol, lines=lines, edges=edges, zeros=dict(zeros))
+        return replace(self, protocol=protocol, lines=lines, edges=edges, zeros=dict(zeros), loads=dict(loads))
 
 
 @dataclass(frozen=True)

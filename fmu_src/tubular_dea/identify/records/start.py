@@ -6,8 +6,9 @@ off is one of the record's own numbers (`adjust`), which the record itself deter
 
 What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
 before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
-the zero describes. A zero that all files have in common may be an effect and stays. What moves from the first sample on
-begins with nothing, for the same reason, up to a sample earlier: a sampling clock seldom begins with the plant. When it
+the zero describes. A zero that all files have in common may be an effect and stays, and what monitors show may be a
+small load as well, as in a closed circuit at rest: the plant starts at equilibrium with it, which it is at rest too
+where that is none. What moves from the first sample on begins with nothing, for the same reason, up to a sample earlier: a sampling clock seldom begins with the plant. When it
 began is one of the record's own numbers too.
 """
 
@@ -95,12 +96,14 @@ def zeroed(
     zeros: list[dict[str, float]] = [{} for _ in drives]
     still: list[dict[str, int]] = [{} for _ in drives]
     levels: dict[str, float] = {}
+    loads: dict[str, float] = {}
     for signal in plant.inputs:
         shown = {i: _at_rest(experiments[i], drives[i], signal.name) for i in resting}
         seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.zero}
         found = np.array([zero for zero, _ in seen.values()])
         effect = effects and _may_be_off(plant, signal.name)
         levels[signal.name] = _in_common(found, signal.zero) if effect else 0.0
+        loads[signal.name] = abs(float(found.mean()) - levels[signal.name]) if found.size else 0.0
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
         for i in resting:
@@ -112,7 +115,7 @@ def zeroed(
         _from_nothing(e, d, plant, s, r, latest)
         for e, d, s, r in zip(experiments, drives, still, shown_at_rest, strict=True)
     ]
-    return [d.without(z, s, levels) if s else d for (d, s), z in zip(begun, zeros, strict=True)]
+    return [d.without(z, s, levels, loads) if s else d for (d, s), z in zip(begun, zeros, strict=True)]
 
 
 def may_be_filtered(drives: Sequence[Drive]) -> bool:

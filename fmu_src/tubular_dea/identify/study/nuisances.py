@@ -233,7 +233,7 @@ def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
 def prior(study: Study, piece: Piece, name: str, spread: Mapping[str, float]) -> float:
     """The prior standard deviation of a nuisance parameter (SI); the usual one where no `spread` is known."""
     if name in spread:
-        return spread[name] * left_of(piece, name)
+        return spread[name] * left_of(study, piece, name)
     kinds: dict[str, Callable[[str], float]] = {
         EDGE_OF: lambda number: reach(piece.driven.edges[int(number)]),
         BEGUN_OF: lambda name: piece.driven.begun[name],
@@ -254,7 +254,11 @@ def usual_size(study: Study, piece: Piece, name: str) -> float:
         return 0.0
     if name.startswith(RISE_OF):
         return study.rises[name.removeprefix(RISE_OF)].stderr
-    return USUAL_DELAY * step_of(piece) if name.startswith(DELAY_OF) else size_of(study, name) * left_of(piece, name)
+    return (
+        USUAL_DELAY * step_of(piece)
+        if name.startswith(DELAY_OF)
+        else size_of(study, name) * left_of(study, piece, name)
+    )
 
 
 def size_of(study: Study, name: str) -> float:
@@ -264,16 +268,19 @@ def size_of(study: Study, name: str) -> float:
     return GAIN if name.startswith(GAIN_OF) else study.zero(name)
 
 
-def left_of(piece: Piece, name: str) -> float:
-    """The share of a zero that is left in a piece."""
-    return ZERO_LEFT if name in piece.driven.zeros else 1.0
+def left_of(study: Study, piece: Piece, name: str) -> float:
+    """The share of a zero that is left in a piece: what was taken off may have been a load."""
+    if name not in piece.driven.zeros:
+        return 1.0
+    load = piece.driven.loads.get(name, 0.0)
+    return max(ZERO_LEFT, load / study.zero(name)) if load else ZERO_LEFT
 
 
 def zero_spread(study: Study, name: str) -> float:
     """By how much zeros of a signal differ between files (SI, rms): what was taken off at rest, and what is left."""
     files = list({p.source: p for p in study.pieces}.values())
     taken = [p.driven.zeros[name] for p in files if name in p.driven.zeros]
-    left = study.spread[name] * np.array([left_of(p, name) for p in files])
+    left = study.spread[name] * np.array([left_of(study, p, name) for p in files])
     return float(np.hypot(np.std(taken) if taken else 0.0, np.sqrt(np.mean(left**2))))
 
 

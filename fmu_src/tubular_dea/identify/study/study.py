@@ -23,7 +23,7 @@ from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.checks import at_limit
 from ..records.data import Experiment, Recordings
-from ..records.start import MOVED, RESTED, loosened, may_be_filtered, zeroed
+from ..records.start import MOVED, RESTED, ZEROS, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
@@ -313,7 +313,7 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
     """A whole experiment, with every output that was recorded in it; it starts as what it follows did."""
     plant, start = recordings.plant, recordings.begun_by(experiment).start
     own: dict[str, float] = {n: plant.model.parameter_values()[n] for n in plant.each_start}
-    if start != RESTED and plant.model.curve is not None:
+    if plant.model.curve is not None and (start != RESTED or _rests_loaded(driven, plant)):
         own = {plant.model.curve.start_switch: 1.0}
     told = driven.tells(experiment.time)
     seen = {o.name: experiment.seen(o.name) & told for o in plant.outputs}
@@ -332,6 +332,12 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
         clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
         loose=recordings.is_loose(experiment),
     )
+
+
+def _rests_loaded(driven: Drive, plant: Plant) -> bool:
+    """Whether what a plant rested under may be a load, as small as the zero of a monitor."""
+    first = {s: driven.lines[s.name].values[0] for s in plant.inputs if s.name in driven.lines}
+    return bool(driven.loads) and all(abs(value) <= ZEROS * s.zero for s, value in first.items())
 
 
 def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Reading, np.ndarray]:
