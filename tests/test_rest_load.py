@@ -10,7 +10,7 @@ from tubular_dea.identify.study.nuisances import left_of
 from tubular_dea.identify.study.study import PRIOR, study
 from tubular_dea.plants.tube import PLANT
 
-RATE, LONG, REST = 100.0, 20.0, 133.0  # samples per second, s, Pa
+RATE, LONG, REST = 100.0, 20.0, 100.0  # samples per second, s, Pa
 
 
 def recorded(number: int, first: float, noise: float = 10e-6) -> dict[str, np.ndarray]:

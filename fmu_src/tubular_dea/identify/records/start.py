@@ -6,10 +6,11 @@ off is one of the record's own numbers (`adjust`), which the record itself deter
 
 What rests at zero inputs shows the zeros of their monitors: what a line through one begins with. They are taken off
 before anything is fitted, because a plant without damping at rest rings under them, in a way that no straight line in
-the zero describes. A zero that all files have in common may be an effect and stays, and what monitors show may be a
-small load as well, as in a closed circuit at rest: the plant starts at equilibrium with it, which it is at rest too
-where that is none. What moves from the first sample on begins with nothing, for the same reason, up to a sample earlier: a sampling clock seldom begins with the plant. When it
-began is one of the record's own numbers too.
+the zero describes. A zero that all files have in common may be an effect and stays. What monitors show may be a small
+load as well, as in a closed circuit at rest: the plant starts at equilibrium with it, which is rest where it is none.
+
+What moves from the first sample on begins with nothing, for the same reason, up to a sample earlier: a sampling clock
+seldom begins with the plant. When it began is one of the record's own numbers too.
 """
 
 from __future__ import annotations
