@@ -6,8 +6,10 @@ delay or lead. How long an amplifier rises is known as well as samples on its wa
 
 The mean of neighbouring samples has less noise than each. A delay of half a sample takes such a mean, and a lag another
 one, so both explain noise of a monitor that drives the model. How far the mean of a sample's neighbours replaces it is
-therefore a nuisance parameter, too, where effects are sought: what it leaves to a delay is odd in time. Elsewhere it
-would smooth the signal along with the noise. There, what a sensor drifts within a file is one instead.
+therefore a nuisance parameter, too, where effects are sought: what it leaves to a delay is odd in time. Noise that is
+slower than a sample does the same over longer means, and is taken for a slower lag or a friction that it cannot move;
+so where a monitor shows such noise, means over ever more samples are. Elsewhere it would smooth the signal along with
+the noise. There, what a sensor drifts within a file is one instead.
 """
 
 from __future__ import annotations
@@ -59,7 +61,13 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 # Set by theory: the mean of two neighbours leaves a third of the noise, but takes a curve's bend for noise; the cubic
 # through seven samples (Savitzky and Golay, Anal. Chem. 36 (1964) 1627) leaves as much and takes none.
 # Check: `pytest tests/test_adjust.py -k leaves_a_curve`
-SMOOTHERS = (np.array([0.5, 0, 0.5]), np.array([-2, 3, 6, 7, 6, 3, -2]) / 21)  # [1] weights of samples in a row
+MEAN = np.array([0.5, 0, 0.5])  # [1] weights of samples in a row
+CUBIC = np.array([-2, 3, 6, 7, 6, 3, -2]) / 21  # [1] the same
+
+# Set by measurement: of 1/f noise of 27 Pa at 1 kHz, 64 leaves a lag of 0.5 s, 256 none. Check:
+# `pytest tests/test_coloured_monitors.py`
+STRIDES = (4, 16, 64, 256)  # [samples] between those that the cubic goes through beside noise slower than a sample,
+OF_A_RECORD = 0.25  # [1] if they are in this share of a record
 
 # Set by theory: 1 in 400. Check: `pytest tests/test_adjust.py -k step_stays`
 BY_NOISE = 3.0  # [standard deviations] by which noise moves a sample off what smooths it
@@ -113,10 +121,7 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     cases += [(f"{BEGUN_OF}{name}", *_begun_earlier(piece, name)) for name, sd in piece.driven.begun.items() if sd > 0]
     cases += [(f"{SENT_OF}{name}", _earlier(piece, name, by), by) for name, by in piece.driven.room.items()]
     if study.sought:
-        linear = [s.name for s in study.plant.inputs if s.linear]
-        cases += [
-            (f"{SMOOTH_OF}{n} {w.size // 2}", _smoothed(study, piece, n, w), 1.0) for n in linear for w in SMOOTHERS
-        ]
+        cases += [smooth for s in study.plant.inputs if s.linear for smooth in _smoothers(study, piece, s.name)]
     cases += pushes(study, ids, values, piece) if study.remembering else []
     own = dict(piece.case.own)
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
@@ -210,10 +215,18 @@ def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
     return replace(piece.case, protocol=earlier.driven_by(piece.shifts)), by
 
 
-def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray) -> Case:
-    """The case with one of its inputs smoothed by `weights` of samples, the middle one its own, as far as noise moves
-    it: a step stays one."""
-    protocol, by, reach = piece.case.protocol, step_of(piece), weights.size // 2
+def _smoothers(study: Study, piece: Piece, name: str) -> list[tuple[str, Case, float]]:
+    """The nuisance parameters, with their cases, that smooth one of the inputs."""
+    samples = float(np.ptp(piece.case.times)) / step_of(piece)
+    strides = [s for s in STRIDES if s * (CUBIC.size - 1) < OF_A_RECORD * samples] if name in study.coloured else []
+    smoothers = [(MEAN, 1), *((CUBIC, stride) for stride in (1, *strides))]
+    return [(f"{SMOOTH_OF}{name} {w.size // 2 * by}", _smoothed(study, piece, name, w, by), 1.0) for w, by in smoothers]
+
+
+def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray, stride: int) -> Case:
+    """The case with one of its inputs smoothed by `weights` of samples a `stride` apart, the middle one its own, as far
+    as noise moves it: a step stays one."""
+    protocol, by, reach = piece.case.protocol, stride * step_of(piece), weights.size // 2
     changes = {k: float(w) - (k == 0) for k, w in enumerate(weights, -reach)}
     moved = protocol.delayed({str(k): (name, k * by) for k in changes if k})
     here = moved.inputs[name]

@@ -25,6 +25,7 @@ from ..records.checks import at_limit
 from ..records.data import Experiment, Recordings
 from ..records.start import MOVED, RESTED, ZEROS, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
+from ..signals.monitors import COLOURED
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
 from ..signals.sampling import SAME_STEP
@@ -126,8 +127,9 @@ class Study:
     how much zeros and gains differ between files (SI, by name), and `delays` those that filters give monitors (in
     samples, by signal) and `longer` how much longer amplifiers rise than was read (s, by input), once estimated. Unless
     effects are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors
-    whose noise the user knows. `remembering`: noise that the plant remembers is a record's own (`remembered`).
-    `firm`: zeros and gains differ between files by no more than is usual.
+    whose noise the user knows, `coloured` those that show noise slower than a sample. `remembering`: noise that the
+    plant remembers is a record's own (`remembered`). `firm`: zeros and gains differ between files by no more than is
+    usual.
     """
 
     plant: Plant
@@ -143,6 +145,7 @@ class Study:
     sought: bool = True
     tolerance: float = TOLERANCE
     stated: frozenset[str] = frozenset()
+    coloured: frozenset[str] = frozenset()
     remembering: bool = True
     firm: bool = False
 
@@ -257,6 +260,7 @@ def study(
             prior,
             sought=effects,
             stated=frozenset(recordings.noise) & {s.name for s in plant.inputs},
+            coloured=frozenset(n for n, level in levels.items() if level > COLOURED * _fast(drives, n)),
         )
     )
 
@@ -290,7 +294,7 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
     Where a file rests at first, its colour shows.
     """
-    found = {s.name: float(np.median([d.noise[s.name] for d in drives])) for s in recordings.plant.inputs}
+    found = {s.name: _fast(drives, s.name) for s in recordings.plant.inputs}
     rested = [recordings.starts[e.name] == RESTED for e in recordings.experiments]
     groups: dict[float, list[int]] = {}  # the files with each sampling step
     for number, driven in enumerate(drives):
@@ -307,6 +311,11 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
             ]
             found[signal.name] = max(fast, *rests, *longest)
     return found
+
+
+def _fast(drives: Sequence[Drive], name: str) -> float:
+    """The noise of a monitor from sample to sample."""
+    return float(np.median([d.noise[name] for d in drives]))
 
 
 def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_out: bool) -> Piece:
