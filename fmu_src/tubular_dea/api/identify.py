@@ -24,6 +24,7 @@ from ..identify.study import procedure
 from ..identify.study.adjust import adjusted
 from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.nuisances import with_nuisances
+from ..identify.study.remembered import NOISE_OF
 from ..identify.study.study import PRIOR, Study, study
 from ..model.declare import Model, nearest
 from ..model.units import in_units_of, in_words, readable
@@ -275,7 +276,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
     """The content of parameters.json, in SI units."""
     model, left, first = work.plant.model, _misfit(work, problem, best), work.plant.outputs[0].name
     answers = problem.response.outputs(best.values)
-    outputs = [with_nuisances(work, p, y, astray=True) for p, y in zip(work.training, answers, strict=True)]
+    outputs = [with_nuisances(work, p, y, without=NOISE_OF) for p, y in zip(work.training, answers, strict=True)]
     parameters = {
         name: {
             "value": best.values[name],

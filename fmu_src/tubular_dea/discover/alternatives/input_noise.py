@@ -19,7 +19,7 @@ from ...identify.fitting.misfit import BLOCK
 from ...identify.fitting.problem import whitened
 from ...identify.signals.monitors import GAUSSIAN_MAD
 from ...identify.study.monitor_uncertainty import slow_sensitivities
-from ...identify.study.nuisances import corner_squares, with_nuisances
+from ...identify.study.nuisances import SMOOTH_OF, corner_squares, with_nuisances
 from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study
 from ...protocol import Protocol
@@ -116,13 +116,13 @@ def _fastest(study: Study, name: str) -> float:
 
 
 def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
-    """What answers of the model leave of each record, whitened by the sensor's noise and averaged over blocks (B,);
-    None of what is held out or has no answer."""
+    """What answers of the model leave of each record, whitened by the sensor's noise and averaged over blocks (B,), with
+    all that the monitors' noise moves; None of what is held out or has no answer."""
     return [
         None
         if piece.held_out or answer is None
         else block_means(
-            whitened(piece.case, with_nuisances(study, piece, answer) - piece.record, study.noise), [piece]
+            whitened(piece.case, with_nuisances(study, piece, answer, SMOOTH_OF) - piece.record, study.noise), [piece]
         )
         for piece, answer in zip(study.pieces, answers, strict=True)
     ]

@@ -12,6 +12,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit, goodness, rmse
 from ...identify.fitting.intervals import interval
 from ...identify.study.nuisances import with_nuisances, zero_spread
+from ...identify.study.remembered import NOISE_OF
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ...model.declare import Model, Quantity
@@ -263,7 +264,7 @@ def errors(study: Study, ids: Ids, values: Mapping[str, float]) -> dict[str, Any
     names = list(dict.fromkeys([*study.noise, *(r.output for p in study.pieces for r, _ in p.beside)]))
     try:
         answers = study.response(ids, study.pieces).outputs(values)
-        corrected = [with_nuisances(study, p, y, astray=True) for p, y in zip(study.pieces, answers, strict=True)]
+        corrected = [with_nuisances(study, p, y, without=NOISE_OF) for p, y in zip(study.pieces, answers, strict=True)]
         rows = [row for p, y in zip(study.pieces, corrected, strict=True) for row in _rows(p, y)]
         rows += [(r.piece, r.output, r.record, r.answer) for r in second_output.predicted(study, ids, values)]
     except KernelError:

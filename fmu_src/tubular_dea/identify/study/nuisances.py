@@ -297,14 +297,14 @@ def zero_spread(study: Study, name: str) -> float:
     return float(np.hypot(np.std(taken) if taken else 0.0, np.sqrt(np.mean(left**2))))
 
 
-def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, astray: bool = False) -> np.ndarray:
-    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters; `astray`: as
-    far as noise leads it that the plant remembers, as it does any model that is driven by what was recorded."""
+def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, without: str = "") -> np.ndarray:
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters; `without` those
+    of this kind: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
     own = likeliest(study, piece, answer)
-    if astray:
-        own = np.where([n.startswith(NOISE_OF) for n in piece.nuisances.names], 0.0, own)
+    if without:
+        own = np.where([n.startswith(without) for n in piece.nuisances.names], 0.0, own)
     return answer + piece.nuisances.columns @ own
 
 
