@@ -104,8 +104,8 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
         for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
             names.append(f"{HUM_OF}{number} {reading.output}")
             columns.append(_placed(piece, part, wave))
-    monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
-    cases = [(name, *shifted(piece.case, name)) for name in monitors]
+    cases = [(s.name, *shifted(piece.case, s.name)) for s in study.plant.inputs if study.zero(s.name) > 0]
+    monitors = [s.name for s in study.plant.inputs if s.known_zero > 0]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
     cases += [(f"{DELAY_OF}{name}", *_delayed(piece, name)) for name in monitors]
     switching = {e.input for e in piece.driven.edges}
