@@ -159,3 +159,28 @@ def test_a_breakpoint_more_changes_nothing() -> None:
     assert more.time.tolist() == [0, 0.25, 1, 1, 3]
     assert more.inputs["load"].tolist() == [0, 0.5, 2, 5, 7]
     assert step.with_time(1.0) is step
+
+
+def test_a_held_input_keeps_each_row_until_the_next() -> None:
+    recorded = Protocol.of([0, 1, 2, 3], u=[0, 4, 4, 1], p=[0, 10, 20, 30]).holding(["u"])
+    times = [0, 0.99, 1, 1.5, 2.5, 2.999, 3]
+    assert recorded.at(times)["u"].tolist() == [0, 0, 4, 4, 4, 4, 1]
+    assert recorded.at(times)["p"] == pytest.approx([0, 9.9, 10, 15, 25, 29.99, 30])
+    assert recorded.jumps.tolist() == [1, 3]  # where nothing jumps, nothing stops the solver
+
+
+def test_a_mean_is_that_since_the_row_before() -> None:
+    recorded = Protocol.of([0, 1, 2], rain=[7, 4, 1]).holding([], ["rain"])
+    assert recorded.at([0.01, 0.99, 1, 1.99, 2])["rain"].tolist() == [4, 4, 1, 1, 1]
+
+
+def test_an_edge_that_is_written_as_a_pair_of_rows_stays_what_it_is() -> None:
+    """A saw tooth, and a level that two close rows end: the row before a jump is told, not held over."""
+    given = Protocol.of([0, 1, 1, 2, 2.5, 2.500001, 3, 3], u=[0, 5, 1, 1, 1, 2, 3, 3])
+    held = given.holding(["u"])
+    times = [0, 0.5, 0.999, 1, 1.5, 2.25, 2.6]
+    assert held.at(times)["u"] == pytest.approx([0, 2.5, 4.995, 1, 1, 1, 2.2], abs=1e-3)
+    only_pairs = Protocol.of([0, 1, 1, 3], u=[0, 0, 5, 5])
+    again = only_pairs.holding(["u"])
+    assert again.time.tolist() == only_pairs.time.tolist()
+    assert again.inputs["u"].tolist() == [0, 0, 5, 5]

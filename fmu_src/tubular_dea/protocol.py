@@ -115,6 +115,27 @@ class Protocol:
         places = self._places(wanted, np.searchsorted(self.time, wanted, side="right"))
         return {name: places.of(self.inputs[name]) for name in chosen}
 
+    def holding(self, held: Sequence[str], means: Sequence[str] = ()) -> Protocol:
+        """The protocol in which the inputs `held` keep each value until the next time, and `means` have each one since
+        the time before.
+
+        Where a time is listed twice, whoever wrote it knew what came before the jump: there all inputs stay straight.
+        """
+        first = np.flatnonzero(np.append(True, np.diff(self.time) > 0))
+        last, paired = np.append(first[1:] - 1, self.time.size - 1), np.append(np.diff(first) > 1, False)
+        paired[-1] = last[-1] > first[-1]
+        begins, ends = ({name: values[rows] for name, values in self.inputs.items()} for rows in (last[:-1], first[1:]))
+        for name in held:
+            ends[name] = np.where(paired[1:], ends[name], begins[name])
+        for name in means:
+            begins[name] = np.where(paired[:-1], begins[name], ends[name])
+        table = {n: np.append(np.column_stack([begins[n], ends[n]]).ravel(), v[-1]) for n, v in self.inputs.items()}
+        time = np.append(np.repeat(self.time[first], 2)[1:-1], self.time[-1])
+        jumps = np.any([np.append(True, np.diff(values) != 0) for values in table.values()], axis=0)
+        known = np.isin(time, self.time[first[paired]])
+        kept = np.append(True, np.diff(time) > 0) | jumps | known
+        return Protocol(time[kept], {name: values[kept] for name, values in table.items()})
+
     def delayed(self, signals: Mapping[str, tuple[str, float]]) -> Protocol:
         """The protocol with more inputs: for each name, another input (name, delay [s]), exactly, as it was then.
 

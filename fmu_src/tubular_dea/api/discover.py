@@ -98,7 +98,7 @@ class DiscoveryResult:
         from ..report.close_loop import error_lines
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
-        said += between_files.unlike(self.discovery)
+        said += [*between_files.unlike(self.discovery), *between_files.assumed(self.discovery)]
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said

@@ -17,7 +17,7 @@ from ..kernel.checks import check_protocol, doubles
 from ..model.declare import Model, Quantity, nearest
 from ..model.units import factor, three
 from ..plants.load import shipped_of
-from ..plants.plant import Plant
+from ..plants.plant import Input, Plant
 from ..protocol import INTERVAL, STOP, Protocol, from_specifications, read_csv
 from . import tables
 from .given import Amount, AnyModel, AnyPlant, amount, brief, model_of, parameters_of, plant_of
@@ -36,12 +36,13 @@ class SimulationResult(Trajectory):
     """The response of a model: values by name at `time` [s], each of shape (n,), in SI units.
 
     ``run["radial_displacement"]`` is one of them. `model` is what was driven; `remarks` are warnings in words, `jumps`
-    the times [s] at which inputs jump.
+    the times [s] at which inputs jump; `between` says how inputs from a file were taken to go on between its rows.
     """
 
     model: Model = field(kw_only=True)
     remarks: tuple[str, ...] = ()
     jumps: np.ndarray = field(default_factory=lambda: np.empty(0))
+    between: str = ""
 
     def __repr__(self) -> str:
         return f"<SimulationResult: {self.model.name}, {self.time.size} samples, {'; '.join(self.lines())}>"
@@ -58,6 +59,7 @@ class SimulationResult(Trajectory):
     def lines(self) -> list[str]:
         """A summary as text: what drove the model (a number without a unit was SI), and what it did."""
         said = [f"driven by {' and '.join(map(self._course, self.model.inputs))}"] if self.model.inputs else []
+        said += [self.between] if self.between else []
         if "snap_through_margin" in self.values:
             return [*said, *self._fold()]
         for name in self.model.outputs:
@@ -143,7 +145,9 @@ def simulate(
         What is driven: ``td.tube()``, ``td.load("model.json")``, ``"tube"``, ``"aorta"``, ``"FILE.py[:NAME]"``, or a
         model.json.
     inputs : Protocol, mapping, str or Path, optional
-        Breakpoints of all inputs; or a CSV file headed with quantities and units; or inputs by name as in `signals`.
+        Breakpoints of all inputs, straight in between; or a CSV file headed with quantities and units, between whose
+        rows inputs go on as the plant declares them (`held` or straight; straight up to a time that is listed twice);
+        or inputs by name as in `signals`.
     stop : float or str
         End of the run [s], where inputs are not given over a time of their own (default: 5 s).
     interval : float or str
@@ -193,17 +197,51 @@ def simulate(
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     protocol = _protocol(chosen, timed, named, stop)
     remarks: tuple[str, ...] = ()
+    between = ""
     if isinstance(timed, str | Path):
-        owner = plant if plant is not None else model if isinstance(model, Plant) else shipped_of(chosen.name)
-        remarks = tuple(_odd(Path(timed), protocol, plant_of(owner))) if owner is not None else ()
+        owner = _owner(model, chosen, plant)
+        remarks = tuple(_odd(Path(timed), protocol, owner)) if owner is not None else ()
+        protocol, between = _as_recorded(protocol, owner)
     sampled = _times(protocol, spacing) if wanted is None else wanted
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
     remarks += tuple(_runs_away(found))
     return SimulationResult(
-        found.time, found.values, found.steps, found.rejected, model=chosen, remarks=remarks, jumps=protocol.jumps
+        found.time,
+        found.values,
+        found.steps,
+        found.rejected,
+        model=chosen,
+        remarks=remarks,
+        jumps=protocol.jumps,
+        between=between,
     )
+
+
+def _owner(model: AnyModel, chosen: Model, plant: AnyPlant | None) -> Plant | None:
+    """The plant that says how inputs are recorded; None where nobody told which one it is."""
+    if plant is not None:
+        return plant_of(plant)
+    if isinstance(model, Plant):
+        return model
+    named = isinstance(model, str | Path) and not str(model).endswith(".json")
+    return plant_of(str(model)) if named else shipped_of(chosen.name)
+
+
+def _as_recorded(protocol: Protocol, plant: Plant | None) -> tuple[Protocol, str]:
+    """The inputs of a file as the plant declares that they go on between its rows, and that in words."""
+    known = {s.name: s for s in plant.inputs} if plant is not None else {}
+    signals = [known.get(name, Input(name)) for name in protocol.inputs]
+    ways = {
+        "held until the next row": [s.name for s in signals if s.held and not s.mean],
+        "the mean since the row before": [s.name for s in signals if s.mean],
+        "straight": [s.name for s in signals if not s.held],
+    }
+    held, means, _ = ways.values()
+    told = ", ".join(f"{' and '.join(names)} {way}" for way, names in ways.items() if names)
+    between = f"between the rows of the file: {told}" if told else ""
+    return protocol.holding(held, means) if held or means else protocol, between
 
 
 def _protocol(

@@ -2,8 +2,9 @@
 
 Inputs are short specifications, or a CSV file whose header names quantity and unit:
   time [s],pressure [mmHg],voltage [kV]
-Commas between columns, points before decimals, these very names, any usual unit; other columns are left alone. A time
-listed twice is a jump; between rows the inputs are linear.
+Commas between columns, points before decimals, these very names, any usual unit; other columns are left alone. Between
+rows an input that the plant declares held (the tube's voltage) keeps its value, and the others are straight. A time
+listed twice is a jump; up to it all are straight.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from ..identify.records.data import Recordings
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.study import PRIOR, Study, study
 from ..identify.threads import one_blas_thread
-from .alternatives import input_noise, numerics, zeros
+from .alternatives import assumed_zeros, input_noise, numerics, zeros
 from .alternatives.backwards import Backwards, backwards
 from .alternatives.settled_start import started_at_equilibrium
 from .alternatives.unlike_files import Unlike, unlike_files
@@ -216,7 +216,23 @@ def _found(
     """What numerical errors may gain, and the search."""
     numeric = numerics.numeric_gain(work, fitted.values)
     found = _with_firm_monitors(_searched(work, fitted, numeric, seed, tell), numeric, seed, tell)
-    return numeric, _from_equilibrium(prepared, found, recordings, seed, tell)
+    found = _from_equilibrium(prepared, found, recordings, seed, tell)
+    return numeric, _with_zeros(found, numeric, seed, tell)
+
+
+def _with_zeros(found: Search, numeric: float, seed: int, tell: Progress) -> Search:
+    """The search with zeros of a usual size for signals of which the plant declares none, if these leave noise alone
+    with fewer effects than were `found`."""
+    complete = assumed_zeros.enough(found.study, found.chosen)
+    allowed = None if complete and not found.chosen.ids else assumed_zeros.with_assumed(found.base_study)
+    if allowed is None:
+        return found
+    tell("do zeros of sensors explain as much?")
+    if not assumed_zeros.explain(found, allowed):
+        return found
+    other = _searched(*base_settled(allowed, found.base.fitted, seed), numeric, seed, tell)
+    fewer = not complete or len(other.chosen.ids) < len(found.chosen.ids)
+    return other if fewer and assumed_zeros.enough(other.study, other.chosen) else found
 
 
 def _with_firm_monitors(found: Search, numeric: float, seed: int, tell: Progress) -> Search:

@@ -246,7 +246,7 @@ def _bench(plant: Plant) -> dict[str, Any]:
     """What a recording of the plant looks like: signals, what is plausible, how long and how fine."""
 
     def signal(s: Input | Output) -> dict[str, Any]:
-        limits = {"zero": s.zero, "least": s.least, "most": s.most if math.isfinite(s.most) else None}
+        limits = {"zero": s.known_zero, "least": s.least, "most": s.most if math.isfinite(s.most) else None}
         return limits | {"name": s.name, "unit": plant.quantity(s.name).unit, "mislabelled": list(s.mislabelled)}
 
     return {

@@ -42,7 +42,8 @@ class Input:
     held input then has each value up to its time, not from there on. A recording whose largest value (SI) is not
     between `least` and `most` was labelled with a wrong unit: `mislabelled` says what it then is, below and above.
     `zero` is the usual size of a monitor's own zero error (SI; 0: there is none); those found may differ between files
-    by up to three times as much, and errors are told without them. `channel` is the name in reports of effects on its
+    by up to three times as much, and errors are told without them. Without it (None), a search assumes zeros where they
+    explain what effects would have to, and says so. `channel` is the name in reports of effects on its
     path into the plant. `direct` says whether an output follows it at once; None: as the plant's model has it.
     """
 
@@ -52,7 +53,7 @@ class Input:
     least: float = 0.0
     most: float = math.inf
     mislabelled: tuple[str, str] = ("", "")
-    zero: float = 0.0
+    zero: float | None = None
     channel: str = ""
     direct: bool | None = None
     mean: bool = False
@@ -70,6 +71,11 @@ class Input:
             )
 
     @property
+    def known_zero(self) -> float:
+        """The usual size of its zero error where that is declared, else 0."""
+        return self.zero or 0.0
+
+    @property
     def linear(self) -> bool:
         """Whether it is linear between samples."""
         return not self.held and not self.band_limited
@@ -83,7 +89,8 @@ class Output:
     from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
     `zero` is the usual size of the sensor's own zero error, another one in each file (SI; 0: there is none); those
     found may differ between files by up to ten times as much, and errors are told without them. A file that would need
-    twenty times as much is said, and is not explained.
+    twenty times as much is said, and is not explained. Without it (None), a search assumes zeros where they explain
+    what effects would have to, and says so.
     `required` is False for a second output that files may have. `feels_rates` is True for one that an input's rate
     drives (a current): where inputs move fast nobody knows it to better than a part of a sample, so that it takes no
     part in fits, and tells effects apart that explain the other outputs alike.
@@ -94,11 +101,16 @@ class Output:
     least: float = 0.0
     most: float = math.inf
     mislabelled: tuple[str, str] = ("", "")
-    zero: float = 0.0
+    zero: float | None = None
     channel: str = "sensor"
     rest: float | None = None
     required: bool = True
     feels_rates: bool = False
+
+    @property
+    def known_zero(self) -> float:
+        """The usual size of its zero error where that is declared, else 0."""
+        return self.zero or 0.0
 
     @property
     def headings(self) -> tuple[str, ...]:

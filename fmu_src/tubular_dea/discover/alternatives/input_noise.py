@@ -116,8 +116,8 @@ def _fastest(study: Study, name: str) -> float:
 
 
 def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
-    """What answers of the model leave of each record, whitened by the sensor's noise and averaged over blocks (B,), with
-    all that the monitors' noise moves; None of what is held out or has no answer."""
+    """What answers of the model leave of each record, with all that the monitors' noise moves, whitened by the sensor's
+    noise and averaged over blocks (B,); None of what is held out or has no answer."""
     return [
         None
         if piece.held_out or answer is None

@@ -77,6 +77,23 @@ def implausible_zero(found: Discovery) -> list[str]:
     ]
 
 
+def assumed(found: Discovery) -> list[str]:
+    """Zeros that the plant does not declare, and that explain what effects would have had to."""
+    study, plant = found.study, found.study.plant
+    if not study.assumed:
+        return []
+    inputs = {s.name for s in plant.inputs}
+    sizes = {n: zero_spread(study, n) for n in study.assumed}
+    told = ", ".join(f"of {n} {plant.quantity(n).in_words(size)}" for n, size in sizes.items())
+    kinds = {n: "Input" if n in inputs else "Output" for n in study.assumed}
+    declared = " and ".join(f'{kind}("{n}", zero=...)' for n, kind in kinds.items())
+    return [
+        f"The files agree only if each has zeros of its own ({told}; rms): without these, effects would be named for "
+        f"them, or something would seem to be missing. The plant declares none: if its sensors have such zeros, give "
+        f"their usual size, as {declared}; if they have none, say zero=0."
+    ]
+
+
 def spread(found: Discovery) -> list[str]:
     """Zeros that differ from file to file by more than what is usual on the bench, but for one told by `shifted`."""
     said, lacks = [], not noise_alone(found.named)

@@ -27,6 +27,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *counted_backwards(found),
         *between_files.implausible_zero(found),
         *between_files.unlike(found),
+        *between_files.assumed(found),
         *unexplained_output(found),
         *_one_point(found),
         *_ended(found),

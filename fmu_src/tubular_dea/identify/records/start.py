@@ -61,14 +61,14 @@ def detected(experiment: Experiment, plant: Plant) -> str:
     time, static = experiment.time, not plant.model.states
     if not static and (plant.model.curve is None or not experiment.outputs):
         return RESTED
-    loaded = any(_begins_off(time, experiment.inputs[s.name], s.zero) for s in plant.inputs)
+    loaded = any(_begins_off(time, experiment.inputs[s.name], s.known_zero) for s in plant.inputs)
     if static:
         return UNKNOWN if loaded else RESTED
     name = next(iter(experiment.outputs))
     seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
     if signal.rest is None or not loaded:
         return RESTED
-    moved = _begins_off(time[seen], experiment.outputs[name][seen] - signal.rest, signal.zero)
+    moved = _begins_off(time[seen], experiment.outputs[name][seen] - signal.rest, signal.known_zero)
     return UNKNOWN if moved else RESTED
 
 
@@ -100,10 +100,10 @@ def zeroed(
     loads: dict[str, float] = {}
     for signal in plant.inputs:
         shown = {i: _at_rest(experiments[i], drives[i], signal.name) for i in resting}
-        seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.zero}
+        seen = {i: rest for i, rest in shown.items() if rest and abs(rest[0]) <= ZEROS * signal.known_zero}
         found = np.array([zero for zero, _ in seen.values()])
         effect = effects and _may_be_off(plant, signal.name)
-        levels[signal.name] = _in_common(found, signal.zero) if effect else 0.0
+        levels[signal.name] = _in_common(found, signal.known_zero) if effect else 0.0
         loads[signal.name] = abs(float(found.mean()) - levels[signal.name]) if found.size else 0.0
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
@@ -129,7 +129,7 @@ def _may_begin_with_nothing(experiment: Experiment, driven: Drive, signal: Input
     line, time = driven.lines[signal.name], experiment.time
     first, second = np.interp(time[:2], line.time, line.values)
     moves = 0.0 if line.edge[0] >= 0 or abs(second) < abs(first) else abs(second - first)
-    return bool(abs(first) <= ZEROS * signal.zero + moves)
+    return bool(abs(first) <= ZEROS * signal.known_zero + moves)
 
 
 def _from_nothing(
@@ -171,7 +171,7 @@ def _begun(
     noise = np.hypot(driven.noise[signal.name], np.ptp(values) / samples / BEGINS)  # and how finely it is tried
     if noise == 0.0:
         return float(time[0]), 0.0
-    left = np.array([_left_of_hinge(after - by, values / noise, signal.zero / noise) for by in part])
+    left = np.array([_left_of_hinge(after - by, values / noise, signal.known_zero / noise) for by in part])
     chance = np.where(part == 0, AT_FIRST, (1 - AT_FIRST) / BEGINS) * np.exp(0.5 * (left.min() - left))
     mean = float(np.average(part, weights=chance))
     spread = float(np.sqrt(np.average((part - mean) ** 2, weights=chance)))

@@ -112,8 +112,8 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
         for number, wave in enumerate(hums.waves(study.noise[reading.output].hum, reading.times).T):
             names.append(f"{HUM_OF}{number} {reading.output}")
             columns.append(_placed(piece, part, wave))
-    monitors = [s.name for s in study.plant.inputs if study.zero(s.name) > 0]
-    cases = [(name, *shifted(piece.case, name)) for name in monitors]
+    cases = [(s.name, *shifted(piece.case, s.name)) for s in study.plant.inputs if study.zero(s.name) > 0]
+    monitors = [s.name for s in study.plant.inputs if s.known_zero > 0]
     cases += [(f"{GAIN_OF}{name}", _amplified(piece.case, name), GAIN) for name in monitors]
     cases += [(f"{DELAY_OF}{name}", *_delayed(piece, name)) for name in monitors]
     switching = {e.input for e in piece.driven.edges}
@@ -298,8 +298,8 @@ def zero_spread(study: Study, name: str) -> float:
 
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, without: str = "") -> np.ndarray:
-    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters; `without` those
-    of this kind: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters, `without` those
+    of a kind: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
     own = likeliest(study, piece, answer)

@@ -11,7 +11,7 @@ from ...errors import ArgumentError, UserError
 from ...kernel import KernelError
 from ...model.declare import nearest
 from ...model.effect import Effect
-from ...plants.plant import Plant
+from ...plants.plant import Input, Output, Plant
 from ...protocol import Protocol
 from ..fitting.cases import Case, Reading
 from ..fitting.compiled import Compiled, Ids
@@ -129,7 +129,7 @@ class Study:
     effects are `sought`, all that may be a record's own is. `tolerance` is the integrator's. `stated` are the monitors
     whose noise the user knows, `coloured` those that show noise slower than a sample. `remembering`: noise that the
     plant remembers is a record's own (`remembered`). `firm`: zeros and gains differ between files by no more than is
-    usual.
+    usual. `zeros` are the usual ones of signals (SI), as the plant declares them or as they are `assumed`.
     """
 
     plant: Plant
@@ -148,6 +148,7 @@ class Study:
     coloured: frozenset[str] = frozenset()
     remembering: bool = True
     firm: bool = False
+    zeros: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def catalogue(self) -> Mapping[str, Effect]:
@@ -194,8 +195,13 @@ class Study:
 
     def zero(self, name: str) -> float:
         """The usual zero error of a signal (SI); 0 for a name that is no signal."""
-        zeros = {s.name: s.zero for s in self.plant.inputs} | {s.name: s.zero for s in self.plant.outputs}
-        return zeros.get(name, 0.0)
+        return self.zeros.get(name, 0.0)
+
+    @property
+    def assumed(self) -> list[str]:
+        """The signals of which the plant declares no zero, and which are allowed one all the same."""
+        declared = declared_zeros(self.plant)
+        return [name for name, size in self.zeros.items() if size > declared[name]]
 
     def response(self, ids: Ids, pieces: Sequence[Piece], *more: Effect) -> Response:
         """The model with the effects `ids` of the catalogue and `more` on some pieces."""
@@ -261,8 +267,15 @@ def study(
             sought=effects,
             stated=frozenset(recordings.noise) & {s.name for s in plant.inputs},
             coloured=frozenset(n for n, level in levels.items() if level > COLOURED * _fast(drives, n)),
+            zeros=declared_zeros(plant),
         )
     )
+
+
+def declared_zeros(plant: Plant) -> dict[str, float]:
+    """The usual zero error of every signal that the plant declares one of (SI)."""
+    signals: list[Input | Output] = [*plant.inputs, *plant.outputs]
+    return {s.name: s.known_zero for s in signals}
 
 
 def log_determinant(pieces: Sequence[Piece]) -> float:
@@ -346,7 +359,7 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
 def _rests_loaded(driven: Drive, plant: Plant) -> bool:
     """Whether what a plant rested under may be a load, as small as the zero of a monitor."""
     first = {s: driven.lines[s.name].values[0] for s in plant.inputs if s.name in driven.lines}
-    return bool(driven.loads) and all(abs(value) <= ZEROS * s.zero for s, value in first.items())
+    return bool(driven.loads) and all(abs(value) <= ZEROS * s.known_zero for s, value in first.items())
 
 
 def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Reading, np.ndarray]:

@@ -39,9 +39,13 @@ function setOptions(view, model) {
     `--set ${state[view].set[q.name] !== undefined && q.type !== "Boolean" ? shell(q.name, state[view].set[q.name], q.shown) : shell(q.name, q.type === "Boolean" ? Boolean(values[q.name]) : values[q.name], q.unit)}`);
 }
 
+/* Breakpoints as a file. `simulate` would keep a held input until the next row: where one moves on a straight line, the
+   row at its end stands there twice, up to which all inputs are straight. */
 function tableOf(drive) {
+  const names = facts.tube.inputs.map((q) => q.name), held = facts.bench.inputs.filter((s) => s.held).map((s) => s.name);
+  const straight = (i) => i > 0 && drive.time[i] > drive.time[i - 1] && drive.time[i] !== drive.time[i + 1] && held.some((name) => drive.inputs[name][i] !== drive.inputs[name][i - 1]);
   const head = ["time [s]", ...facts.tube.inputs.map((q) => `${q.name} [${q.unit}]`)].join(",");
-  return [head, ...Array.from(drive.time, (t, i) => [t, ...facts.tube.inputs.map((q) => drive.inputs[q.name][i])].join(","))].join("\n");
+  return [head, ...Array.from(drive.time, (t, i) => Array(straight(i) ? 2 : 1).fill([t, ...names.map((name) => drive.inputs[name][i])].join(","))).flat()].join("\n");
 }
 
 function tubeCommand() {
