@@ -394,7 +394,7 @@ def test_what_moves_five_times_as_much_as_at_rest_is_no_noise(monkeypatch: pytes
         coasting = np.where(time < 1.0, 0.0, wandering + 3 * (time - 1.0))
         listed.append((time, coasting + 0.05 * random.standard_normal(time.size), np.array([0.0, 1.0])))
     later = [(t[1000:], y[1000:], np.array([1.0])) for t, y, _ in listed]
-    monkeypatch.setattr(noise, "_chosen", lambda records, apart: (stretches(later), True, False))
+    monkeypatch.setattr(noise, "_chosen", lambda records, apart, pace: (stretches(later), True, False))
     found = estimate(listed)
     assert found.quiet and found.rms == pytest.approx(0.05, rel=0.1)
 
