@@ -80,11 +80,7 @@ def as_told(quiet: Sequence[Stretches], found: ColourEstimate, pace: float = 1.0
 
 
 def coloured(
-    quiet: Sequence[Stretches],
-    step: float,
-    most: float = MOST_ALIKE_BESIDE,
-    earned: float = EARNED,
-    pace: float = 1.0,
+    quiet: Sequence[Stretches], step: float, most: float = MOST_ALIKE_BESIDE, earned: float = EARNED, pace: float = 1.0
 ) -> ColourEstimate:
     """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place.
 

@@ -18,7 +18,7 @@ from . import hum as hums
 from .colour import Colour
 from .sampling import SAME_STEP, usual_step
 
-# Set by judgement: times are those of a plant of the usual pace (`pace_of`). Check: `pytest tests/test_noise.py`,
+# Set by judgement: at the usual pace, a slower plant takes longer. Check: `pytest tests/test_noise.py`,
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
 LEAST_STRETCH = 30  # [samples] that it has at least
@@ -35,11 +35,11 @@ ON_TIME = 1e-9  # [s] by which a sample may be too early for a stretch that begi
 SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 SAME_RATE = 0.1  # [1] by which a step differs at most from the one before, of samples of one rate
 
-# Set by measurement: of 1, 4 and 10 ms, ten leave an oven at 5 s and tanks at 4 s the noise that they have, and a motor
-# at 20 ms a quiet stretch, and change no other of 16 sets at 1 to 20 ms by more than they differ themselves.
-# Check: `pytest tests/test_time_scale.py`, `python -m measured.table`
+# Set by measurement: of 1 to 20 ms, all between 12 and 16 ms leave tanks read every 4 s, a motor read every 20 ms and a
+# spring that rings for ten samples the noise that they have; with less, stretches behind an event are too few or ring.
+# Check: `pytest tests/test_time_scale.py tests/test_ringing_plants.py`, `python -m measured.table`
 USUAL_BANDWIDTH = 25.0  # [Hz] of a plant of the usual pace, the tube
-USUAL_STEP = 0.01  # [s] between samples of a plant of the usual pace, where no bandwidth tells its pace
+USUAL_STEP = 0.016  # [s] between samples of a plant of the usual pace, where no bandwidth tells its pace
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against

@@ -87,7 +87,9 @@ def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[fl
     for step in sorted(s for s in steps if s <= hums.SLOWLY_SAMPLED):
         group = [(t, rest) for t, rest in records if round(usual_step(t), SAME_STEP) == step]
         for _ in range(hums.MOST_HUM):
-            line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step, known.pace)
+            line = hums.strongest(
+                [(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step, known.pace
+            )
             if line is None or not hums.is_hum(line, step):
                 break
             lines.append(line)
