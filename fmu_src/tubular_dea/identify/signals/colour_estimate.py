@@ -84,8 +84,8 @@ def coloured(
 ) -> ColourEstimate:
     """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place.
 
-    Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain. The plant
-    takes `pace` times as long as usual.
+    Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain. The
+    plant takes `pace` times as long as usual.
     """
 
     def numbered(x: np.ndarray) -> Colour:
