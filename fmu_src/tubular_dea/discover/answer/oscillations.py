@@ -105,8 +105,8 @@ def _overtone(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
 
 
 def _finest(line: float, records: list[Record], near: float) -> float:
-    """The frequency with the largest amplitude in the records, each with its own phase, no farther than `near` [Hz] from
-    a line."""
+    """The frequency with the largest amplitude in the records, each with its own phase, no farther than `near` [Hz]
+    from a line."""
     grid = line + np.linspace(-near, near, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
     return float(grid[int(np.argmax(power))])
