@@ -204,8 +204,8 @@ def not_named(found: Discovery) -> list[str]:
     beside = f"{share:.1%} of what" if share < 1 else f"{share:.3g} times what"
     return [
         f"Beside {' and '.join(named.ids)}, {name} would explain {gain / left:.0%} of what is left. That is "
-        f"{beside} is explained already, which another form of the same may do, so it is not named: it may be there all "
-        "the same."
+        f"{beside} is explained already, which another form of the same may do, so it is not named: it may be there "
+        "all the same."
     ]
 
 
