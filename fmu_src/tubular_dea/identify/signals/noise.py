@@ -240,8 +240,9 @@ def _estimated(records: Records, plant: Tempo, apart: float) -> Noise:
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
     if found.quiet and alike and not (rings and freedom(still) >= SOME_FREEDOM):
         return _as_at_rest(records, found, still)
-    rings = not _at_rest(still)  # what rings out has a colour of its own, and noise no long one
-    told = _told(records, still, True, rings, plant)
+    told = _told(records, still, True, True, plant)  # what rings out has a colour of its own, and noise no long one
+    if not told.quiet and _at_rest(still):  # curves that take out creep would take most of such noise
+        told = _told(records, whole_rests(records) or still, True, False, plant)
     return told if told.quiet else found
 
 
