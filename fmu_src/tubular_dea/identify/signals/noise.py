@@ -65,7 +65,8 @@ ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which o
 ROOM_A_LINE = 32  # [samples] that a stretch has for each line of hum that is taken out of it
 
 # Set by judgement: noise that is white and has a colour may be 1/f noise. Check: `pytest tests/test_noise.py -k slow`
-SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not, at the usual pace
+SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not, at the usual pace,
+SLOW_SAMPLES = 300  # [samples] and at least: 250 of 1/f noise left a search for what was noise
 SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
 
 # Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
@@ -366,7 +367,9 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, p
         form,
         quiet,
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
-        slow_known=quiet and not colour.pole and (one_colour or _longest(chosen) >= SLOW_STRETCH * plant.pace),
+        slow_known=quiet
+        and not colour.pole
+        and (one_colour or _longest(chosen) >= max(SLOW_STRETCH * plant.pace, SLOW_SAMPLES * step)),
     ).of(plant)
 
 
