@@ -291,6 +291,20 @@ def test_what_rings_after_every_event_is_at_rest_before_the_first() -> None:
     assert found.rms == pytest.approx(1e-4, rel=0.1)
 
 
+def test_noise_that_remembers_long_is_told_by_rest_before_what_rings() -> None:
+    """A cylinder that rests for five seconds, then rings: its sensor remembers longer than a ringing plant's may."""
+    time, random = np.arange(0, 20, 0.01), np.random.default_rng(5)
+    records = []
+    for size in (0.09, -0.06, 0.05):
+        since = np.maximum(time - 5.0, 0.0)
+        ringing = size * (1 - np.exp(-0.1 * since) * np.cos(9.4 * since))
+        records.append((time, ringing + 1e-4 * Colour(0.9).sample(time.size, random), np.array([5.0])))
+    found = estimate(records)
+    assert found.quiet
+    assert found.rms == pytest.approx(1e-4, rel=0.1)
+    assert found.correlation == pytest.approx(0.9, abs=0.04)
+
+
 def test_ringing_that_never_settles_is_no_noise() -> None:
     """The same carriage where a record begins with the push."""
     time, random = np.arange(0, 10, 0.01), np.random.default_rng(4)
@@ -394,7 +408,7 @@ def test_what_moves_five_times_as_much_as_at_rest_is_no_noise(monkeypatch: pytes
         coasting = np.where(time < 1.0, 0.0, wandering + 3 * (time - 1.0))
         listed.append((time, coasting + 0.05 * random.standard_normal(time.size), np.array([0.0, 1.0])))
     later = [(t[1000:], y[1000:], np.array([1.0])) for t, y, _ in listed]
-    monkeypatch.setattr(noise, "_chosen", lambda records, apart: (stretches(later), True, False))
+    monkeypatch.setattr(noise, "_chosen", lambda records, apart, pace: (stretches(later), True, False))
     found = estimate(listed)
     assert found.quiet and found.rms == pytest.approx(0.05, rel=0.1)
 

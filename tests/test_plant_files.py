@@ -337,6 +337,12 @@ def test_the_index_of_laws_and_a_catalogue_are_printed(capsys) -> None:
     assert capsys.readouterr().err == "error: plant nothing.py: there is no file nothing.py\n"
 
 
+def test_a_plant_without_places_is_told_to_have_nothing_to_look_for(tmp_path: Path, capsys) -> None:
+    bare = PLANT.replace(', places=[Path("pump"), Balance("level")]', "")
+    assert tables([written(tmp_path, HEAD + bare)]) == 0
+    assert capsys.readouterr().out.startswith("nothing to look for: Tank declares no places; give Plant(..., places=")
+
+
 def test_a_plant_is_simulated_built_and_swept_by_the_command(tmp_path: Path, capsys) -> None:
     plant = written(tmp_path, HEAD + PLANT)
     assert (

@@ -73,6 +73,41 @@ def test_what_another_form_may_explain_is_told_where_it_is_not_named(left: float
     )
 
 
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [(9e4, "That is 1.4% of what is explained already"), (1300.0, "That is 12 times what is explained already")],
+)
+def test_a_share_of_more_than_all_is_told_as_a_factor(before: float, said: str) -> None:
+    """ "That is 47068.5% of what is explained already"."""
+    last = SimpleNamespace(
+        accepted=False, options=[], scores=[SimpleNamespace(id="drift", statistic=1200.0)], threshold=35.0
+    )
+    found = SimpleNamespace(
+        named=made_up.option("saturation", excess=1200.0),
+        base=made_up.option(excess=before),
+        search=SimpleNamespace(rounds=[last]),
+    )
+    assert said in remarks.not_named(found)[0]
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_what_is_missing_is_certain_only_beside_noise_that_was_seen(quiet: bool) -> None:
+    found = SimpleNamespace(
+        verdict="unexplained",
+        named=SimpleNamespace(lack_of_fit=SimpleNamespace(ratio=7.2)),
+        study=SimpleNamespace(
+            noise={"level": SimpleNamespace(quiet=quiet)},
+            plant=SimpleNamespace(outputs=[SimpleNamespace(name="level")]),
+        ),
+        strained=(),
+        wandering=None,
+        unlike=None,
+    )
+    said = in_short._confidence(found)
+    assert said.startswith("It is certain that something is missing") == quiet
+    assert ("7 times what was told" in said) != quiet
+
+
 @pytest.mark.parametrize(("stderr", "told"), [(0.5, "only show that it is at least 5.0"), (40.0, "do not tell it")])
 def test_a_parameter_at_its_bound_whose_interval_is_its_range_is_not_told(stderr: float, told: str) -> None:
     """ "At least -6", where -6 is the least that is allowed."""

@@ -26,6 +26,10 @@ def catalogue(plant: str) -> str:
     """Everything that a plant may lack: id, channel, and the parameters with their units and usual values; then which
     laws do not act at places of their kind, and what they need there."""
     loaded = load_plant(plant)
+    if not loaded.catalogue:
+        return (
+            f"nothing to look for: {loaded.name} declares no places; give Plant(..., places=[Path(...), Balance(...)])"
+        )
     table = ["| id | channel | parameters |", "|---|---|---|", *map(_row, loaded.catalogue.values())]
     return "\n".join([*table, *_absent(loaded)])
 

@@ -51,6 +51,11 @@ LOUDER = (
     "something is missing, or the noise is larger and its errors last longer. Some rest in each file would "
     "tell, or its size under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
 )
+FAR_ABOVE = (
+    "Something is missing, or the noise is much larger than could be told: no part of the recordings is quiet, and the "
+    "residual is {ratio:.0f} times what was told. Some rest in each file would make it certain, or the size of the "
+    "noise under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
+)
 DROWNED = (
     "The residual is no larger than what the noise of sensors and inputs may cause, but so is most of what the records "
     "show: a model is hardly tested by them. If an input is known better than that, state its noise under [noise] in "
@@ -117,8 +122,8 @@ def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
     if disagree(found):
         return NO_MONITOR
-    if may_be_louder(found):
-        return LOUDER
+    if found.verdict == "unexplained" and not _noise_known(found):
+        return LOUDER if may_be_louder(found) else FAR_ABOVE.format(ratio=found.named.lack_of_fit.ratio)
     if found.strained:
         return STRAINED.format(strained=" and ".join(found.strained)) if found.chosen.ids else HIDING
     if found.verdict == "no_effect" and found.wandering:

@@ -20,7 +20,8 @@ Record = tuple[str, np.ndarray, np.ndarray]  # a piece's name, its times [s] and
 
 # Set by judgement: about what a block of the estimate of noise resolves (LINE_BLOCK of identify/signals/hum.py).
 # Check: `pytest tests/test_discover.py::test_an_oscillation_that_no_input_drives_is_told`
-LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer
+LINE_NEAR = 0.06  # [Hz] around a line's frequency within which it is made finer; less where blocks are longer,
+# beside a plant that goes slower than usual
 LINE_PLACES = 61  # [1] places there that are compared
 LINE_TOLD = 4.0  # [standard errors] of an amplitude from which on it is told
 
@@ -67,8 +68,9 @@ def oscillations(found: Discovery) -> list[Oscillation]:
     for output, records in left.items():
         noise = study.noise[output]
         for line in noise.lines:
-            fine = _finest(line, records)
-            if any(w.output == output and abs(w.frequency - fine) < LINE_NEAR for w in told):
+            near = LINE_NEAR / max(noise.pace, 1.0)
+            fine = _finest(line, records, near)
+            if any(w.output == output and abs(w.frequency - fine) < near for w in told):
                 continue
             amplitudes = {name: abs(_wave(fine, times, residual)) for name, times, residual in records}
             errors = {
@@ -102,9 +104,10 @@ def _overtone(frequency: float, times: np.ndarray, values: np.ndarray) -> bool:
     return mostly and 2 <= times_as_high <= OVERTONES and abs(frequency / times_as_high - ground) < grid[0]
 
 
-def _finest(line: float, records: list[Record]) -> float:
-    """The frequency near a line with the largest amplitude in the records, each with its own phase."""
-    grid = line + np.linspace(-LINE_NEAR, LINE_NEAR, LINE_PLACES)
+def _finest(line: float, records: list[Record], near: float) -> float:
+    """The frequency with the largest amplitude in the records, each with its own phase, no farther than `near` [Hz]
+    from a line."""
+    grid = line + np.linspace(-near, near, LINE_PLACES)
     power = [sum(times.size * abs(_wave(f, times, residual)) ** 2 for _, times, residual in records) for f in grid]
     return float(grid[int(np.argmax(power))])
 

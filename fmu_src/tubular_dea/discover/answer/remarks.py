@@ -201,11 +201,12 @@ def not_named(found: Discovery) -> list[str]:
     name, gain = _next(rounds[-1], named)
     if not name or gain < STRONG * rounds[-1].threshold:
         return []
-    left = max(named.lack_of_fit.excess, gain)
+    left, share = max(named.lack_of_fit.excess, gain), gain / (found.base.cost - named.cost)
+    beside = f"{share:.1%} of what" if share < 1 else f"{share:.3g} times what"
     return [
         f"Beside {' and '.join(named.ids)}, {name} would explain {gain / left:.0%} of what is left. That is "
-        f"{gain / (found.base.cost - named.cost):.1%} of what is explained already, which another form of the same may "
-        "do, so it is not named: it may be there all the same."
+        f"{beside} is explained already, which another form of the same may do, so it is not named: it may be there "
+        "all the same."
     ]
 
 

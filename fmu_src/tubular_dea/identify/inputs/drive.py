@@ -91,6 +91,7 @@ class Drive:
     In the spans `untold` (k, 2) [s], by name, samples do not tell how a continuous input moved.
     Of inputs that moved from the first sample on, `begun` is how well it is known when they began (s, by name), and of
     those that a computer sent on its own clock, `room` by how much earlier or later that was.
+    Inputs that are `noisy` have the noise of their monitors still: they are band-limited, and no line smooths them.
     """
 
     protocol: Protocol
@@ -108,6 +109,7 @@ class Drive:
     begun: Mapping[str, float] = field(default_factory=dict)
     room: Mapping[str, float] = field(default_factory=dict)
     untold: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+    noisy: frozenset[str] = frozenset()
 
     def tells(self, times: np.ndarray) -> np.ndarray:
         """Whether it is known at `times` (n,) [s] what the inputs did just before, (n,)."""
@@ -227,6 +229,7 @@ def drive(
         step=usual_step(experiment.time),
         room={n: d.room for n, d in drawn.items() if d.room > 0},
         untold={n: d.untold for n, d in drawn.items() if d.untold.size},
+        noisy=frozenset(s.name for s in inputs if s.band_limited),
     )
 
 

@@ -28,7 +28,7 @@ EARNED = 8.0  # [squared standard deviations] by which a further number of the c
 UNSEEN = 16.0  # [squared standard deviations] the same of a memory that the stretches are too short for
 ONE_STRETCH = 0.1  # [1] share of all degrees of freedom up to which a stretch that alone tells of 1/f noise is none
 SLOWER = (0.3, 1.0, 2.0)  # [1] atanh of correlations, beyond that of one colour alone, to begin with
-SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with
+SLOW_TAU = (0.05, 0.3, 1.5)  # [s] time constants of the filter that makes noise 1/f, to begin with, at the usual pace
 SLOW_TIMES = (1.5, 4.0)  # [1] times that it raises what is slow, to begin with
 SLOWEST_POLE = 0.9998  # [1] pole of it up to which one is sought
 NO_WHITE = -6.0  # [1] logit of a white share that is none
@@ -72,19 +72,20 @@ class ColourEstimate:
         return self.at_step.at(step / self.step)
 
 
-def as_told(quiet: Sequence[Stretches], found: ColourEstimate) -> ColourEstimate:
+def as_told(quiet: Sequence[Stretches], found: ColourEstimate, pace: float = 1.0) -> ColourEstimate:
     """An estimate without a memory that is longer than stretches can show: the longest one that they can, if that
     explains them clearly better than none."""
     most = float(np.exp(-found.step / (MEMORY * max(s.step * len(s.values) for s in quiet))))
-    return coloured(quiet, found.step, most, UNSEEN) if found.at_step.phi > most else found
+    return coloured(quiet, found.step, most, UNSEEN, pace) if found.at_step.phi > most else found
 
 
 def coloured(
-    quiet: Sequence[Stretches], step: float, most: float = MOST_ALIKE_BESIDE, earned: float = EARNED
+    quiet: Sequence[Stretches], step: float, most: float = MOST_ALIKE_BESIDE, earned: float = EARNED, pace: float = 1.0
 ) -> ColourEstimate:
     """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place.
 
-    Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain.
+    Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain. The
+    plant takes `pace` times as long as usual.
     """
 
     def numbered(x: np.ndarray) -> Colour:
@@ -119,12 +120,12 @@ def coloured(
         )
         if 2 * (cost - two.fun) > earned and numbered(two.x).phi > 0:
             chosen, cost = two.x, float(two.fun)
-    plain, chosen = chosen, _falling(objective, chosen, cost, step, 2 * earned)
+    plain, chosen = chosen, _falling(objective, chosen, cost, step / pace, 2 * earned)
     if chosen is not plain:
         rest = _without_loudest(quiet, lambda s: numbered(plain).at(s / step))
         alone = freedom(rest) > (1 - ONE_STRETCH) * freedom(quiet)
         if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * earned:
-            return coloured(rest, step, most, earned)  # something moved in the one stretch that told of 1/f noise
+            return coloured(rest, step, most, earned, pace)  # something moved in the one stretch that told of 1/f noise
     colour, told = numbered(chosen), freedom(quiet)
     _, variance = _restricted(quiet, lambda s: colour.at(s / step))
     return ColourEstimate(colour, step, variance, told, _standard_error(objective, numbered, chosen, told))
@@ -145,7 +146,8 @@ def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Co
 def _falling(
     objective: Callable[[np.ndarray], float], chosen: np.ndarray, cost: float, step: float, earned: float
 ) -> np.ndarray:
-    """The numbers with those of a filter that makes it 1/f noise, if they earn their place."""
+    """The numbers with those of a filter that makes it 1/f noise, if they earn their place, of samples `step` apart (at
+    the usual pace)."""
     plain = np.array([*chosen, NO_WHITE]) if chosen.size < 2 else chosen
     begins = [
         np.array([*plain, np.arctanh(np.exp(-step / tau)), np.log(np.expm1(np.log(times)))])

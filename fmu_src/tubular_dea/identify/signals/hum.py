@@ -24,7 +24,7 @@ HEARTS = 5.0  # [Hz] up to which an alias of the mains is not told from beats an
 
 # Set by judgement. Check: `pytest tests/test_noise.py tests/test_monitors.py`,
 # `python -m blind.score --nulls 12 --conventions hum --seed 1000`
-LINE_BLOCK = 16.0  # [s] over which a line keeps its phase
+LINE_BLOCK = 16.0  # [s] over which a line keeps its phase; longer where a plant goes slower than usual
 FINER_GRID = 4  # [1] points in frequency for each that a block resolves
 LINE_BESIDE = 65  # [1] of these points, whose median is the level of noise around a line
 
@@ -41,10 +41,12 @@ MOSTLY_EMPTY = 4  # [1] times as long as the longest record a block is at most: 
 SLOWEST_LINE = 1.0  # [Hz] below which everything is creep or drift
 
 
-def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> float | None:
-    """The line [Hz] that stands out most in records of (time, whitened rest) sampled every `step` [s], if any does."""
+def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float, pace: float = 1.0) -> float | None:
+    """The line [Hz] that stands out most in records of (time, whitened rest) sampled every `step` [s], if any does. The
+    plant takes `pace` times as long as usual."""
     longest = max((float(np.ptp(time)) for time, _ in blocks if time.size), default=0.0)
-    size = int(min(LINE_BLOCK, MOSTLY_EMPTY * (longest + step)) / step)
+    lasts = LINE_BLOCK * max(pace, 1.0)
+    size = int(min(lasts, MOSTLY_EMPTY * (longest + step)) / step)
     if size <= 2:  # a block resolves no frequency that is sampled
         return None
     points = 2 ** int(np.ceil(np.log2(FINER_GRID * size)))
@@ -61,7 +63,7 @@ def strongest(blocks: Sequence[tuple[np.ndarray, np.ndarray]], step: float) -> f
     limit = float(gammainccinv(count, FALSE / points * FINER_GRID))
     frequencies = np.arange(power.size) / points / step
     ratio[frequencies < min(SLOWEST_LINE, SLOWEST_TURN / step)] = 0.0
-    ratio[frequencies > 0.5 / step - 1 / LINE_BLOCK] *= ONE_PHASE  # mains at half the sampling rate: 50 Hz at 100 Hz
+    ratio[frequencies > 0.5 / step - 1 / lasts] *= ONE_PHASE  # mains at half the sampling rate: 50 Hz at 100 Hz
     best = int(np.argmax(ratio))
     return float(frequencies[best]) if ratio[best] > limit else None
 

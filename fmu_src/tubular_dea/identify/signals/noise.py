@@ -26,6 +26,7 @@ from .quiet import (
     APART,
     BARELY_CALM,
     CALMEST,
+    LOUDER,
     NOT_CALM,
     Clock,
     Records,
@@ -64,7 +65,8 @@ ENOUGH_FREEDOM = 1000  # [1] degrees of freedom in quiet stretches, from which o
 ROOM_A_LINE = 32  # [samples] that a stretch has for each line of hum that is taken out of it
 
 # Set by judgement: noise that is white and has a colour may be 1/f noise. Check: `pytest tests/test_noise.py -k slow`
-SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not
+SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not, at the usual pace,
+SLOW_SAMPLES = 300  # [samples] and at least: 250 of 1/f noise left a search for what was noise
 SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
 
 # Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
@@ -89,6 +91,15 @@ COARSE_OUTPUT = 0.8  # [1] of what is new in a sample: rounding up to that shows
 
 
 @dataclass(frozen=True)
+class Tempo:
+    """How fast a plant is: `faster` is the time constant of its bandwidth [s], 0 where none is known, and `pace` how
+    many times as long as usual it takes for all that it does (`quiet.pace_of`)."""
+
+    faster: float = 0.0
+    pace: float = 1.0
+
+
+@dataclass(frozen=True)
 class Noise:
     """Noise of standard deviation `rms` (the output's unit), with `correlation` between neighbours `step` [s] apart.
 
@@ -99,6 +110,7 @@ class Noise:
     frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
     `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
     `faster` is the time constant of the plant's bandwidth [s]: a memory as short is no signal's; 0 where none is known.
+    `pace` is how many times as long as usual the plant takes for all that it does (`quiet.pace_of`).
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
     enough to tell how much of it is slower than what they show; 1/f noise goes on beyond any stretch. `driven` is white
     noise on top (the same unit) that no record at rest shows: fast noise of the monitors that drive the model. `grain`
@@ -120,11 +132,21 @@ class Noise:
     grain: float = 0.0
     repeated: bool = False
     faster: float = 0.0
+    pace: float = 1.0
 
     @property
     def stated(self) -> bool:
         """Whether the level is known, and not from these records."""
         return not np.isfinite(self.freedom)
+
+    @property
+    def plant(self) -> Tempo:
+        """How fast the plant is."""
+        return Tempo(self.faster, self.pace)
+
+    def of(self, plant: Tempo) -> Noise:
+        """The same beside a plant of some tempo."""
+        return replace(self, faster=plant.faster, pace=plant.pace)
 
     @property
     def brief(self) -> float:
@@ -198,30 +220,41 @@ class Noise:
 
 
 @one_blas_thread
-def estimate(records: Records, bandwidth: float = np.inf) -> Noise:
+def estimate(records: Records, bandwidth: float = np.inf, pace: float = 1.0) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps. A plant passes hardly more
-    than its `bandwidth` [Hz]."""
-    faster = 1 / (2 * np.pi * bandwidth)
+    than its `bandwidth` [Hz], and takes `pace` times as long as usual for all that it does."""
+    plant = Tempo(1 / (2 * np.pi * bandwidth), pace)
     records = [(*bridged(time, values), events) for time, values, events in records]
-    found = _estimated(records, faster, APART)
+    found = _estimated(records, plant, APART)
     if not found.quiet or found.slow < SEEMS_SLOW * found.rms:
         return found
-    finer = _estimated(records, faster, CLOSER)
+    finer = _estimated(records, plant, CLOSER)
     return finer if finer.quiet and finer.slow < CREPT * found.slow else found
 
 
-def _estimated(records: Records, faster: float, apart: float) -> Noise:
-    """The noise beside creep whose time constants are `apart`, and a plant's bandwidth of the time constant `faster`
-    [s]."""
-    chosen, quiet, rings = _chosen(records, apart)
-    found, still = _told(records, chosen, quiet, rings, faster), _before_events(records, apart)
+def _estimated(records: Records, plant: Tempo, apart: float) -> Noise:
+    """The noise beside creep whose time constants are `apart`, of a plant of some tempo."""
+    chosen, quiet, rings = _chosen(records, apart, plant.pace)
+    found, still = _told(records, chosen, quiet, rings, plant), _before_events(records, apart, plant.pace)
     if freedom(still) < CALMEST:
         return found
     alike = _left(chosen) < NOT_CALM * max(_left(still), usual_resolution(records) ** 2)
     if found.quiet and alike and not (rings and freedom(still) >= SOME_FREEDOM):
         return _as_at_rest(records, found, still)
-    told = _told(records, still, True, True, faster)  # what rings out has a colour of its own, and noise no long one
+    told = _told(records, still, True, True, plant)  # what rings out has a colour of its own, and noise no long one
+    if not told.quiet and _at_rest(still):  # curves that take out creep would take most of such noise
+        told = _told(records, whole_rests(records) or still, True, False, plant)
     return told if told.quiet else found
+
+
+def _at_rest(still: Sequence[Stretches]) -> bool:
+    """Whether a plant rests before anything happens: enough stretches show it, and it is no calmer at their end than at
+    their begin, as one would be that rings out."""
+    if freedom(still) < SOME_FREEDOM:
+        return False
+    halves = [np.array_split(s.left, 2) for s in still]
+    first, last = (sum(float(np.sum(part[i] ** 2)) for part in halves) for i in (0, 1))
+    return first < LOUDER * last
 
 
 def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
@@ -229,7 +262,7 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
     it was stated."""
     if known.stated or freedom(rest) < ENOUGH_FREEDOM:
         return known
-    found = coloured(rest, min(s.step for s in rest))
+    found = coloured(rest, min(s.step for s in rest), pace=known.pace)
     colour = found.at_step
     return replace(
         known,
@@ -256,7 +289,7 @@ def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise
     if freedom(still) < SOME_FREEDOM:
         return found
     lines = [*found.hum, *found.lines]
-    told = _told(records, [s.without(lines) for s in still], True, True, found.faster)
+    told = _told(records, [s.without(lines) for s in still], True, True, found.plant)
     told = replace(told, hum=found.hum, lines=found.lines)
     rests = [s.without(lines) for s in whole_rests(records)]
     worse = 2 * (unlikely(rests, found.colour, found.rms**2) - unlikely(rests, told.colour, told.rms**2))
@@ -277,18 +310,18 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
     worse = 2 * changed.size * float(rel_entr(seen, expected) + rel_entr(1 - seen, 1 - expected))
     if seen >= expected or worse < ANOTHER:
         return found
-    told = _told(records, still, True, True, found.faster)
+    told = _told(records, still, True, True, found.plant)
     if told.quiet and freedom(still) >= SOME_FREEDOM:
         return replace(told, hum=found.hum, lines=found.lines)
     rms, known = float(np.sqrt(_left(still))), float(freedom(still))
-    return Noise(rms, 0.0, known, found.hum, found.lines, found.step, white=1.0, faster=found.faster)
+    return Noise(rms, 0.0, known, found.hum, found.lines, found.step, white=1.0).of(found.plant)
 
 
-def _before_events(records: Records, apart: float) -> list[Stretches]:
+def _before_events(records: Records, apart: float, pace: float) -> list[Stretches]:
     """The calm stretches before anything happens in their records."""
     first = [first_event(time, events) for time, _, events in records]
     kept = []
-    for one in calm(stretches(records, apart=apart), usual_resolution(records)):
+    for one in calm(stretches(records, apart=apart, pace=pace), usual_resolution(records)):
         ends = [records[r][0][a + len(one.values) - 1] for r, a in zip(one.record, one.first, strict=True)]
         kept.append(one.only(np.array(ends) <= np.array(first)[one.record]))
     return [k for k in kept if k.record.size]
@@ -304,20 +337,20 @@ def _left(groups: Sequence[Stretches]) -> float:
     return sum(float(np.sum(g.left**2)) for g in groups) / max(freedom(groups), 1)
 
 
-def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, faster: float) -> Noise:
+def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, plant: Tempo) -> Noise:
     """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
     step = min(s.step for s in chosen)
-    plain, lines = _stripped(chosen, records, Colour(0.0))
-    found = coloured(plain, step)
+    plain, lines = _stripped(chosen, records, Colour(0.0), plant.pace)
+    found = coloured(plain, step, pace=plant.pace)
     if found.at_step.correlation:
-        plain, lines = _stripped(chosen, records, found.colour(step))
-        found = coloured(plain, step) if lines else found
+        plain, lines = _stripped(chosen, records, found.colour(step), plant.pace)
+        found = coloured(plain, step, pace=plant.pace) if lines else found
     colour = found.colour(step)
-    long = colour.phi > np.exp(-1 / _brief(faster, step))
+    long = colour.phi > np.exp(-1 / _brief(plant.faster, step))
     moves = found.variance > (MOST_SLOW if long else 1.0) * _variance(records)
     quiet = quiet and not moves and not (long and (rings or found.freedom < CALMEST))
     if quiet:
-        found = as_told(plain, found)
+        found = as_told(plain, found, plant.pace)
         colour = found.colour(step)
     form = max(FORM, found.uncertainty) if quiet else UNQUIET
     one_colour = not 0 < colour.white < 1 or colour.phi <= 0
@@ -334,25 +367,27 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, f
         form,
         quiet,
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
-        slow_known=quiet and not colour.pole and (one_colour or _longest(chosen) >= SLOW_STRETCH),
-        faster=faster,
-    )
+        slow_known=quiet
+        and not colour.pole
+        and (one_colour or _longest(chosen) >= max(SLOW_STRETCH * plant.pace, SLOW_SAMPLES * step)),
+    ).of(plant)
 
 
-def _chosen(records: Records, apart: float) -> tuple[list[Stretches], bool, bool]:
+def _chosen(records: Records, apart: float, pace: float) -> tuple[list[Stretches], bool, bool]:
     """The stretches that tell the noise, whether they are quiet, and whether the plant rings in others."""
-    coarse, every = usual_resolution(records), stretches(records, apart=apart)
+    coarse, every = usual_resolution(records), stretches(records, apart=apart, pace=pace)
     chosen = calm(every, coarse)
-    mains = _mains(chosen, records)
+    mains = _mains(chosen, records, pace)
     if mains:
         every = _with_room(every, mains)
         chosen = calm(every, coarse, lines=mains)
     if freedom(chosen) < CALMEST:
-        every = stretches(records, short=True, apart=apart)
+        every = stretches(records, short=True, apart=apart, pace=pace)
         chosen = calm(every, coarse, BARELY_CALM)
     if freedom(chosen) < ENOUGH_FREEDOM:  # then everything between events is used, if there is more of it
         whole = [(t, y, t[[0, -1]]) for t, y, _ in records]
-        other = calm(stretches(records, 0.0, apart=apart) or stretches(whole, 0.0, apart=apart), coarse)
+        between = stretches(records, 0.0, apart=apart, pace=pace) or stretches(whole, 0.0, apart=apart, pace=pace)
+        other = calm(between, coarse)
         if freedom(other) > 2 * freedom(chosen) and not louder(other, chosen):
             return other, False, True
     return chosen, True, freedom(chosen) < CALM_SHARE * freedom(every)
@@ -369,12 +404,12 @@ def usual_resolution(records: Records) -> float:
     return float(np.median([resolution(y) for _, y, _ in records]))
 
 
-def _mains(chosen: list[Stretches], records: Records) -> list[float]:
+def _mains(chosen: list[Stretches], records: Records, pace: float) -> list[float]:
     """The lines [Hz] of hum in chosen stretches; none where they are too few to tell. No ringing of a plant is hum."""
     if freedom(chosen) < CALMEST:
         return []
     step = min(s.step for s in chosen)
-    return [f for f in _stripped(chosen, records, Colour(0.0))[1] if hums.is_hum(f, step)]
+    return [f for f in _stripped(chosen, records, Colour(0.0), pace)[1] if hums.is_hum(f, step)]
 
 
 def _variance(records: Records) -> float:
@@ -415,7 +450,9 @@ def _by_place(rms: float, step: float) -> float:
     return float(wave / (own + step**2 / 12))
 
 
-def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple[list[Stretches], list[float]]:
+def _stripped(
+    quiet: list[Stretches], records: Records, colour: Colour, pace: float
+) -> tuple[list[Stretches], list[float]]:
     """The stretches without lines, and their frequencies [Hz]: the strongest first, until none stands out.
 
     One at a time, as the pattern of the stretches gives every line others beside it.
@@ -423,7 +460,7 @@ def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple
     lines: list[float] = []
     plain = quiet
     while len(lines) < MOST_LINES:
-        line = _strongest(plain, records, colour)
+        line = _strongest(plain, records, colour, pace)
         if line is None:
             break
         lines.append(line)
@@ -431,7 +468,7 @@ def _stripped(quiet: list[Stretches], records: Records, colour: Colour) -> tuple
     return plain, lines
 
 
-def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> float | None:
+def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour, pace: float) -> float | None:
     """The line [Hz] that stands out most of what is left of the stretches of the finest sampling."""
     step = min(s.step for s in quiet)
     rests: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
@@ -444,4 +481,4 @@ def _strongest(quiet: Sequence[Stretches], records: Records, colour: Colour) -> 
         tuple(np.concatenate(x) for x in zip(*sorted(parts, key=lambda p: p[0][0]), strict=True))
         for parts in rests.values()
     ]
-    return hums.strongest([(t, r) for t, r in joined], step)
+    return hums.strongest([(t, r) for t, r in joined], step, pace)

@@ -58,8 +58,7 @@ def limited(known: Noise, left: list[np.ndarray], hummed: bool = False) -> Noise
             quiet=known.quiet,
             slow_known=known.slow_known,
             grain=known.grain,
-            faster=known.faster,
-        )
+        ).of(known.plant)
     if hummed and innovation > bound:
         known = replace(known, rms=known.rms * bound / innovation)
     return _no_larger(known, left)
@@ -71,9 +70,8 @@ def _no_louder(known: Noise, left: list[np.ndarray]) -> Noise:
     most = BRIEFLY_COLOURED * float(np.sqrt(known.brief / BRIEF)) * calmest(left)
     if known.rms <= most:
         return known
-    return Noise(
-        most, 0.0, known.freedom, known.hum, form=known.form, quiet=False, grain=known.grain, faster=known.faster
-    )
+    quieter = Noise(most, 0.0, known.freedom, known.hum, form=known.form, quiet=False, grain=known.grain)
+    return quieter.of(known.plant)
 
 
 def calmest(records: list[np.ndarray]) -> float:

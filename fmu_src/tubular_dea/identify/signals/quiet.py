@@ -18,7 +18,7 @@ from . import hum as hums
 from .colour import Colour
 from .sampling import SAME_STEP, usual_step
 
-# Set by judgement. Check: `pytest tests/test_noise.py`,
+# Set by judgement: at the usual pace, a slower plant takes longer. Check: `pytest tests/test_noise.py`,
 # `python -m blind.score --nulls 12 --conventions colour drift --seed 1000`
 LONGEST_STRETCH = 8.0  # [s] that a stretch has at most; longer ones are cut
 LEAST_STRETCH = 30  # [samples] that it has at least
@@ -34,6 +34,12 @@ LIKE_ANOTHER = 1e-7  # [1] of the largest singular value: curves with less are o
 ON_TIME = 1e-9  # [s] by which a sample may be too early for a stretch that begins with it
 SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 SAME_RATE = 0.1  # [1] by which a step differs at most from the one before, of samples of one rate
+
+# Set by measurement: of 1 to 20 ms, all between 12 and 16 ms leave tanks read every 4 s, a motor read every 20 ms and a
+# spring that rings for ten samples the noise that they have; with less, stretches behind an event are too few or ring.
+# Check: `pytest tests/test_time_scale.py tests/test_ringing_plants.py`, `python -m measured.table`
+USUAL_BANDWIDTH = 25.0  # [Hz] of a plant of the usual pace, the tube
+USUAL_STEP = 0.016  # [s] between samples of a plant of the usual pace, where no bandwidth tells its pace
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
@@ -97,23 +103,41 @@ class Stretches:
         return squares, float(np.log(np.diag(factor)).sum())
 
 
-def stretches(records: Records, settled: float = SETTLED, short: bool = False, apart: float = APART) -> list[Stretches]:
+def pace_of(bandwidth: float, steps: Sequence[float]) -> float:
+    """How many times as long as the tube a plant takes for all that it does: told by its `bandwidth` [Hz], and where
+    that is unknown by the `steps` [s] between samples, which whoever records a plant fits to how fast it is."""
+    if np.isfinite(bandwidth):
+        return USUAL_BANDWIDTH / bandwidth
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    return usual / USUAL_STEP if usual > 0 else 1.0
+
+
+def paced(step: float, pace: float) -> float:
+    """The `step` [s] between samples that it would be at the usual pace: rounded, as lengths in samples follow."""
+    return round(step / pace, SAME_STEP)
+
+
+def stretches(
+    records: Records, settled: float = SETTLED, short: bool = False, apart: float = APART, pace: float = 1.0
+) -> list[Stretches]:
     """All stretches without an event inside or `settled` [s] before, cut into lengths that are halves of each other.
+    These and the time constants of creep are of a plant that takes `pace` times as long as usual.
 
     `short` ones too: half a second before the first event may be all that a record rests. What comes before that, if
     not long, is a stretch of its own length. `apart` is the ratio of the time constants of creep that are taken out.
     """
     cut: dict[tuple[float, int], list[tuple[int, int]]] = {}
+    settled, on_time = settled * pace, ON_TIME * pace
     for number, (time, _, events) in enumerate(records):
         clock = Clock.of(time)
         begins = [part.start for part in clock.parts]
         marks = np.union1d(events, time[begins[1:]])
         marks = np.union1d(marks, [time[0] - settled, time[-1] + clock.step])
-        firsts = np.searchsorted(time, marks[:-1] + settled - ON_TIME)
+        firsts = np.searchsorted(time, marks[:-1] + settled - on_time)
         lasts = np.searchsorted(time, marks[1:])
         for mark, first, last in zip(marks[:-1].tolist(), firsts.tolist(), lasts.tolist(), strict=True):
             rest, step = last - first, round(clock.steps[bisect_right(begins, first) - 1], SAME_STEP)
-            sizes = [*_sizes(step), SHORT_STRETCH] if short else _sizes(step)
+            sizes = [*_sizes(paced(step, pace)), SHORT_STRETCH] if short else _sizes(paced(step, pace))
             alone = mark <= time[0] and LEAST_STRETCH <= rest < 2 * sizes[-1]
             taken = 0
             for size in [rest] if alone else sizes:
@@ -123,7 +147,7 @@ def stretches(records: Records, settled: float = SETTLED, short: bool = False, a
     made = []
     for (step, size), places in sorted(cut.items()):
         values = np.stack([records[r][1][a : a + size] for r, a in places], axis=1)
-        smooth = basis(size, step, apart)
+        smooth = basis(size, paced(step, pace), apart)
         values -= smooth @ (smooth.T @ values)  # the rest is small beside it: no digits are lost later
         made.append(Stretches(step, values, smooth, *np.array(places).T))
     return made
@@ -147,13 +171,14 @@ def first_event(time: np.ndarray, events: np.ndarray) -> float:
 
 
 def _sizes(step: float) -> list[int]:
-    """Lengths of stretches in samples, the longest first."""
+    """Lengths of stretches of samples `step` apart (at the usual pace), the longest first."""
     longest = max(LONGEST_STRETCH / step, 2 * LEAST_STRETCH)
     return [int(longest / 2**k) for k in range(int(np.log2(longest / LEAST_STRETCH)) + 1)]
 
 
 def basis(size: int, step: float, apart: float = APART) -> np.ndarray:
-    """Creep and drift over a stretch: polynomials, and exponentials of all time constants up to its length."""
+    """Creep and drift over a stretch of samples `step` apart (at the usual pace): polynomials, and exponentials of all
+    time constants up to its length."""
     lasts = size * step
     degree = min(DEGREE + int(BENDS * lasts), size // POLYNOMIAL_ROOM)
     columns = [np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree)]

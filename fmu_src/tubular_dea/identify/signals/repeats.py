@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...stretches import true_stretches
-from .quiet import LEAST_STRETCH, Stretches, basis
+from .quiet import LEAST_STRETCH, Stretches, basis, paced
 from .sampling import usual_step
 
 # Set by judgement. Check: `pytest tests/test_repeats.py`,
@@ -40,12 +40,13 @@ class Repeated:
     switchings: np.ndarray
 
 
-def unrepeated(records: Sequence[Repeated]) -> list[Stretches]:
-    """What repetitions do not share, of all records that have enough of them."""
-    return [s for number, record in enumerate(records) for s in _unshared(record, number)]
+def unrepeated(records: Sequence[Repeated], pace: float = 1.0) -> list[Stretches]:
+    """What repetitions do not share, of all records that have enough of them, of a plant that takes `pace` times as
+    long as usual."""
+    return [s for number, record in enumerate(records) for s in _unshared(record, number, pace)]
 
 
-def _unshared(record: Repeated, number: int) -> list[Stretches]:
+def _unshared(record: Repeated, number: int, pace: float) -> list[Stretches]:
     """What the repetitions of one record do not share: stretches between switchings."""
     if record.begins.size <= LEAST_REPETITIONS:
         return []
@@ -60,8 +61,9 @@ def _unshared(record: Repeated, number: int) -> list[Stretches]:
         return []
     apart = _complement(record.time[first[kept]], lasts[:-1][kept])
     cut = record.values[first[kept, None] + np.arange(size)].T @ apart
+    first_kept = first[kept][: cut.shape[1]]
     return [
-        Stretches(step, cut[a:b], basis(b - a, step), np.full(cut.shape[1], number), first[kept][: cut.shape[1]] + a)
+        Stretches(step, cut[a:b], basis(b - a, paced(step, pace)), np.full(cut.shape[1], number), first_kept + a)
         for a, b in true_stretches(~often)
         if b - a >= LEAST_STRETCH
     ]

@@ -47,7 +47,7 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
             known = _without_hum(known, rests, study.plant.bandwidth, step)
         left = [rest for _, rest, _ in rests]
         if not known.quiet or known.repeated:
-            known = of_repetitions(known, unrepeated(_repeated(study, name, left)))
+            known = of_repetitions(known, unrepeated(_repeated(study, name, left), known.pace))
         noise[name] = limited(known, left, more)
     return replace(study, noise=noise)
 
@@ -55,7 +55,7 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
 def _without_hum(known: Noise, rests: Records, bandwidth: float, step: float) -> Noise:
     """Noise whose quiet stretches held hum, as they tell it of residuals from which this was taken, of a sensor that
     reads in steps; a level that was stated stays."""
-    told = rounded(estimate(rests, bandwidth), step)
+    told = rounded(estimate(rests, bandwidth, known.pace), step)
     return replace(told, hum=known.hum) if told.quiet and not known.stated else known
 
 
@@ -87,7 +87,9 @@ def _hum(known: Noise, records: list[tuple[np.ndarray, np.ndarray]]) -> tuple[fl
     for step in sorted(s for s in steps if s <= hums.SLOWLY_SAMPLED):
         group = [(t, rest) for t, rest in records if round(usual_step(t), SAME_STEP) == step]
         for _ in range(hums.MOST_HUM):
-            line = hums.strongest([(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step)
+            line = hums.strongest(
+                [(t, known.colour(step).whiten(_without(lines, t, rest))) for t, rest in group], step, known.pace
+            )
             if line is None or not hums.is_hum(line, step):
                 break
             lines.append(line)

@@ -298,8 +298,8 @@ def zero_spread(study: Study, name: str) -> float:
 
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, without: str = "") -> np.ndarray:
-    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters, `without` those
-    of a kind: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
+    """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters, `without` some
+    kind of them: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
     own = likeliest(study, piece, answer)

@@ -28,8 +28,9 @@ from ..signals import noise as noises
 from ..signals.monitors import COLOURED
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
+from ..signals.quiet import pace_of
 from ..signals.sampling import SAME_STEP
-from ..signals.slow import level_at_rest, slow_level
+from ..signals.slow import LEFT_REST, RESTS_AT, level_at_rest, slow_level
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -53,7 +54,7 @@ THE_SAME = 1e-9  # [1] distance of experiments that are taken to be at least so 
 SMOOTH = 25  # [samples] over which an output is averaged before experiments are compared
 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k rest`
-LONG_REST = 0.5  # [s] of rest that tell something of a monitor's noise
+LONG_REST = 0.5  # [s] of rest that tell something of a monitor's noise, beside a plant of the usual pace
 
 # Set by judgement. Check: `pytest tests/test_data.py::test_what_a_computer_wrote_may_stand_still`
 FAINTEST = 1e-6  # [1] of an output's largest value: noise is not taken to be less
@@ -312,6 +313,7 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     groups: dict[float, list[int]] = {}  # the files with each sampling step
     for number, driven in enumerate(drives):
         groups.setdefault(round(driven.step, SAME_STEP), []).append(number)
+    pace = pace_of(recordings.plant.bandwidth, [d.step for d in drives])
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
             records, fast = without_hum(recordings.experiments, signal.name), found[signal.name]
@@ -319,7 +321,7 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
             slowest = max((lag for lag, _ in told), default=0.0)
             longest = sorted(level for lag, level in told if 2 * lag > slowest)[:1]
             rests = [
-                level_at_rest([records[i] for i in own if rested[i]], fast, int(LONG_REST / step))
+                level_at_rest([records[i] for i in own if rested[i]], fast, int(LONG_REST * pace / step))
                 for step, own in groups.items()
             ]
             found[signal.name] = max(fast, *rests, *longest)
@@ -417,7 +419,8 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
             if seen.any():
                 seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
-        noise = noises.estimate(records, recordings.plant.bandwidth)
+        pace = pace_of(recordings.plant.bandwidth, [d.step for d in drives])
+        noise = noises.estimate(records, recordings.plant.bandwidth, pace)
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
@@ -436,10 +439,20 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
 
 def happenings(driven: Drive) -> np.ndarray:
     """When something happens: corners of the inputs, without those by which noise moves them before they set out."""
-    time, inputs = driven.protocol.time, driven.protocol.inputs
-    moved = [np.abs(v - v[0]) > MOVED * driven.noise.get(name, 0.0) for name, v in inputs.items()]
+    time = driven.protocol.time
+    moved = [_moved(driven, name) for name in driven.protocol.inputs]
     set_out = min((int(np.argmax(m)) for m in moved if m.any()), default=1)
     return np.unique(np.append(time[:1], time[max(set_out - 1, 0) :]))
+
+
+def _moved(driven: Drive, name: str) -> np.ndarray:
+    """Where an input is farther than noise moves it (n,) from what it begins with: of a line, a few deviations; of a
+    monitor as it was read, as many as none of thousands of samples is off by chance."""
+    time, values, noise = driven.protocol.time, driven.protocol.inputs[name], driven.noise.get(name, 0.0)
+    if name not in driven.noisy:
+        return np.asarray(np.abs(values - values[0]) > MOVED * noise)
+    rest = np.median(values[time < time[0] + RESTS_AT * driven.step])
+    return np.asarray(np.abs(values - rest) > LEFT_REST * noise)
 
 
 def choose_held_out(recordings: Recordings) -> list[str]:
