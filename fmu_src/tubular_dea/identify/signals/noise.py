@@ -66,7 +66,7 @@ ROOM_A_LINE = 32  # [samples] that a stretch has for each line of hum that is ta
 
 # Set by judgement: noise that is white and has a colour may be 1/f noise. Check: `pytest tests/test_noise.py -k slow`
 SLOW_STRETCH = 3.0  # [s] that stretches have to last to tell that noise is not, at the usual pace,
-SLOW_SAMPLES = 300  # [samples] and at least: 250 of 1/f noise left a search for what was noise
+SLOW_SAMPLES = 300  # [samples] and at least, where a plant that is sampled seldom has a short time for that
 SOME_FREEDOM = 300  # [1] degrees of freedom that they have together
 
 # Set by judgement: no noise is quite of this form. Check: `python -m blind.score --nulls 60 --seed 1000`
