@@ -122,7 +122,8 @@ def _strongest(residuals: Sequence[np.ndarray], pieces: Sequence[Piece]) -> floa
 
 
 def _swings(study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, frequency: float) -> list[np.ndarray]:
-    """The change of the reading (N,) by a small wave of the input `name` ("": of the sensor), in two phases."""
+    """The change of the reading (N,) by a small wave of the input `name` ("": of the sensor), in two phases; none where
+    the model has no answer, as close to a fold."""
     phases = (0.0, 0.5 * np.pi)
     if not name:
         return [np.sin(2 * np.pi * frequency * piece.case.times + phase) for phase in phases]
@@ -130,8 +131,8 @@ def _swings(study: Study, ids: Ids, fitted: Fit, piece: Piece, name: str, freque
         piece.case,
         *(replace(piece.case, protocol=_waved(study, piece, name, frequency, phase)) for phase in phases),
     ]
-    still, *waved = study.asked(ids, cases).outputs_alone(fitted.values)
-    return [w - still for w in waved]
+    still, *waved = study.asked(ids, cases).possible(fitted.values)
+    return [np.zeros(piece.record.size) if w is None or still is None else w - still for w in waved]
 
 
 def _waved(study: Study, piece: Piece, name: str, frequency: float, phase: float) -> Protocol:
