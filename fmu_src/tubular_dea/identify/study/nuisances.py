@@ -61,8 +61,7 @@ SMOOTHER = 0.5  # [1] share by which the mean of its neighbours usually replaces
 # Set by theory: the mean of two neighbours leaves a third of the noise, but takes a curve's bend for noise; the cubic
 # through seven samples (Savitzky and Golay, Anal. Chem. 36 (1964) 1627) leaves as much and takes none.
 # Check: `pytest tests/test_adjust.py -k leaves_a_curve`
-MEAN = np.array([0.5, 0, 0.5])  # [1] weights of samples in a row
-CUBIC = np.array([-2, 3, 6, 7, 6, 3, -2]) / 21  # [1] the same
+SMOOTHERS = (np.array([0.5, 0, 0.5]), np.array([-2, 3, 6, 7, 6, 3, -2]) / 21)  # [1] weights of samples in a row
 
 # Set by measurement: of 1/f noise of 27 Pa at 1 kHz, 64 leaves a lag of 0.5 s, 256 none. Check:
 # `pytest tests/test_coloured_monitors.py`
@@ -218,12 +217,13 @@ def _begun_earlier(piece: Piece, name: str) -> tuple[Case, float]:
 def _smoothers(study: Study, piece: Piece, name: str) -> list[tuple[str, Case, float]]:
     """The nuisance parameters, with their cases, that smooth one of the inputs."""
     samples = float(np.ptp(piece.case.times)) / step_of(piece)
-    strides = [s for s in STRIDES if s * (CUBIC.size - 1) < OF_A_RECORD * samples] if name in study.coloured else []
-    smoothers = [(MEAN, 1), *((CUBIC, stride) for stride in (1, *strides))]
+    cubic = SMOOTHERS[-1]
+    strides = [s for s in STRIDES if s * (cubic.size - 1) < OF_A_RECORD * samples] if name in study.coloured else []
+    smoothers = [*((w, 1) for w in SMOOTHERS), *((cubic, stride) for stride in strides)]
     return [(f"{SMOOTH_OF}{name} {w.size // 2 * by}", _smoothed(study, piece, name, w, by), 1.0) for w, by in smoothers]
 
 
-def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray, stride: int) -> Case:
+def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray, stride: int = 1) -> Case:
     """The case with one of its inputs smoothed by `weights` of samples a `stride` apart, the middle one its own, as far
     as noise moves it: a step stays one."""
     protocol, by, reach = piece.case.protocol, stride * step_of(piece), weights.size // 2
