@@ -104,7 +104,8 @@ def zeroed(
         found = np.array([zero for zero, _ in seen.values()])
         effect = effects and _may_be_off(plant, signal.name)
         levels[signal.name] = _in_common(found, signal.known_zero) if effect else 0.0
-        loads[signal.name] = abs(float(found.mean()) - levels[signal.name]) if found.size else 0.0
+        if signal.name == plant.model.curve.load and found.size:
+            loads[signal.name] = abs(float(found.mean()) - levels[signal.name])
         for i, (zero, points) in seen.items():
             zeros[i][signal.name], still[i][signal.name] = zero - levels[signal.name], points
         for i in resting:
