@@ -361,7 +361,8 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
 def _rests_loaded(driven: Drive, plant: Plant) -> bool:
     """Whether what a plant rested under may be a load, as small as the zero of a monitor."""
     first = {s: driven.lines[s.name].values[0] for s in plant.inputs if s.name in driven.lines}
-    return any(driven.loads.values()) and all(abs(value) <= ZEROS * s.known_zero for s, value in first.items())
+    shown = any(load or driven.lines[name].values[0] for name, load in driven.loads.items())
+    return shown and all(abs(value) <= ZEROS * s.known_zero for s, value in first.items())
 
 
 def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Reading, np.ndarray]:
