@@ -35,11 +35,12 @@ ON_TIME = 1e-9  # [s] by which a sample may be too early for a stretch that begi
 SKIPPED = 1.5  # [1] times the usual step from which on time has a gap
 SAME_RATE = 0.1  # [1] by which a step differs at most from the one before, of samples of one rate
 
-# Set by measurement: of 1 to 20 ms, all between 12 and 16 ms leave tanks read every 4 s, a motor read every 20 ms and a
-# spring that rings for ten samples the noise that they have; with less, stretches behind an event are too few or ring.
+# Set by measurement: tanks and an oven read every 0.5 s to 5 s lost most of noise with a memory to curves that take out
+# creep; what is read every 1 to 20 ms keeps it.
 # Check: `pytest tests/test_time_scale.py tests/test_ringing_plants.py`, `python -m measured.table`
 USUAL_BANDWIDTH = 25.0  # [Hz] of a plant of the usual pace, the tube
-USUAL_STEP = 0.016  # [s] between samples of a plant of the usual pace, where no bandwidth tells its pace
+USUAL_STEPS = (5e-4, 0.02)  # [s] between samples of plants of the usual pace, where no bandwidth tells it: the least
+# and the most
 
 # Set by judgement. Check: `pytest tests/test_noise.py -k rings`, `python -m measured.table`
 CALMEST = 100  # [1] degrees of freedom of the calmest stretches together, that the others are held against
@@ -105,11 +106,12 @@ class Stretches:
 
 def pace_of(bandwidth: float, steps: Sequence[float]) -> float:
     """How many times as long as the tube a plant takes for all that it does: told by its `bandwidth` [Hz], and where
-    that is unknown by the `steps` [s] between samples, which whoever records a plant fits to how fast it is."""
+    that is unknown by the `steps` [s] between samples, which whoever records a plant fits to how fast it is. Of what is
+    sampled as the tube may be, it is 1."""
     if np.isfinite(bandwidth):
         return USUAL_BANDWIDTH / bandwidth
     usual = float(np.median(steps)) if len(steps) else 0.0
-    return usual / USUAL_STEP if usual > 0 else 1.0
+    return usual / float(np.clip(usual, *USUAL_STEPS)) if usual > 0 else 1.0
 
 
 def paced(step: float, pace: float) -> float:
