@@ -278,14 +278,18 @@ def test_how_much_noise_a_coarse_sensor_shows_at_rest_depends_on_where_it_rests(
     assert rounded(Noise(1.0, 0.0), 1.0).form == Noise(1.0, 0.0).form
 
 
+def ringing(lasts: float, after: float, decay: float, colour: Colour, seed: int) -> list[tuple[np.ndarray, ...]]:
+    """Records of a carriage on a spring that rests, is pushed `after` [s] and rings out, with noise of a colour."""
+    time, random = np.arange(0, lasts, 0.01), np.random.default_rng(seed)
+    since = np.maximum(time - after, 0.0)
+    course = 1 - np.exp(-decay * since) * np.cos(9.4 * since)
+    noises = [1e-4 * colour.sample(time.size, random) for _ in range(3)]
+    return [(time, size * course + n, np.array([after])) for size, n in zip((0.09, -0.06, 0.05), noises, strict=True)]
+
+
 def test_what_rings_after_every_event_is_at_rest_before_the_first() -> None:
     """A carriage on a spring after a push: what rests then is the force, not the carriage."""
-    time, random = np.arange(0, 10, 0.01), np.random.default_rng(4)
-    records = []
-    for size in (0.09, -0.06, 0.05):
-        since = np.maximum(time - 1.0, 0.0)
-        ringing = size * (1 - np.exp(-0.75 * since) * np.cos(9.4 * since))
-        records.append((time, ringing + 1e-4 * random.standard_normal(time.size), np.array([1.0])))
+    records = ringing(10, 1.0, 0.75, Colour(0.0), 4)
     found = estimate(records)
     assert found.quiet
     assert found.rms == pytest.approx(1e-4, rel=0.1)
@@ -293,12 +297,7 @@ def test_what_rings_after_every_event_is_at_rest_before_the_first() -> None:
 
 def test_noise_that_remembers_long_is_told_by_rest_before_what_rings() -> None:
     """A cylinder that rests for five seconds, then rings: its sensor remembers longer than a ringing plant's may."""
-    time, random = np.arange(0, 20, 0.01), np.random.default_rng(5)
-    records = []
-    for size in (0.09, -0.06, 0.05):
-        since = np.maximum(time - 5.0, 0.0)
-        ringing = size * (1 - np.exp(-0.1 * since) * np.cos(9.4 * since))
-        records.append((time, ringing + 1e-4 * Colour(0.9).sample(time.size, random), np.array([5.0])))
+    records = ringing(20, 5.0, 0.1, Colour(0.9), 5)
     found = estimate(records)
     assert found.quiet
     assert found.rms == pytest.approx(1e-4, rel=0.1)

@@ -21,7 +21,7 @@ from ...identify.signals.monitors import GAUSSIAN_MAD
 from ...identify.study.monitor_uncertainty import slow_sensitivities
 from ...identify.study.nuisances import SMOOTH_OF, corner_squares, with_nuisances
 from ...identify.study.remembered import remembers
-from ...identify.study.study import Piece, Study
+from ...identify.study.study import Piece, Study, fastest
 from ...protocol import Protocol
 from ..options.residuals import block_means, expected_variance, over_blocks
 
@@ -63,7 +63,7 @@ def told_by_outputs(
     larger, too. So where the residual does not follow the monitor from block to block, only the changes between blocks
     count: those of what a model lacks are small.
     """
-    levels = {name: _fastest(study, name) for name in study.monitor_noise}
+    levels = {name: fastest([p.driven for p in study.pieces], name) for name in study.monitor_noise}
     unsure = [n for n, level in study.monitor_noise.items() if level > levels[n] > 0 and n not in study.stated]
     if not unsure:
         return study
@@ -108,11 +108,6 @@ def _at_corners(study: Study, name: str, answers: Sequence[np.ndarray | None]) -
         if answer is not None and not piece.held_out:
             squares.append(corner_squares(study, piece, name, answer))
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
-
-
-def _fastest(study: Study, name: str) -> float:
-    """The noise of a monitor that changes from sample to sample."""
-    return float(np.median([p.driven.noise[name] for p in study.pieces]))
 
 
 def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:

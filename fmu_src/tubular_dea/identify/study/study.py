@@ -267,7 +267,7 @@ def study(
             prior,
             sought=effects,
             stated=frozenset(recordings.noise) & {s.name for s in plant.inputs},
-            coloured=frozenset(n for n, level in levels.items() if level > COLOURED * _fast(drives, n)),
+            coloured=frozenset(n for n, level in levels.items() if level > COLOURED * fastest(drives, n)),
             zeros=declared_zeros(plant),
         )
     )
@@ -308,12 +308,12 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
     Where a file rests at first, its colour shows.
     """
-    found = {s.name: _fast(drives, s.name) for s in recordings.plant.inputs}
+    found = {s.name: fastest(drives, s.name) for s in recordings.plant.inputs}
     rested = [recordings.starts[e.name] == RESTED for e in recordings.experiments]
     groups: dict[float, list[int]] = {}  # the files with each sampling step
     for number, driven in enumerate(drives):
         groups.setdefault(round(driven.step, SAME_STEP), []).append(number)
-    pace = pace_of(recordings.plant.bandwidth, [d.step for d in drives])
+    pace = _pace(recordings, drives)
     for signal in recordings.plant.inputs:
         if signal.linear and not recordings.noise.get(signal.name):
             records, fast = without_hum(recordings.experiments, signal.name), found[signal.name]
@@ -328,8 +328,13 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
     return found
 
 
-def _fast(drives: Sequence[Drive], name: str) -> float:
-    """The noise of a monitor from sample to sample."""
+def _pace(recordings: Recordings, drives: Sequence[Drive]) -> float:
+    """How many times as long as the tube the plant takes for all that it does."""
+    return pace_of(recordings.plant.bandwidth, [d.step for d in drives])
+
+
+def fastest(drives: Sequence[Drive], name: str) -> float:
+    """The noise of a monitor that changes from sample to sample."""
     return float(np.median([d.noise[name] for d in drives]))
 
 
@@ -420,8 +425,7 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
             if seen.any():
                 seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
-        pace = pace_of(recordings.plant.bandwidth, [d.step for d in drives])
-        noise = noises.estimate(records, recordings.plant.bandwidth, pace)
+        noise = noises.estimate(records, recordings.plant.bandwidth, _pace(recordings, drives))
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
