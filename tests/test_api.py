@@ -142,6 +142,7 @@ def test_any_plant_is_simulated_as_the_tube_is(folder: Path) -> None:
     assert np.array_equal(by_file["level_2"], by_plant["level_2"])
     assert by_file["level_2"][-1] > 2
     assert by_file.units["level_2"] == "V" and next(iter(by_file.units)) == "pump"
+    assert "level_2" in by_file and "level" not in by_file
 
 
 def test_a_step_is_drawn_when_it_happens() -> None:
@@ -194,7 +195,7 @@ def test_recordings_in_memory_keep_their_names_and_geometry() -> None:
     radius["radius [mm]"] = 1e3 * run["radius"]
     columns = {"pressure": "p", "voltage": 3}
     data = td.read_recordings({"1e-3": radius, "b.c": radius}, columns=columns, geometry={"r_o": "14.9 mm"})
-    assert [e.name for e in data.experiments] == ["1e-3", "b.c"]
+    assert [e.name for e in data.experiments] == list(data) == ["1e-3", "b.c"]
     assert data["b.c"].outputs["measured_displacement"] == pytest.approx(run["radius"] - 14.9e-3)
     assert data["b.c"].inputs["voltage"].max() == pytest.approx(5000)
     frame = data.to_pandas()

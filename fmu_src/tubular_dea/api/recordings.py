@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -48,7 +48,10 @@ class RecordingSet(Recordings):
         for experiment in self.experiments:
             if experiment.name == name:
                 return experiment
-        raise KeyError(f"no experiment {name!r}; there are {', '.join(e.name for e in self.experiments)}")
+        raise KeyError(f"no experiment {name!r}; there are {', '.join(self)}")
+
+    def __iter__(self) -> Iterator[str]:
+        return (e.name for e in self.experiments)
 
     def protocol(self, name: str) -> Protocol:
         """The inputs of an experiment as they were recorded: held ones jump at their samples, others run straight.

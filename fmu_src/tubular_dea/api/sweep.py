@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,9 @@ class SweepResult:
     def __getitem__(self, name: str) -> np.ndarray:
         """One column of all rows, shape (rows,)."""
         return self.store.column(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.store.manifest.columns)
 
     @property
     def folder(self) -> Path:

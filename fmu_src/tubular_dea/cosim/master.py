@@ -10,7 +10,7 @@ control, exact event times and the check of stability are added here.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +79,9 @@ class Run:
         if name not in self.values:
             raise KeyError(f"no value {name!r}{nearest(name, self.values)}")
         return self.values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.values)
 
     def completed(self) -> Run:
         """This run; `MasterError` with time and reason where it ended early."""
