@@ -116,6 +116,7 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     monkeypatch.setattr(rounds, "further", further)
     monkeypatch.setattr(rounds, "option", lambda study, ids, fit, fine: option(*ids, excess=left[ids[-1]]))
     monkeypatch.setattr(rounds, "fitted_option", lambda study, ids, start, fine: again.append(ids))
+    monkeypatch.setattr(rounds, "_from_best", lambda study, one, best: one)
     model = SimpleNamespace(parameter_values=lambda: {})
     study = SimpleNamespace(plant=SimpleNamespace(model=model))
     before = option(excess=6000.0)
@@ -128,6 +129,31 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     known = {"c2": option("c2", excess=2501.0).fitted}  # of a search at another level of noise: it starts there
     rounds._refits(study, before, starts, list(left), known, lambda what: None)
     assert ended.index("c2") == 0
+
+
+@pytest.mark.parametrize(
+    ("there", "after", "kept"), [(900.0, 400.0, 400.0), (900.0, 1100.0, 1000.0), (1001.0, 0.0, 1000.0)]
+)
+def test_a_refit_that_ended_elsewhere_starts_again_where_the_best_ended(
+    monkeypatch: pytest.MonkeyPatch, there: float, after: float, kept: float
+) -> None:
+    """The option costs 1000, and `there` with the base of the best one."""
+    best, one = option("lag", excess=0.0), option("line", excess=1000.0 - option("line", excess=0.0).fitted.cost)
+    best = replace(best, fitted=replace(best.fitted, values=best.fitted.values | {"base": 7.0}))
+    assert one.fitted.cost == 1000.0
+    started: list[dict] = []
+
+    def fitted_option(study: object, ids: tuple, start: dict, fine: tuple) -> Option:
+        started.append(start)
+        return replace(one, fitted=replace(one.fitted, cost=after))
+
+    residuals = SimpleNamespace(scaled=lambda values: values, residuals=lambda values: np.array([there**0.5]))
+    study = SimpleNamespace(plant=None, problem=lambda ids, free, fixed: residuals)
+    monkeypatch.setattr(rounds, "base_parameters", lambda plant: [SimpleNamespace(name="base")])
+    monkeypatch.setattr(rounds, "fitted_option", fitted_option)
+    assert rounds._from_best(study, best, best) is best
+    assert rounds._from_best(study, one, best).fitted.cost == kept
+    assert started == ([one.fitted.values | {"base": 7.0}] if there < 1000.0 else [])
 
 
 @pytest.mark.parametrize(
