@@ -193,7 +193,8 @@ def test_a_first_effect_is_accepted_for_its_gain_its_blocks_and_held_out_data() 
         (100.0, 2490.0, 0.06, 99e3, True),  # 9: they hardly can, but by odds of more than 20 to 1 they do
         (100.0, 2496.0, 0.06, 99e3, False),  # odds are less; experiments left out in turn are asked
         (100.0, 2496.0, 0.06, 0.0, True),
-        (100.0, 2510.0, 0.06, 0.0, True),
+        (100.0, 2505.0, 0.06, 0.0, True),
+        (100.0, 2507.0, 0.06, 0.0, False),  # odds of more than 20 to 1 against it
         (99.0, 2510.0, 0.06, 0.0, False),  # what gains little needs both
         (99.0, 2500.1, 0.01, 0.0, True),  # 0.25: held-out data cannot tell
         (100.0, float("nan"), 0.0, 0.0, False),  # no answer there

@@ -143,7 +143,7 @@ def _with_held_out(before: Option, after: Option) -> float:
 
 def confirmed(before: Option, after: Option) -> bool:
     """Whether data that no fit used support `after`: the held-out experiments or, where these hardly distinguish the
-    two, experiments left out in turn. An effect that gains little has to be supported by both."""
+    two, experiments left out in turn and no contradiction. An effect that gains little has to be supported by both."""
     if not np.all(np.isfinite(after.unseen)):
         return False
     difference = after.unseen - before.unseen
@@ -151,7 +151,7 @@ def confirmed(before: Option, after: Option) -> bool:
     if apart >= VISIBLE:
         return held > max(0.0, min((2 * AS_LARGE - 1) * apart, apart - 2 * SMALLER_BY * float(np.sqrt(apart))))
     little = before.cost - after.cost < LITTLE
-    if little and apart >= INVISIBLE and held <= 0:
+    if held < -DENIAL or (little and apart >= INVISIBLE and held <= 0):
         return False
     return held > DENIAL or after.across < before.across
 
