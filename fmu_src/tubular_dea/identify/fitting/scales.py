@@ -57,7 +57,7 @@ FACTORS: Mapping[str, Mapping[float, str]] = {
         68.9476: "mbar labelled psi",
         133.322: "Pa labelled mmHg",
     },
-    "V": {1e3: "V labelled kV or mV labelled V", 2.0: "twice the voltage (both electrodes driven, or peak to peak)"},
+    "V": {1e3: "V labelled kV or mV labelled V", 2.0: "twice the voltage (peak to peak, or of two outputs)"},
     "A": {1e3: "uA labelled mA or mA labelled A", 1e6: "uA labelled A"},
     "rad": {57.2958: "degrees labelled rad"},
     "rad/s": {9.5493: "rpm labelled rad/s", 57.2958: "degrees per second labelled rad/s", 6.28319: "rad/s labelled Hz"},
@@ -71,7 +71,7 @@ OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for any other unit
 INVERSE = {  # the same, so many times too small
     "a diameter for a radius": "a radius for a diameter",
     "mm labelled cm": "cm labelled mm",
-    "twice the voltage (both electrodes driven, or peak to peak)": "half the voltage (one of two electrodes)",
+    "twice the voltage (peak to peak, or of two outputs)": "half the voltage (an amplitude, or one output of two)",
 }
 
 

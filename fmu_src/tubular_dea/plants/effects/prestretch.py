@@ -1,8 +1,8 @@
-"""The tube is mounted stretched: at lambda = 1 the elastomer is not free of stress.
+"""The tube is mounted stretched or compressed: at lambda = 1 the elastomer is not free of stress.
 
 ::
 
-    ===|--> <------------>  <--|===      free length below 2 l_o: prestretch_1 > 1
+    ===|--> <------------>  <--|===      free length below 2 l_o: prestretch_1 > 1, above it < 1
 
 Equation: lambda_1_elastic = prestretch_1 lambda_1, lambda_2_elastic = prestretch_2 lambda_2.
 
@@ -32,7 +32,7 @@ def _apply(model: Model) -> Model:
 EFFECT = Effect(
     "prestretch",
     "mechanical",
-    "The tube is mounted stretched",
+    "The tube is mounted stretched or compressed",
     _apply,
     PARAMETERS,
     off={"prestretch_1": 1.0, "prestretch_2": 1.0},
