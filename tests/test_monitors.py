@@ -120,6 +120,27 @@ def test_a_wave_is_known_between_samples(rate: float, fast: float) -> None:
     assert abs(1 - kept) < 0.35 * (1 - joined)
 
 
+def test_the_upstroke_of_many_beats_is_not_cut() -> None:
+    """What each beat loses within its noise adds up: in the mean of 240, lines cut the upstroke by up to 18 Pa."""
+    random = np.random.default_rng(5)
+    starts = 0.5 + np.cumsum(0.45 * (1 + 0.03 * random.standard_normal(241)))
+
+    def heart(t: np.ndarray) -> np.ndarray:
+        since = t - starts[np.maximum(np.searchsorted(starts, t, "right") - 1, 0)]
+        rise = 0.5 - 0.5 * np.cos(np.pi * np.clip(since / 0.045, 0, 1))
+        return np.asarray(11000 + 5000 * np.where(since < 0, 0, rise * np.exp(-since / 0.12)))
+
+    time, fine = np.arange(0, starts[-1], 1 / 200), np.arange(starts[0], starts[-1], 1 / 2000)
+    line = drives([recorded(time, "pressure", heart(time) + 25 * random.standard_normal(time.size))], PRESSURE)[0]
+    since = fine - starts[np.searchsorted(starts, fine, "right") - 1]
+
+    def cut(drawn: np.ndarray) -> float:
+        phases = [(since >= 0.005 * k) & (since < 0.005 * (k + 1)) for k in range(1, 12)]
+        return float(np.std([np.mean((drawn - heart(fine))[phase]) for phase in phases]))
+
+    assert cut(line.protocol.at(fine)["pressure"]) < 0.6 * cut(np.interp(fine, time, heart(time)))
+
+
 def test_a_kink_stays_a_kink() -> None:
     time = np.arange(0, 12, 1 / 50)
     saw = 9000 + 3000 * np.abs(((time / 0.6) % 2) - 1)

@@ -132,7 +132,7 @@ class Drive:
         by = np.asarray(shifts, dtype=float)
         if by.shape != (len(self.edges),):
             raise ValueError(f"shifts: expected {len(self.edges)} of them, one an edge, but was given {by.size}")
-        widened = np.array([max((longer or {}).get(e.input, 0.0), -e.rise) for e in self.edges])
+        widened = np.array([max(e.share * (longer or {}).get(e.input, 0.0), -e.rise) for e in self.edges])
         lines = [line.moved(by, widened) for line in self.lines.values()]
         return joined([(line.time, line.values) for line in lines], list(self.lines))
 
@@ -342,7 +342,7 @@ def _continuous(experiment: Experiment, name: str, noise: float, mains: Sequence
             break
     drawn = halved(time, values - hum, drawn)
     clean, step = values - hum, usual_step(time)
-    lines = kinked(time, clean, curved(time, clean, drawn), step, noise)
+    lines = kinked(time, clean, curved(time, clean, drawn, noise), step, noise)
     line = _unmoved(*lines)
     missed = line_error(experiment, name, line, noise, hum=hum)
     return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))

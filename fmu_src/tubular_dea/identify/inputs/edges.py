@@ -3,8 +3,9 @@
 If the sample at t_k has the new value and that at t_(k-1) the old one, the input switched in between. The best estimate
 is then the middle, and the bounds are the two samples. With a slow amplifier, a sample may fall on the edge; if the
 rise is known, the height of this sample determines the instant. The rise is common to all edges of a record (or of a
-set). It follows from the heights of such samples and from how often they occur. Where more samples than `FEW_ON_WAY`
-lie on an edge, they tell whether it is an exponential one; if not, its shape is recorded and used as it is.
+set): the time that it takes, or its slope, as an amplifier that charges a capacitor with its largest current has. It
+follows from the heights of such samples and from how often they occur. Where more samples than `FEW_ON_WAY` lie on an
+edge, they tell whether it is an exponential one; if not, its shape is recorded and used as it is.
 
 A set point without noise, written by a computer, changes at the sample that first shows the new value: there this
 sample is the best estimate, and both bounds.
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -43,7 +44,7 @@ FAITHFUL = 0.01  # [1] of its height by which samples miss an exponential: other
 SHORTEST = 0.01  # [samples] that the shortest rise takes that is tried
 LEAST_RANGE = 2.0  # [1] times that one, up to which longer ones are tried at least
 TRIALS = 96  # [1] rises that are tried
-PLAINER = 2.0  # [log likelihood] by which an exponential rise has to be likelier than a ramp
+PLAINER = 2.0  # [log likelihood] by which another rise has to be likelier than ramps that all last as long
 INSTANTS = 33  # [1] instants between two samples that are tried where none is on the way
 ON_WAY_MORE = 1.5  # [samples] by which a ramp may be longer than the samples on its way
 OFF_LEVEL = 0.005  # [1] of an edge's height from its levels: a sample on the way tells the instant as if so far off
@@ -76,13 +77,17 @@ BENDING = np.array([0.0, 0.5, 1.3, 2.6, 5.5])  # [time constants] from its begin
 RISEN = np.array([0.0, 0.417, 0.7488, 0.9472, 1.0])  # [1] of its height that the line has there
 
 
+Kind = Literal["ramp", "exponential", "slew"]
+
+
 @dataclass(frozen=True)
 class Edge:
     """One switching of `input`. Times in s, levels in SI units.
 
     `time` is the best estimate of its centroid, which lies between `earliest` and `latest`. Between the levels `low`
     before and `high` after it, its `shape` is that of a straight ramp of `rise` (0: a jump), of an exponential that
-    spreads as this ramp does, or as it was recorded.
+    spreads as this ramp does, or as it was recorded. Where the amplifier rises more slowly by some time, this one lasts
+    longer by a `share` of that.
     """
 
     input: str
@@ -93,6 +98,7 @@ class Edge:
     low: float
     high: float
     shape: Literal["ramp", "exponential", "recorded"] = "ramp"
+    share: float = 1.0
 
     @property
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
@@ -104,16 +110,27 @@ class Edge:
 
 @dataclass(frozen=True)
 class Rise:
-    """How an amplifier rises: as a ramp or as an exponential, which lasts or has a time constant of `trials` (k,) [s].
+    """How an amplifier rises: as a ramp or as an exponential, which lasts or has a time constant of `trials` (k,) [s],
+    or with a slope, so that edges of a `height` (SI) last so long and others in proportion.
 
     `weights` (k,) are the chances of the trials. Nothing is `seen` where no sample ever fell on the way: then a jump
     is the simplest that agrees, and the trials say how slow it may be all the same.
     """
 
-    exponential: bool
+    kind: Kind
     trials: np.ndarray
     weights: np.ndarray
     seen: bool
+    height: float = 0.0
+
+    @property
+    def exponential(self) -> bool:
+        """Whether it is an exponential."""
+        return self.kind == "exponential"
+
+    def share(self, height: float) -> float:
+        """How long an edge of a height (SI) lasts, over the trials."""
+        return height / self.height if self.kind == "slew" else 1.0
 
     @property
     def spread(self) -> np.ndarray:
@@ -157,14 +174,15 @@ def rise(records: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Rise | None
         return _hidden(every)
     slow = [e for e in edges if e.on_the_way.size > FEW_ON_WAY]
     if slow:
-        how, _ = _likeliest(_some(edges), exponential=True)
+        how, _ = _likeliest(_some(edges), "exponential")
         if np.mean([_has_shape(e, how) for e in slow]) > 0.5:
             return how
     fast = _some([e for e in edges if e.on_the_way.size <= FEW_ON_WAY])
     if not fast:
         return None
-    (ramp, odds), (decay, others) = (_likeliest(fast, exponential) for exponential in (False, True))
-    return decay if others - PLAINER > odds else ramp  # a ramp, where both serve
+    plain, *others = (_likeliest(fast, kind) for kind in get_args(Kind))
+    other = max(others, key=lambda found: found[1])
+    return other[0] if other[1] - PLAINER > plain[1] else plain[0]
 
 
 def _hidden(edges: Sequence[_EdgeSamples]) -> Rise:
@@ -172,7 +190,7 @@ def _hidden(edges: Sequence[_EdgeSamples]) -> Rise:
     period = _period(edges)
     trials = np.geomspace(SHORTEST, HIDDEN_RISE, TRIALS) * period
     weights = trials * (trials <= max(SLOW_EDGE, LEAST_RANGE * SHORTEST * period))  # every rise as likely beforehand
-    return Rise(False, trials, weights / weights.sum(), False)
+    return Rise("ramp", trials, weights / weights.sum(), False)
 
 
 def _period(edges: Sequence[_EdgeSamples]) -> float:
@@ -185,46 +203,49 @@ def _some(edges: Sequence[_EdgeSamples]) -> list[_EdgeSamples]:
     return [edges[i] for i in np.unique(np.linspace(0, len(edges) - 1, min(SAMPLED, len(edges))).astype(int))]
 
 
-def _likeliest(edges: Sequence[_EdgeSamples], exponential: bool) -> tuple[Rise, float]:
+def _likeliest(edges: Sequence[_EdgeSamples], kind: Kind) -> tuple[Rise, float]:
     """The rise of this kind that the edges tell, and the logarithm of the chance of the kind."""
-    period = _period(edges)
-    most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if exponential else ON_WAY_MORE)
+    period, height = _period(edges), max(e.height for e in edges)
+    most = max(FEW_ON_WAY, *(e.on_the_way.size for e in edges)) + (0.0 if kind == "exponential" else ON_WAY_MORE)
     seen = any(e.anchor is not None for e in edges)
     longest = most * period if seen else max(min(most * period, SLOW_EDGE), LEAST_RANGE * SHORTEST * period)
     trials = np.geomspace(SHORTEST * period, longest, TRIALS)
-    odds = _odds(edges, trials, exponential)
+    odds = _odds(edges, Rise(kind, trials, trials, seen, height))
     chance = float(odds.max() + np.log(np.mean(np.exp(odds - odds.max()))))
     likely = np.flatnonzero(odds > odds.max() + np.log(NOWHERE))  # again, in steps as fine as what they tell
     around = np.clip([likely[0] - 1, likely[-1] + 1], 0, TRIALS - 1)
     trials = np.geomspace(trials[around[0]], trials[around[1]], TRIALS)
-    odds = _odds(edges, trials, exponential)
+    odds = _odds(edges, Rise(kind, trials, trials, seen, height))
     weights = np.exp(odds - odds.max())
-    return Rise(exponential, trials, weights / weights.sum(), seen), chance
+    return Rise(kind, trials, weights / weights.sum(), seen, height), chance
 
 
-def _odds(edges: Sequence[_EdgeSamples], trials: np.ndarray, exponential: bool) -> np.ndarray:
-    """Logarithm of the chance of every one of the trials (k,)."""
-    odds = np.sum([_likelihood(e, trials, exponential) for e in edges], axis=0) / _together(edges)
-    return np.asarray(odds + np.log(trials))  # every rise as likely beforehand
+def _odds(edges: Sequence[_EdgeSamples], how: Rise) -> np.ndarray:
+    """Logarithm of the chance of every one of the trials (k,) of a rise."""
+    odds = np.sum([_likelihood(e, how) for e in edges], axis=0) / _together(edges)
+    return np.asarray(odds + np.log(how.trials))  # every rise as likely beforehand
 
 
 def _has_shape(edge: _EdgeSamples, how: Rise) -> bool:
     """Whether the samples of an edge lie on one of the rises."""
-    centroids, _ = _instants(edge, how.trials, how.exponential)
-    missed = edge.parts[:, None] - _shape(edge.times[:, None] - centroids[:, 0], how.trials, how.exponential)
+    trials = how.share(edge.height) * how.trials
+    centroids, _ = _instants(edge, trials, how.exponential)
+    missed = edge.parts[:, None] - _shape(edge.times[:, None] - centroids[:, 0], trials, how.exponential)
     least = float(np.min(np.mean(missed**2, axis=0)))
     return least < CONTRAST * (FAITHFUL**2 + max(edge.error**2 - ROUGH_SHAPE**2, 0.0))
 
 
 @dataclass(frozen=True)
 class _EdgeSamples:
-    """One edge: `times` and `parts` (0 before, 1 after) of the samples around it, `first` the last of the old level."""
+    """One edge, of a `height` (SI): `times` and `parts` (0 before, 1 after) of the samples around it, `first` the last
+    of the old level."""
 
     times: np.ndarray
     parts: np.ndarray
     first: int
     last: int
     error: float
+    height: float
 
     @property
     def on_the_way(self) -> np.ndarray:
@@ -247,9 +268,9 @@ def _edge_samples(time: np.ndarray, values: np.ndarray, noise: float) -> list[_E
 def _samples_of(time: np.ndarray, values: np.ndarray, noise: float, before: int, after: int) -> _EdgeSamples:
     """The samples of one edge, and two on either side."""
     a, b = max(before - 1, 0), min(after + 2, time.size)
-    height = values[after] - values[before]
-    error = float(np.hypot(ROUGH_SHAPE, noise / abs(height)))
-    return _EdgeSamples(time[a:b], (values[a:b] - values[before]) / height, before - a, after - a, error)
+    step = float(values[after] - values[before])
+    error = float(np.hypot(ROUGH_SHAPE, noise / abs(step)))
+    return _EdgeSamples(time[a:b], (values[a:b] - values[before]) / step, before - a, after - a, error, abs(step))
 
 
 def _shape(late: np.ndarray, tau: np.ndarray, exponential: bool) -> np.ndarray:
@@ -265,10 +286,11 @@ def _lateness(part: float, tau: np.ndarray, exponential: bool) -> np.ndarray:
     return -tau * np.log(1 - part) - tau if exponential else tau * (part - 0.5)
 
 
-def _likelihood(edge: _EdgeSamples, trials: np.ndarray, exponential: bool) -> np.ndarray:
-    """Logarithm of the chance of one edge's samples for every rise (k,), over all instants."""
-    centroids, measure = _instants(edge, trials, exponential)
-    expected = _shape(edge.times[:, None, None] - centroids, trials[:, None], exponential)
+def _likelihood(edge: _EdgeSamples, how: Rise) -> np.ndarray:
+    """Logarithm of the chance of one edge's samples for every trial (k,) of a rise, over all instants."""
+    trials = how.share(edge.height) * how.trials
+    centroids, measure = _instants(edge, trials, how.exponential)
+    expected = _shape(edge.times[:, None, None] - centroids, trials[:, None], how.exponential)
     left = (edge.parts[:, None, None] - expected) / edge.error
     if edge.anchor is not None:
         left[edge.anchor] = 0.0
@@ -338,6 +360,7 @@ def located(
                 float(values[before]),
                 float(values[after]),
                 shape,
+                1.0 if how is None else how.share(look.height),
             )
         )
     return listed
@@ -345,16 +368,16 @@ def located(
 
 def _between(edge: _EdgeSamples, how: Rise, between: float) -> tuple[float, float, float, float]:
     """Centroid, its bounds and the rise of an edge with few samples on the way."""
-    a, b = edge.times[edge.first], edge.times[edge.last]
+    a, b, share = edge.times[edge.first], edge.times[edge.last], how.share(edge.height)
     if edge.anchor is None:
-        return a + between * (b - a), a, b, min(how.value, b - a)
+        return a + between * (b - a), a, b, min(share * how.value, b - a)
     part = edge.parts[edge.anchor]
-    late = _lateness(part, how.trials, how.exponential)
+    late = _lateness(part, share * how.trials, how.exponential)
     possible = how.weights * np.exp(np.maximum(_agreement(edge, how), NO_CHANCE))
     weights = possible / possible.sum()
     at = edge.times[edge.anchor] - late
-    lasting = float(weights @ how.spread)
-    rate = how.trials * (1 / np.clip(1 - part, STILL_RISING, 1) if how.exponential else 1.0)
+    lasting = share * float(weights @ how.spread)
+    rate = share * how.trials * (1 / np.clip(1 - part, STILL_RISING, 1) if how.exponential else 1.0)
     blur = BLURRED * edge.error * float(weights @ rate)  # of the instant by noise and by the shape
     kept = weights > UNLIKELY * weights.max()
     best = float(weights @ at)
@@ -378,8 +401,9 @@ def _through_filter(
 
 def _agreement(edge: _EdgeSamples, how: Rise) -> np.ndarray:
     """How well every rise agrees with the samples of one edge: a logarithm (k,), 0 where perfectly."""
-    centroids, _ = _instants(edge, how.trials, how.exponential)
-    expected = _shape(edge.times[:, None] - centroids[:, 0], how.trials, how.exponential)
+    trials = how.share(edge.height) * how.trials
+    centroids, _ = _instants(edge, trials, how.exponential)
+    expected = _shape(edge.times[:, None] - centroids[:, 0], trials, how.exponential)
     left = (edge.parts[:, None] - expected) / edge.error
     return -0.5 * np.sum(left**2, axis=0)
 
