@@ -361,17 +361,14 @@ def _cubic(t: np.ndarray, v: np.ndarray, pieces: np.ndarray, noise: float) -> tu
     pieces = pieces[~(alone[pieces] | alone[pieces + 1])]
     first, second = bend[pieces - 1], bend[pieces]
     step = np.diff(t)[pieces]
-
-    def sag(s: float) -> np.ndarray:
-        return np.asarray(step**2 * s * (1 - s) / 6 * ((2 - s) * first + (1 + s) * second))
-
-    well = np.abs(sag(0.5)) > WELL_BENT * noise
+    sags = {s: step**2 * s * (1 - s) / 6 * ((2 - s) * first + (1 + s) * second) for s in QUARTERS}
+    well = np.abs(sags[0.5]) > WELL_BENT * noise
     times, found = [t], [v]
-    for s in QUARTERS:
+    for s, sag in sags.items():
         here = well | (s == 0.5)
         at = pieces[here]
         times.append(t[at] + s * step[here])
-        found.append(v[at] + s * (v[at + 1] - v[at]) - sag(s)[here])
+        found.append(v[at] + s * (v[at + 1] - v[at]) - sag[here])
     order = np.argsort(np.concatenate(times), kind="stable")
     return np.concatenate(times)[order], np.concatenate(found)[order]
 
