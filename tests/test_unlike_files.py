@@ -13,8 +13,10 @@ import tubular_dea as td
 from blind.laboratory import laboratory, write
 from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
 from tubular_dea.discover import judgement
+from tubular_dea.discover.alternatives import unlike_files as alternative
 from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
 from tubular_dea.discover.answer import between_files
+from tubular_dea.identify.study import nuisances
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.plants.plant import Input, Output
 
@@ -42,6 +44,24 @@ def test_files_that_differ_as_no_monitor_does_are_told() -> None:
         in between_files.unlike(SimpleNamespace(unlike=found, study=study, named=far))[0]
     )
     assert "load +1.5% in file-0, -1.5% in file-1" in said and "another" in said
+
+
+def test_a_gain_has_to_be_well_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of noise as slow as a file, too little is seen."""
+    plant = replace(PLANT, inputs=[Input("load", zero=0.1)], outputs=[Output("reading")])
+    work = adjusted(
+        study_of([recorded(i, ramps(i), gain=1 + 0.03 * (i % 2)) for i in range(6)], plant), (), TRUTH, FREE
+    )
+    found = unlike_files(work, BASE)
+    assert found is not None
+    piece = next(p for p in work.pieces if p.name == found.piece)
+    known = (nuisances.unknown(work, piece) * piece.nuisances.sd)[piece.nuisances.names.index("gain of load")]
+    times = abs(found.changes[found.piece]["load"]) / known
+    assert times > 2 * alternative.KNOWN
+    for share, told in ((0.99, True), (1.01, False)):
+        monkeypatch.setattr(alternative, "KNOWN", share * times)
+        again = unlike_files(work, BASE)
+        assert (again is not None and again.piece == found.piece) is told
 
 
 def test_gains_as_monitors_have_them_are_no_finding() -> None:

@@ -322,12 +322,19 @@ def own_numbers(study: Study, ids: Ids, values: Mapping[str, float]) -> list[tup
 def corner_squares(study: Study, piece: Piece, name: str, answer: np.ndarray) -> np.ndarray:
     """The expected squares (c,) of a monitor's noise at its corners, in units of their prior's variance, for which a
     model has the output `answer` (N,): of the likeliest noise, and of what is not known of it."""
+    mine, sd = at_corners(piece, name), piece.nuisances.sd
+    own = likeliest(study, piece, answer)[mine] / np.where(sd > 0, sd, 1.0)[mine]
+    return own**2 + unknown(study, piece)[mine] ** 2
+
+
+def unknown(study: Study, piece: Piece) -> np.ndarray:
+    """What a record leaves unknown of its nuisance parameters (k,): standard deviations over those of their priors."""
+    sd = piece.nuisances.sd
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
-    columns = Marginal(piece.marginal.windows).apply(columns) * piece.nuisances.sd
-    mine, used = at_corners(piece, name), piece.nuisances.sd > 0
-    own = likeliest(study, piece, answer)[mine] / np.where(piece.nuisances.sd > 0, piece.nuisances.sd, 1.0)[mine]
-    unknown = np.diag(np.linalg.inv(columns[:, used].T @ columns[:, used] + np.eye(int(used.sum()))))
-    return own**2 + unknown[mine[used]]
+    columns = Marginal(piece.marginal.windows).apply(columns)[:, sd > 0] * sd[sd > 0]
+    left = np.zeros(sd.size)
+    left[sd > 0] = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))))
+    return left
 
 
 def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
