@@ -55,7 +55,7 @@ def test_a_gain_has_to_be_well_known(monkeypatch: pytest.MonkeyPatch) -> None:
     found = unlike_files(work, BASE)
     assert found is not None
     piece = next(p for p in work.pieces if p.name == found.piece)
-    known = (nuisances.unknown(work, piece) * piece.nuisances.sd)[piece.nuisances.names.index("gain of load")]
+    known = (nuisances.share_unknown(work, piece) * piece.nuisances.sd)[piece.nuisances.names.index("gain of load")]
     times = abs(found.changes[found.piece]["load"]) / known
     assert times > 2 * alternative.KNOWN
     for share, told in ((0.99, True), (1.01, False)):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...identify.study.nuisances import GAIN, GAIN_OF, own_numbers, unknown
+from ...identify.study.nuisances import GAIN, GAIN_OF, own_numbers, share_unknown
 from ...identify.study.study import Study
 from ...kernel import KernelError
 from ..options.options import Option
@@ -50,7 +50,7 @@ def unlike_files(study: Study, option: Option) -> Unlike | None:
     except KernelError:
         return None
     for piece, own in known:
-        uncertain = unknown(study, piece) * piece.nuisances.sd
+        uncertain = share_unknown(study, piece) * piece.nuisances.sd
         changes[piece.name] = {n.removeprefix(GAIN_OF): v for n, v in own.items() if n.startswith(GAIN_OF)}
         for name, value in changes[piece.name].items():
             index = piece.nuisances.names.index(GAIN_OF + name)

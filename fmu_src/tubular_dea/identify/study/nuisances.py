@@ -324,10 +324,10 @@ def corner_squares(study: Study, piece: Piece, name: str, answer: np.ndarray) ->
     model has the output `answer` (N,): of the likeliest noise, and of what is not known of it."""
     mine, sd = at_corners(piece, name), piece.nuisances.sd
     own = likeliest(study, piece, answer)[mine] / np.where(sd > 0, sd, 1.0)[mine]
-    return own**2 + unknown(study, piece)[mine] ** 2
+    return own**2 + share_unknown(study, piece)[mine] ** 2
 
 
-def unknown(study: Study, piece: Piece) -> np.ndarray:
+def share_unknown(study: Study, piece: Piece) -> np.ndarray:
     """What a record leaves unknown of its nuisance parameters (k,): standard deviations over those of their priors."""
     sd = piece.nuisances.sd
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
