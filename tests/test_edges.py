@@ -113,6 +113,10 @@ def test_an_amplifier_with_a_largest_current_rises_with_one_slope(rate: float, s
     by = 0.5e-3
     more = found.moved(np.zeros(len(found.edges)), {"voltage": by})
     assert np.ptp(more.time) == pytest.approx(np.ptp(found.protocol.time))
+    for edge in found.edges:  # each lasts longer by its share of what the highest does
+        if edge.shape == "ramp":
+            end = edge.time + (edge.rise + edge.share * by) / 2
+            assert np.min(np.abs(more.time - end)) < 1e-9
     assert {round(e.share, 2) for e in found.edges} >= {1.0, round(float(shortest / longest), 2)}
 
 

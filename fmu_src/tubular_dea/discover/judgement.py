@@ -19,7 +19,7 @@ from .alternatives import wander, zeros
 from .alternatives.operating_point import repeats
 from .alternatives.unlike_files import Unlike, unlike_files
 from .options import acceptance, residuals
-from .options.options import Option, fitted_option
+from .options.options import Option, fitted_option, problem_of
 from .scores.parameters import implausible
 from .search import equivalence, second_output
 from .search.law_uncertainty import still_there, with_law, with_rivals
@@ -102,8 +102,7 @@ def _described(work: Study, option: Option, rivals: Sequence[Option], gains: Map
     """The option as reported: branches in order, intervals that include the monitors' noise and other forms of laws."""
 
     def in_order(one: Option) -> tuple[Problem, Fit]:
-        fixed = {n: v for n, v in one.fitted.values.items() if n not in one.fitted.names}
-        problem = work.problem(one.ids, one.fitted.free, fixed)
+        problem = problem_of(work, one)
         return problem, ordered_fit(work.plant, problem, one.fitted)
 
     problem, fitted = in_order(option)

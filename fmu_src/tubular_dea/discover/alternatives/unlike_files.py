@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...identify.study.nuisances import GAIN, GAIN_OF, own_numbers, share_unknown
-from ...identify.study.study import Study
+from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ..options.options import Option
 
@@ -50,14 +50,19 @@ def unlike_files(study: Study, option: Option) -> Unlike | None:
     except KernelError:
         return None
     for piece, own in known:
-        uncertain = share_unknown(study, piece) * piece.nuisances.sd
         changes[piece.name] = {n.removeprefix(GAIN_OF): v for n, v in own.items() if n.startswith(GAIN_OF)}
         for name, value in changes[piece.name].items():
-            index = piece.nuisances.names.index(GAIN_OF + name)
-            least = max(MOST_USUAL_GAINS * GAIN, KNOWN * float(uncertain[index]))
-            column = piece.nuisances.columns[:, index] * value
+            if abs(value) <= MOST_USUAL_GAINS * GAIN or not _well_known(study, piece, GAIN_OF + name, value):
+                continue
+            column = piece.nuisances.columns[:, piece.nuisances.names.index(GAIN_OF + name)] * value
             for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
                 moved = float(np.sqrt(np.mean(column[rows] ** 2)))
-                if abs(value) > least and moved > study.noise[reading.output].rms:
+                if moved > study.noise[reading.output].rms:
                     found[abs(value)] = (name, piece.name, reading.output, moved)
     return Unlike(*found[max(found)], changes) if found else None
+
+
+def _well_known(study: Study, piece: Piece, name: str, value: float) -> bool:
+    """Whether a nuisance parameter of a piece is known to be off, by its standard deviation there."""
+    index = piece.nuisances.names.index(name)
+    return abs(value) > KNOWN * float(share_unknown(study, piece)[index] * piece.nuisances.sd[index])

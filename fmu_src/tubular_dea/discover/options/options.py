@@ -9,6 +9,7 @@ import numpy as np
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit, FitError
+from ...identify.fitting.problem import Problem
 from ...identify.study.study import Study, log_determinant
 from ..scores.levels import passed
 from ..scores.parameters import strengths_at_bounds
@@ -94,6 +95,12 @@ def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: S
         return option(study, ids, fit_effects(study, ids, dict(start), refined=finer), finer)
     except FitError:
         return None
+
+
+def problem_of(study: Study, one: Option) -> Problem:
+    """The problem of which an option is the fit: its free parameters, with the others where they are."""
+    fixed = {n: v for n, v in one.fitted.values.items() if n not in one.fitted.names}
+    return study.problem(one.ids, one.fitted.free, fixed)
 
 
 def option(study: Study, ids: Ids, fitted: Fit, refined: Ids = ()) -> Option:

@@ -15,7 +15,7 @@ from ..alternatives.forms import explained_by_form
 from ..alternatives.rounding import explained_by_rounding
 from ..alternatives.wander import explained_by_wandering
 from ..options.acceptance import FALSE_ALARMS, STRONG, accept, clean, denied, far, no_further_effect
-from ..options.options import Option, fitted_option, option
+from ..options.options import Option, fitted_option, option, problem_of
 from ..options.refit import FIRST_STEPS, FULL_STEPS, first_refit, further
 from ..scores import bank
 from ..scores.bank import Score
@@ -295,8 +295,12 @@ def _from_declared(study: Study, found: Option) -> Option:
     may have converged far away."""
     if clean(found.lack_of_fit):
         return found
-    start = found.fitted.values | study.plant.model.parameter_values()
-    again = fitted_option(study, found.ids, start, found.refined)
+    return _from(study, found, study.plant.model.parameter_values())
+
+
+def _from(study: Study, found: Option, values: Mapping[str, float]) -> Option:
+    """The option, refitted from other `values` (SI) of some parameters if it explains more from there."""
+    again = fitted_option(study, found.ids, found.fitted.values | dict(values), found.refined)
     return again if again and again.fitted.cost < found.fitted.cost else found
 
 
@@ -308,13 +312,10 @@ def _from_best(study: Study, found: Option, best: Option | None) -> Option:
     """
     if best is None or found is best:
         return found
-    start = found.fitted.values | {f.name: best.fitted.values[f.name] for f in base_parameters(study.plant)}
-    fixed = {n: v for n, v in start.items() if n not in found.fitted.names}
-    problem = study.problem(found.ids, found.fitted.free, fixed)
-    if float(np.sum(problem.residuals(problem.scaled(start)) ** 2)) >= found.fitted.cost:
-        return found
-    again = fitted_option(study, found.ids, start, found.refined)
-    return again if again and again.fitted.cost < found.fitted.cost else found
+    there = {f.name: best.fitted.values[f.name] for f in base_parameters(study.plant)}
+    problem = problem_of(study, found)
+    squares = problem.residuals(problem.scaled(found.fitted.values | there)) ** 2
+    return found if float(np.sum(squares)) >= found.fitted.cost else _from(study, found, there)
 
 
 def _distinct(shapes: Sequence[Score]) -> list[Score]:

@@ -14,7 +14,7 @@ sample is the best estimate, and both bounds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -132,6 +132,10 @@ class Rise:
         """How long an edge of a height (SI) lasts, over the trials."""
         return height / self.height if self.kind == "slew" else 1.0
 
+    def lasting(self, height: float) -> np.ndarray:
+        """How long an edge of a height (SI) lasts in each of the trials (k,) [s], or its time constants."""
+        return self.share(height) * self.trials
+
     @property
     def spread(self) -> np.ndarray:
         """Durations of the ramps that stand for the trials (k,)."""
@@ -210,28 +214,26 @@ def _likeliest(edges: Sequence[_EdgeSamples], kind: Kind) -> tuple[Rise, float]:
     seen = any(e.anchor is not None for e in edges)
     longest = most * period if seen else max(min(most * period, SLOW_EDGE), LEAST_RANGE * SHORTEST * period)
     trials = np.geomspace(SHORTEST * period, longest, TRIALS)
-    odds = _odds(edges, Rise(kind, trials, trials, seen, height))
+    odds = _odds(edges, Rise(kind, trials, trials, seen, height))  # every rise as likely beforehand
     chance = float(odds.max() + np.log(np.mean(np.exp(odds - odds.max()))))
     likely = np.flatnonzero(odds > odds.max() + np.log(NOWHERE))  # again, in steps as fine as what they tell
     around = np.clip([likely[0] - 1, likely[-1] + 1], 0, TRIALS - 1)
     trials = np.geomspace(trials[around[0]], trials[around[1]], TRIALS)
-    odds = _odds(edges, Rise(kind, trials, trials, seen, height))
+    how = Rise(kind, trials, trials, seen, height)
+    odds = _odds(edges, how)
     weights = np.exp(odds - odds.max())
-    return Rise(kind, trials, weights / weights.sum(), seen, height), chance
+    return replace(how, weights=weights / weights.sum()), chance
 
 
 def _odds(edges: Sequence[_EdgeSamples], how: Rise) -> np.ndarray:
-    """Logarithm of the chance of every one of the trials (k,) of a rise."""
+    """Logarithm of the chance of every one of the trials (k,) of a rise, which had its `weights` beforehand."""
     odds = np.sum([_likelihood(e, how) for e in edges], axis=0) / _together(edges)
-    return np.asarray(odds + np.log(how.trials))  # every rise as likely beforehand
+    return np.asarray(odds + np.log(how.weights))
 
 
 def _has_shape(edge: _EdgeSamples, how: Rise) -> bool:
     """Whether the samples of an edge lie on one of the rises."""
-    trials = how.share(edge.height) * how.trials
-    centroids, _ = _instants(edge, trials, how.exponential)
-    missed = edge.parts[:, None] - _shape(edge.times[:, None] - centroids[:, 0], trials, how.exponential)
-    least = float(np.min(np.mean(missed**2, axis=0)))
+    least = float(np.min(np.mean(_missed(edge, how) ** 2, axis=0)))
     return least < CONTRAST * (FAITHFUL**2 + max(edge.error**2 - ROUGH_SHAPE**2, 0.0))
 
 
@@ -288,7 +290,7 @@ def _lateness(part: float, tau: np.ndarray, exponential: bool) -> np.ndarray:
 
 def _likelihood(edge: _EdgeSamples, how: Rise) -> np.ndarray:
     """Logarithm of the chance of one edge's samples for every trial (k,) of a rise, over all instants."""
-    trials = how.share(edge.height) * how.trials
+    trials = how.lasting(edge.height)
     centroids, measure = _instants(edge, trials, how.exponential)
     expected = _shape(edge.times[:, None, None] - centroids, trials[:, None], how.exponential)
     left = (edge.parts[:, None, None] - expected) / edge.error
@@ -372,12 +374,12 @@ def _between(edge: _EdgeSamples, how: Rise, between: float) -> tuple[float, floa
     if edge.anchor is None:
         return a + between * (b - a), a, b, min(share * how.value, b - a)
     part = edge.parts[edge.anchor]
-    late = _lateness(part, share * how.trials, how.exponential)
+    late = _lateness(part, how.lasting(edge.height), how.exponential)
     possible = how.weights * np.exp(np.maximum(_agreement(edge, how), NO_CHANCE))
     weights = possible / possible.sum()
     at = edge.times[edge.anchor] - late
     lasting = share * float(weights @ how.spread)
-    rate = share * how.trials * (1 / np.clip(1 - part, STILL_RISING, 1) if how.exponential else 1.0)
+    rate = how.lasting(edge.height) * (1 / np.clip(1 - part, STILL_RISING, 1) if how.exponential else 1.0)
     blur = BLURRED * edge.error * float(weights @ rate)  # of the instant by noise and by the shape
     kept = weights > UNLIKELY * weights.max()
     best = float(weights @ at)
@@ -401,11 +403,15 @@ def _through_filter(
 
 def _agreement(edge: _EdgeSamples, how: Rise) -> np.ndarray:
     """How well every rise agrees with the samples of one edge: a logarithm (k,), 0 where perfectly."""
-    trials = how.share(edge.height) * how.trials
+    return np.asarray(-0.5 * np.sum((_missed(edge, how) / edge.error) ** 2, axis=0))
+
+
+def _missed(edge: _EdgeSamples, how: Rise) -> np.ndarray:
+    """By how much the samples (n,) of an edge miss each trial (k,) of a rise, through its sample on the way if it has
+    one: (n, k)."""
+    trials = how.lasting(edge.height)
     centroids, _ = _instants(edge, trials, how.exponential)
-    expected = _shape(edge.times[:, None] - centroids[:, 0], trials, how.exponential)
-    left = (edge.parts[:, None] - expected) / edge.error
-    return -0.5 * np.sum(left**2, axis=0)
+    return np.asarray(edge.parts[:, None] - _shape(edge.times[:, None] - centroids[:, 0], trials, how.exponential))
 
 
 def _followed(
