@@ -340,9 +340,11 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
         f"The nearest explanation that can be told from {'these' if equal else 'it'}, {other}, leaves a residual on "
         f"fitted recordings of {ratio:.2f} times {LEFT}"
     )
+    alike = f"{ratio:.2f}" == f"{best['ratio']:.2f}"
+    own = "this one as much" if alike else f"this one {best['ratio']:.2f} times"
     if ratio <= best["ratio"]:
-        return [f"{said}, this one {best['ratio']:.2f} times. But that one predicts the held-out experiments worse."]
-    return [f"{said}; this one leaves {best['ratio']:.2f} times."]
+        return [f"{said}, {own}. But that one predicts the held-out experiments worse."]
+    return [f"{said}, {own}."]
 
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:

@@ -32,8 +32,7 @@ def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
     rest = f"in {' and '.join(odd)} it is up to" if len(odd) > 1 else f"in {most} it is"
     return [
         f"The error is {in_units_of(usual, after)} in most files, and {rest} "
-        f"{in_units_of(odd[most], after)}: look there for something that happened in no other file, to the sensor "
-        f"or to the {found.study.plant.name}."
+        f"{in_units_of(odd[most], after)}: look there for something that happened in no other file."
     ]
 
 
@@ -53,8 +52,8 @@ def unlike(found: Discovery) -> list[str]:
     return [
         f"{together} ({'; '.join(told)}). In "
         f"{found.unlike.piece} that of {found.unlike.input} moves {found.unlike.output} by {moved} (rms). Monitors "
-        f"hardly change by more than {GAIN:.1%}: is it another {found.study.plant.name} in some files, was a part of "
-        "it lost, or a scale set anew? All errors here allow for these gains (`records` in result.json); parameters "
+        f"hardly change by more than {GAIN:.1%}: was another specimen recorded in some files, a part "
+        "of it lost, or a scale set anew? All errors here allow for these gains (`records` in result.json); parameters "
         "are those of a mean of the files."
     ]
 

@@ -374,7 +374,7 @@ def _beside(found: Discovery) -> str:
         return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
     if found.unlike and not found.named.ids:
         return (
-            f"find out what differs between the files (another {_plant(found)}, dimensions, a part that was lost, a "
+            "find out what differs between the files (another specimen, other dimensions, a part that was lost, a "
             "monitor's scale), and analyse those that are alike on their own"
         )
     told, why = _told_channel(found)
