@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import butter, lfilter, lsim, lti, resample, sosfilt
 from scipy.signal.windows import tukey
 
+from shared_data import shared_files
 from tubular_dea.identify.inputs.band import band_limited, noise_floor
 from tubular_dea.identify.inputs.drive import Drive, drive, drives
 from tubular_dea.identify.inputs.edges import Edge
@@ -27,8 +28,6 @@ from tubular_dea.identify.signals.monitors import (
 )
 from tubular_dea.identify.signals.slow import level_at_rest, slow_level
 from tubular_dea.plants.plant import Input
-
-from shared_data import shared_files
 
 TIME = np.arange(0, 16, 0.004)
 HOLDS = np.interp(TIME, [0, 1, 6, 6.02, 16], [0, 12e3, 12e3, 9e3, 9e3])
