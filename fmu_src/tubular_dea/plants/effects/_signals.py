@@ -23,9 +23,13 @@ def electrodes(model: Model) -> Model:
     model = tapped(model, signal, voltage.symbol, ("electric_field", "charge", "current"))
     model = tapped(model, moving, rate(voltage), ("current",))
     capacitance = model["capacitance"]
-    growth = (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
-    model = model.extend(definitions=[Definition(slope, 2 * capacitance * growth)], before="current")
+    model = model.extend(definitions=[Definition(slope, 2 * capacitance * area_growth(model))], before="current")
     return model.replace("current", capacitance * moving.symbol + signal.symbol * slope.symbol)
+
+
+def area_growth(model: Model) -> sympy.Expr:
+    """The rate of the layers' area, as a share of it [1/s]."""
+    return (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
 
 
 def dielectric(model: Model) -> Model:

@@ -6,11 +6,11 @@
           R         = C
        o-----------+---o
 
-Equation: V_e = V_1 + electrode_line (V_1 - V_2), dV_1/dt = (V - V_1) / tau, dV_2/dt = 4 (V - V_2) / tau,
+Equation: V_e = V_1 + electrode_line (V_1 - V_2), d(tau V_1)/dt = V - V_1, d(tau V_2)/dt = 4 (V - V_2),
 tau = tau_e (1 + n ((lambda_1 lambda_2)^2 - 1)). The field, the charge and the current are those of V_e. n = 1 is the
-capacitance of the stretched tube behind a constant resistance (the charge that the tube's own motion draws is left
-out), n = 0 a constant lag. electrode_line = 0 is one resistance, about 1/3 electrodes that resist along their length,
-whose far end begins to charge late.
+capacitance of the stretched tube behind a constant resistance, whose charge tau V_1 / R follows what flows in: a tube
+that expands lowers the voltage at its layers. n = 0 is a constant lag. electrode_line = 0 is one resistance, about 1/3
+electrodes that resist along their length, whose far end begins to charge late.
 
 Source: Graf and Maas, "A model of the electrodynamic field distribution for optimized electrode design for
 dielectric electroactive polymer transducers", Smart Mater. Struct. 21 (2012) 094001.
@@ -23,7 +23,7 @@ from sympy import Expr
 from ...model.change import at_rest, at_start, filtered
 from ...model.declare import Model, Quantity, State
 from ...model.effect import Effect
-from ._signals import electrodes
+from ._signals import area_growth, electrodes
 
 PARAMETERS = (
     Quantity("tau_e", "s", "Time constant of the electrodes", 0.01, "Graf 2012", 1e-4, 10.0, 0.01, "ms"),
@@ -53,9 +53,11 @@ def _apply(model: Model) -> Model:
     model = electrodes(model)
     drive = model.expression("electrode_voltage")
     share, line, n = model["electrode_share"], model["electrode_line"], model["tau_e_stretch"]
-    tau = model["tau_e"] * (1 + n * ((model["lambda_1"] * model["lambda_2"]) ** 2 - 1))
-    near, near_rate = _lagging(model, "lagging_voltage", drive, tau)
-    far, far_rate = _lagging(model, "lagging_voltage_2", drive, tau / 4)
+    area = (model["lambda_1"] * model["lambda_2"]) ** 2
+    tau = model["tau_e"] * (1 + n * (area - 1))
+    tau_rate = 2 * model["tau_e"] * n * area * area_growth(model)
+    near, near_rate = _lagging(model, "lagging_voltage", drive, tau, tau_rate)
+    far, far_rate = _lagging(model, "lagging_voltage_2", drive, tau / 4, tau_rate / 4)
     model = model.extend(states=[near, far])
     voltage = near.quantity.symbol + line * (near.quantity.symbol - far.quantity.symbol)
     model = filtered(model, "electrode_voltage", share, voltage, "voltage_before_electrodes")
@@ -63,10 +65,10 @@ def _apply(model: Model) -> Model:
     return filtered(model, "electrode_voltage_rate", share, rate, "voltage_rate_before_electrodes")
 
 
-def _lagging(model: Model, name: str, drive: Expr, tau: Expr) -> tuple[State, Expr]:
-    """A voltage that follows `drive` with time constant `tau`, and its rate."""
+def _lagging(model: Model, name: str, drive: Expr, tau: Expr, tau_rate: Expr) -> tuple[State, Expr]:
+    """A voltage that follows `drive` with a time constant `tau` that changes at `tau_rate`, and its rate."""
     slow = Quantity(name, "V", "Voltage behind the electrodes' resistance", nominal=5e3, display_unit="kV")
-    charging = (drive - slow.symbol) / tau
+    charging = (drive - (1 + tau_rate) * slow.symbol) / tau
     return State(slow, charging, at_start(model, drive), at_rest(model, drive)), charging
 
 
