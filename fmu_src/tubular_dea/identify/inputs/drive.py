@@ -22,7 +22,6 @@ from ..signals.monitors import (
     QUIET,
     Polyline,
     at_rest,
-    averaged,
     changes_by_itself,
     coarseness,
     curved,
@@ -343,11 +342,10 @@ def _continuous(experiment: Experiment, signal: Input, noise: float, mains: Sequ
             break
     drawn = halved(time, values - hum, drawn)
     clean, step = values - hum, usual_step(time)
-    lines = kinked(time, clean, curved(time, clean, drawn, noise), step, noise)
-    missed = line_error(experiment, signal.name, _unmoved(*lines), noise, hum=hum)
-    followed_late = signal.direct is False
-    line = kinked(time, clean, averaged(time, clean, drawn), step, noise) if followed_late else lines
-    return _Drawn(_unmoved(*line), noise, missed, line[0], untold=untold(time, clean, lines, step, noise))
+    lines = kinked(time, clean, curved(time, clean, drawn, noise, signal.direct is not False), step, noise)
+    line = _unmoved(*lines)
+    missed = line_error(experiment, signal.name, line, noise, hum=hum)
+    return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))
 
 
 def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:

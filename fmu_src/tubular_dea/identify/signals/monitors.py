@@ -330,12 +330,15 @@ def halved(time: np.ndarray, values: np.ndarray, line: Polyline) -> Polyline:
     return Polyline(corners, smoothed(time, values, corners))
 
 
-def curved(time: np.ndarray, values: np.ndarray, line: Polyline, noise: float) -> tuple[np.ndarray, np.ndarray]:
+def curved(
+    time: np.ndarray, values: np.ndarray, line: Polyline, noise: float, at_once: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
     """Times and values (m,) of the line, with curves through all samples where it has a corner every few of them.
 
     A sine of six samples a period loses 8 % between them along straight lines: it would be a lag of the plant, were
     they taken for the signal. Hundreds of heartbeats add up to a mass what each loses within its noise. There the cubic
-    through the four nearest samples is followed, at QUARTERS of the way, or in the middle where it bends little.
+    through the four nearest samples is followed, at QUARTERS of the way. Where it bends little, its middle is, or, for
+    what does not follow the signal `at_once`, a line that has its mean: beside the samples by a twelfth of the bend.
     """
     t, v, pieces = _through_samples(time, values, line)
     bend, step = _second_derivative(t, v), np.diff(t)[pieces]
@@ -344,24 +347,16 @@ def curved(time: np.ndarray, values: np.ndarray, line: Polyline, noise: float) -
     well = np.abs(sags[0.5]) > WELL_BENT * noise
     times, found = [t], [v]
     for s, sag in sags.items():
-        here = well | (s == 0.5)
+        here = well | (at_once & (s == 0.5))
         at = pieces[here]
         times.append(t[at] + s * step[here])
         found.append(v[at] + s * (v[at + 1] - v[at]) - sag[here])
+    if not at_once:
+        square = np.zeros(t.size + 1)
+        square[pieces[~well] + 1] = step[~well] ** 2
+        found[0] = v - bend * (square[:-1] + square[1:]) / 24
     order = np.argsort(np.concatenate(times), kind="stable")
     return np.concatenate(times)[order], np.concatenate(found)[order]
-
-
-def averaged(time: np.ndarray, values: np.ndarray, line: Polyline) -> tuple[np.ndarray, np.ndarray]:
-    """As `curved`, by straight lines alone that have the mean of the curve from sample to sample.
-
-    They run beside the samples, by a twelfth of the bend, which is off to either side in turn: what follows the signal
-    later, as everything behind a state does, feels as little of that as of a curve, with half as many corners or fewer.
-    """
-    t, v, pieces = _through_samples(time, values, line)
-    square = np.zeros(t.size + 1)
-    square[pieces + 1] = np.diff(t)[pieces] ** 2
-    return t, v - _second_derivative(t, v) * (square[:-1] + square[1:]) / 24
 
 
 def _through_samples(time: np.ndarray, values: np.ndarray, line: Polyline) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
