@@ -300,7 +300,7 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
         "intervals": "profile likelihood" if profile else "covariance, or profile likelihood where that is not normal",
         **errors[next(iter(errors))],
         "noise_floor": work.noise[first].rms,
-        "noise_correlation": work.noise[first].correlation,
+        "noise_correlation": work.noise[first].neighbours,
     } | ({"outputs": errors} if len(errors) > 1 else {})
 
 

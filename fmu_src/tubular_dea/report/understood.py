@@ -101,8 +101,8 @@ class Understanding:
             words = f"{headings[0]} {self._noise_amount(noise.rms, name)}"
             if not noise.quiet and stated.keys().isdisjoint(headings):
                 words = f"{headings[0]} not known yet (no part of the recordings is quiet)"
-            elif noise.correlation:
-                words += f" (correlation {noise.correlation:.2f})"
+            elif noise.neighbours:
+                words += f" (correlation {noise.neighbours:.2f})"
             said.append(words)
         yield f"noise      {', '.join(said)}"
 

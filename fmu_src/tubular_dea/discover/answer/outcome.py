@@ -109,7 +109,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
     sensors = {
         name: {
             "rms": noise.rms,
-            "correlation": noise.correlation,
+            "correlation": noise.neighbours,
             "hum_hz": list(noise.hum),
             "oscillations": [
                 {"hz": w.frequency, "amplitude": w.largest[1], "largest_in": w.largest[0]}

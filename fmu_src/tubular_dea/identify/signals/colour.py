@@ -39,14 +39,26 @@ class Colour:
     @property
     def raised(self) -> float:
         """The variance behind the filter of what has variance 1 before it."""
+        own, beside = self._response
+        return own + 2 * self.correlation * beside / (1 - self.pole * self.phi)
+
+    @property
+    def _response(self) -> tuple[float, float]:
+        """The autocorrelation of the filter's response: at no lag, and at one sample; behind it falls as `pole`."""
         p, d = self.pole, self.pole - self.zero
-        own, beside = 1 + d**2 / (1 - p**2), d + d**2 * p / (1 - p**2)  # the filter's autocorrelation
-        return own + 2 * (1 - self.white) * beside * self.phi / (1 - p * self.phi)
+        return 1 + d**2 / (1 - p**2), d + d**2 * p / (1 - p**2)
 
     @property
     def correlation(self) -> float:
         """Between neighbouring samples, before the filter."""
         return (1 - self.white) * self.phi
+
+    @property
+    def neighbours(self) -> float:
+        """The correlation between neighbouring samples."""
+        own, beside = self._response
+        lasting = beside * (self.pole + self.phi) / (1 - self.pole * self.phi)
+        return (beside + self.correlation * (own + lasting)) / self.raised
 
     @property
     def theta(self) -> float:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import rel_entr
+from scipy.special import erfc, rel_entr
 
 from ..threads import one_blas_thread
 from . import hum as hums
@@ -46,6 +46,10 @@ MOST_LINES = 12  # [1] lines that are looked for
 # Set by theory: of noise of the longer memory, less than one rest in 100 000 says so (a likelihood ratio). Check:
 # `pytest tests/test_noise.py -k memory_that_is_not_there_at_rest`
 ANOTHER = 25.0  # [squared standard deviations] by which what is before the first events tells of another noise
+
+# Set by theory: at a third both formulas agree within 2 %. Check: `pytest tests/test_noise.py -k readings_that_change`
+SINGLE_STEPS = 1 / 3  # [steps squared] up to which readings change by one step at most
+ROUNDED = 1 / 6  # [steps squared] that rounding adds to the square of a change
 
 # Set by theory: hardly any reading repeats then. Check: `pytest tests/test_noise.py -k encoder`
 MOST_CHANGES = 0.99  # [1] share of samples at which readings in steps change, at most
@@ -183,6 +187,11 @@ class Noise:
         return self.total * float(np.sqrt(self.colour(step).density()))
 
     @property
+    def neighbours(self) -> float:
+        """The correlation between neighbouring samples, of all that does not drive the model."""
+        return replace(self, driven=0.0).colour(self.step).neighbours
+
+    @property
     def phi(self) -> float:
         """The correlation between neighbouring samples of the coloured part."""
         return self.correlation / max(1 - self.white, LEAST_COLOUR)
@@ -282,7 +291,7 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
 def _as_at_rest(records: Records, found: Noise, still: list[Stretches]) -> Noise:
     """Noise as it is before anything happens, where enough stretches show there that it has less of a memory: the rest
     is what the plant does."""
-    if found.correlation <= 0:
+    if found.neighbours <= 0:
         return found
     if _left(still) < usual_resolution(records) ** 2:
         return _hidden_by_steps(records, found, still)
@@ -305,8 +314,7 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
     step = usual_resolution(records)
     changed = np.concatenate([np.abs(np.diff(s.values, axis=0)).ravel() for s in rests])
     seen = float(np.mean(changed > 0.5 * step))
-    change = found.rms * float(np.sqrt(2 * (1 - found.correlation)))  # of readings, which rounding is part of
-    expected = min((change / step) ** 2, MOST_CHANGES)
+    expected = min(_changing(2 * (1 - found.neighbours) * (found.rms / step) ** 2), MOST_CHANGES)
     worse = 2 * changed.size * float(rel_entr(seen, expected) + rel_entr(1 - seen, 1 - expected))
     if seen >= expected or worse < ANOTHER:
         return found
@@ -315,6 +323,15 @@ def _hidden_by_steps(records: Records, found: Noise, still: list[Stretches]) -> 
         return replace(told, hum=found.hum, lines=found.lines)
     rms, known = float(np.sqrt(_left(still))), float(freedom(still))
     return Noise(rms, 0.0, known, found.hum, found.lines, found.step, white=1.0).of(found.plant)
+
+
+def _changing(square: float) -> float:
+    """The share of readings that differ from the one before, where they change by `square` [steps squared] in the mean,
+    of which rounding is part: by one step at most while that is little, else as Gaussian changes do."""
+    if square < SINGLE_STEPS:
+        return square
+    change = float(np.sqrt(square - ROUNDED))  # before rounding: its readings differ if it passes a step
+    return float(change * np.sqrt(2 / np.pi) * -np.expm1(-0.5 / change**2) + erfc(1 / (change * np.sqrt(2))))
 
 
 def _before_events(records: Records, apart: float, pace: float) -> list[Stretches]:
