@@ -14,6 +14,7 @@ from tubular_dea.discover.options.acceptance import EARNS
 from tubular_dea.discover.search.law_uncertainty import still_there, with_law, with_rivals
 from tubular_dea.identify.fitting.fit import Fit, described
 from tubular_dea.identify.fitting.problem import Free
+from tubular_dea.kernel import KernelError
 from tubular_dea.plants.effects import catalogue
 
 TIMES = np.linspace(0, 10, 2000)
@@ -53,6 +54,27 @@ def fitted(record: np.ndarray) -> tuple[Line, Fit]:
     problem = Line(record)
     residual, jacobian = problem.linearised(np.zeros(2))
     return problem, described(problem, -np.linalg.lstsq(jacobian, residual, rcond=None)[0])
+
+
+@pytest.mark.parametrize("reach", [0.05, 0.005])
+def test_a_law_without_which_the_tube_is_beyond_its_fold_is_uncertain_too(reach: float) -> None:
+    """A tube that a tenth less of an effect sends beyond its fold has no answer there: with a tenth more it has, or
+    with a hundredth less or more."""
+    problem, best = fitted(Line.ramp + 0.3 * Line.effect + np.random.default_rng(2).normal(0, NOISE, TIMES.size))
+    usual, whole, there = (
+        with_law(STUDY, problem, ("stretch_dependent_permittivity",), best),
+        problem.outputs,
+        best.values,
+    )
+
+    def beyond(values: dict[str, float]) -> list[np.ndarray]:
+        if not -reach < values["eps_field"] / there["eps_field"] - 1 < (0.5 if reach > 0.01 else reach):
+            raise KernelError("the pressure is beyond the fold")
+        return whole(values)
+
+    problem.response.outputs = beyond
+    found = with_law(STUDY, problem, ("stretch_dependent_permittivity",), best)
+    np.testing.assert_allclose(found.covariance, usual.covariance, rtol=1e-6)
 
 
 def test_another_law_is_within_the_uncertainty() -> None:

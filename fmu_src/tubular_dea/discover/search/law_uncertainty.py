@@ -12,6 +12,7 @@ spread between equivalent effects counts as uncertainty too.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit, inverse
 from ...identify.fitting.problem import Problem
 from ...identify.study.study import Study
+from ...kernel import KernelError
 from ...model.effect import Effect
 from ..options.acceptance import EARNS, bounded_away
 from ..scores.parameters import switched_off
@@ -82,12 +84,8 @@ def still_there(study: Study, ids: Ids, narrow: Fit, wide: Fit, gains: Mapping[s
 
 def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:
     """The change of the whitened readings by a coefficient of 1 of each function, shape (N, functions)."""
-    off = switched_off(effect)
-    less = {n: v + PART * (off[n] - v) for n, v in best.values.items() if n in effect.off}
     outputs = problem.response.outputs(best.values)
-    without = problem.response.outputs(best.values | less)
-    added = [(a - b) / PART for a, b in zip(outputs, without, strict=True)]
-    cases = problem.response.cases
+    added, cases = _added(effect, problem, best, outputs), problem.response.cases
     inputs = [list(case.protocol.at(case.times).values()) for case in cases]
     signals = [np.array([y, *u]) for y, u in zip(outputs, inputs, strict=True)]
     low = np.min([s.min(axis=1) for s in signals], axis=0)
@@ -100,3 +98,15 @@ def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:
         each = [c * (i == j) for j in range(len(cases))]
         functions.append(np.column_stack([*each, *(c * s for s in scaled), c * scaled[0] ** 2, slopes[i] * duration]))
     return problem.whiten(functions)
+
+
+def _added(effect: Effect, problem: Problem, best: Fit, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """What the effect adds to the `outputs` of every case: by a part of it less, or more where the model has no answer
+    with less, as beyond a fold; nothing where the effect is at the edge of both."""
+    off = switched_off(effect)
+    for part in (PART, -PART, PART * PART, -PART * PART):
+        less = {n: v + part * (off[n] - v) for n, v in best.values.items() if n in effect.off}
+        with suppress(KernelError):
+            without = problem.response.outputs(best.values | less)
+            return [(a - b) / part for a, b in zip(outputs, without, strict=True)]
+    return [np.zeros_like(y) for y in outputs]
