@@ -50,7 +50,7 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
     "identify/signals/monitors.py: seen": ({30}, "third differences of an autoregression"),
     "identify/signals/monitors.py: _toggling": ({3}, "a third difference"),
     "identify/signals/monitors.py: polyline": ({3}, "samples of which each one is a corner"),
-    "identify/signals/monitors.py: curved": ({6, 24}, "the cubic through four samples, and half its mean"),
+    "identify/signals/monitors.py: _cubic": ({6}, "the cubic through four samples"),
     "identify/signals/noise.py: _by_place": ({4}, "the formula in its docstring"),
     "identify/signals/colour_estimate.py: _falling": ({4}, "as many numbers as a colour has"),
     "identify/signals/colour_estimate.py: _numbered": ({4}, "as many numbers as a colour has"),

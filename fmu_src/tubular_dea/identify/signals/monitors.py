@@ -330,41 +330,18 @@ def halved(time: np.ndarray, values: np.ndarray, line: Polyline) -> Polyline:
     return Polyline(corners, smoothed(time, values, corners))
 
 
-def curved(
-    time: np.ndarray, values: np.ndarray, line: Polyline, noise: float, at_once: bool = True
-) -> tuple[np.ndarray, np.ndarray]:
+def curved(time: np.ndarray, values: np.ndarray, line: Polyline, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and values (m,) of the line, with curves through all samples where it has a corner every few of them.
 
     A sine of six samples a period loses 8 % between them along straight lines: it would be a lag of the plant, were
     they taken for the signal. Hundreds of heartbeats add up to a mass what each loses within its noise. There the cubic
-    through the four nearest samples is followed, at QUARTERS of the way. Where it bends little, its middle is, or, for
-    what does not follow the signal `at_once`, a line that has its mean: beside the samples by a twelfth of the bend.
+    through the four nearest samples is followed, at QUARTERS of the way, or in the middle where it bends little.
     """
-    t, v, pieces = _through_samples(time, values, line)
-    bend, step = _second_derivative(t, v), np.diff(t)[pieces]
-    first, second = bend[pieces], bend[pieces + 1]
-    sags = {s: step**2 * s * (1 - s) / 6 * ((2 - s) * first + (1 + s) * second) for s in QUARTERS}
-    well = np.abs(sags[0.5]) > WELL_BENT * noise
-    times, found = [t], [v]
-    for s, sag in sags.items():
-        here = well | (at_once & (s == 0.5))
-        at = pieces[here]
-        times.append(t[at] + s * step[here])
-        found.append(v[at] + s * (v[at + 1] - v[at]) - sag[here])
-    if not at_once:
-        square = np.zeros(t.size + 1)
-        square[pieces[~well] + 1] = step[~well] ** 2
-        found[0] = v - bend * (square[:-1] + square[1:]) / 24
-    order = np.argsort(np.concatenate(times), kind="stable")
-    return np.concatenate(times)[order], np.concatenate(found)[order]
-
-
-def _through_samples(time: np.ndarray, values: np.ndarray, line: Polyline) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times and values (m,) of the line, with all samples where it has a corner every few of them, and the pieces
-    there (by number) that a curve follows: those that end at no kink."""
     gaps = np.diff(line.corners)
     often = gaps <= DENSE
     often = often & np.append(False, often[:-1]) & np.append(often[1:], False)
+    if not often.any():
+        return time[line.corners], line.values
     inside = np.zeros(time.size, dtype=bool)
     for first, last in zip(line.corners[:-1][often], line.corners[1:][often], strict=True):
         inside[first : last + 1] = True
@@ -372,17 +349,28 @@ def _through_samples(time: np.ndarray, values: np.ndarray, line: Polyline) -> tu
     samples = np.sort(np.concatenate([line.corners[kept], np.flatnonzero(inside)]))
     t, v = time[samples], values[samples]
     v[~inside[samples]] = line.values[kept]
-    pieces = np.flatnonzero(inside[samples][:-1] & inside[samples][1:])
+    return _cubic(t, v, np.flatnonzero(inside[samples][:-1] & inside[samples][1:]), noise)
+
+
+def _cubic(t: np.ndarray, v: np.ndarray, pieces: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lines from `t` and `v` (n,), with a cubic in some `pieces` (by number) unless they end at a kink."""
     pieces = pieces[(pieces > 0) & (pieces < t.size - 2)]
-    size = np.abs(_second_derivative(t, v))
-    alone = np.zeros(t.size, dtype=bool)
-    alone[1:-1] = np.maximum(size[:-2], size[2:]) <= STILL_CURVED * size[1:-1]
-    return t, v, pieces[~(alone[pieces] | alone[pieces + 1])]
-
-
-def _second_derivative(t: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Of values `v` (n,) at times `t` [s]; 0 at both ends."""
-    return np.pad(np.diff(np.diff(v) / np.diff(t)) / (0.5 * (t[2:] - t[:-2])), 1)
+    bend = np.diff(np.diff(v) / np.diff(t)) / (0.5 * (t[2:] - t[:-2]))  # of samples 1 to n - 2
+    size = np.pad(np.abs(bend), 1)
+    alone = np.append(False, np.maximum(size[:-2], size[2:]) <= STILL_CURVED * size[1:-1])  # of samples 0 to n - 2
+    pieces = pieces[~(alone[pieces] | alone[pieces + 1])]
+    first, second = bend[pieces - 1], bend[pieces]
+    step = np.diff(t)[pieces]
+    sags = {s: step**2 * s * (1 - s) / 6 * ((2 - s) * first + (1 + s) * second) for s in QUARTERS}
+    well = np.abs(sags[0.5]) > WELL_BENT * noise
+    times, found = [t], [v]
+    for s, sag in sags.items():
+        here = well | (s == 0.5)
+        at = pieces[here]
+        times.append(t[at] + s * step[here])
+        found.append(v[at] + s * (v[at + 1] - v[at]) - sag[here])
+    order = np.argsort(np.concatenate(times), kind="stable")
+    return np.concatenate(times)[order], np.concatenate(found)[order]
 
 
 def smoothed(time: np.ndarray, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
