@@ -49,7 +49,7 @@ ANOTHER = 25.0  # [squared standard deviations] by which what is before the firs
 
 # Set by theory: at a third both formulas agree within 2 %. Check: `pytest tests/test_noise.py -k readings_that_change`
 SINGLE_STEPS = 1 / 3  # [steps squared] up to which readings change by one step at most
-ROUNDED = 1 / 6  # [steps squared] that rounding adds to the square of a change
+BY_ROUNDING = 1 / 6  # [steps squared] that rounding adds to the square of a change
 
 # Set by theory: hardly any reading repeats then. Check: `pytest tests/test_noise.py -k encoder`
 MOST_CHANGES = 0.99  # [1] share of samples at which readings in steps change, at most
@@ -330,7 +330,7 @@ def _changing(square: float) -> float:
     of which rounding is part: by one step at most while that is little, else as Gaussian changes do."""
     if square < SINGLE_STEPS:
         return square
-    change = float(np.sqrt(square - ROUNDED))  # before rounding: its readings differ if it passes a step
+    change = float(np.sqrt(square - BY_ROUNDING))  # before rounding: its readings differ if it passes a step
     return float(change * np.sqrt(2 / np.pi) * -np.expm1(-0.5 / change**2) + erfc(1 / (change * np.sqrt(2))))
 
 
