@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tubular_dea import RecordingSet, identify, read_recordings
+from tubular_dea.identify.records import gaps
 from tubular_dea.identify.study.study import study
 from tubular_dea.model.declare import DeclarationError
 from tubular_dea.plants import Build, Input, Output, Plant
@@ -49,7 +50,7 @@ def test_what_comes_after_a_long_gap_is_an_experiment_of_its_own() -> None:
     assert parts(found) == [("a", 150), ("a_part2", 235), ("b", 400)]
     assert found.starts == {"a": "rested", "a_part2": "unknown", "b": "rested"}
     (said,) = (r for r in found.remarks() if "missing" in r)
-    assert "15 samples are missing after sample 150, while heat moves" in said and "start is unknown" in said
+    assert "15 samples are missing after sample 150, near where heat moves" in said and "start is unknown" in said
     work = study(found, ["a"])
     assert [p.name for p in work.held_out] == ["a", "a_part2"]  # both are kept aside
     assert [*work.unknown((), work.pieces[1])] == ["T_start"]  # as every record has one
@@ -162,3 +163,11 @@ def test_what_is_hardly_read_between_gaps_is_left_out_there() -> None:
     assert "1 readings of second between gaps are too few" in " ".join(found.remarks())
     assert not np.isfinite(found["a_part2"].outputs["second"]).any()
     identify(found, starts=1)
+
+
+def test_noise_about_a_gap_is_no_movement() -> None:
+    """A voltage that was never switched on, of a monitor with 5 V of noise: its files were cut in two."""
+    noise = 5.0 * np.random.default_rng(6).standard_normal(4000) - 12.0
+    assert gaps._moves(noise, Input("voltage", held=True), 1500, 35)
+    assert not gaps._moves(noise, Input("voltage", held=True, most=1e5), 1500, 35)
+    assert gaps._moves(noise + 4e3 * (np.arange(4000) > 1520), Input("voltage", held=True, most=1e5), 1500, 35)

@@ -391,6 +391,25 @@ def test_a_current_that_follows_the_voltage_s_rate_is_not_odd() -> None:
     assert [text for text in found if text.startswith("ramp 2: current spans")]
 
 
+def test_a_current_of_spikes_alone_is_not_odd() -> None:
+    """Where a voltage switches a few times, hardly any sample shows the charging current; where it swings, most do."""
+    time, random = np.arange(0, 10, 0.004), np.random.default_rng(2)
+
+    def table(voltage: np.ndarray) -> dict[str, np.ndarray]:
+        return {
+            "time [s]": time,
+            "pressure [Pa]": 12e3 + 25 * random.standard_normal(time.size),
+            "voltage [V]": voltage + 5 * random.standard_normal(time.size),
+            "radius [m]": 0.018 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
+            "current [A]": 1e-8 * np.gradient(voltage, time) + 1e-7 * random.standard_normal(time.size),
+        }
+
+    steps = {f"steps {n}": table(np.interp(time, [0, n, n + 0.02, 10], [0, 0, 4e3, 4e3])) for n in (2, 4)}
+    swings = {f"swing {hz}": table(2e3 - 2e3 * np.cos(2 * np.pi * hz * time)) for hz in (10, 12)}
+    found = unusual.findings(read_recordings(steps | swings, PLANT))
+    assert not [text for text in found if "current spans" in text]
+
+
 def test_what_is_odd_about_a_set_is_said() -> None:
     """A unit that is wrong by a thousand, gaps, a file that is a copy; nothing of a set as it should be."""
     m = Build("Tank")

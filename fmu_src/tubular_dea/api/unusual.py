@@ -19,6 +19,7 @@ from ..recordings.table import moving
 # tests/test_recordings.py -k odd`
 FACTOR = 100.0  # [1] times its declared size that a signal is too large or too small for its unit
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
+TAILS = 0.005  # [1] share of the samples at either end of what it spans, of which a few may be spikes
 ELSEWHERE = 2.0  # [1] times what an input spans in all other files together, that it lies beyond them in one
 KELVIN = 273.15  # [K] that a temperature is off where degC and K are confused
 CLOCKS = (60.0, 3600.0, 1e3, 1e6)  # [1] times that a clock in another unit is too fast or too slow,
@@ -147,11 +148,12 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
     outputs = [*dict.fromkeys(name for e in experiments for name in e.outputs)]
     ratios = {name: _ratios(experiments, name) for name in (*inputs, *outputs)}
     rates = {name: _ratios(experiments, name, rate=True) for name in inputs}  # a current follows the voltage's
+    whole = {name: _ratios(experiments, name, tails=0.0) for name in ratios}  # spikes of a current, too, change by it
     for name, answers in [*((n, outputs) for n in inputs), *((n, inputs) for n in outputs)]:
         for file, ratio in ratios[name].items():
             beside = [r[a][file] for r in (ratios, rates) for a in answers if file in r.get(a, {})]
-            larger = ratio > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
-            smaller = ratio < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
+            larger = ratio > UNLIKE < whole[name][file] and ratio > UNLIKE * max(beside, default=np.inf)
+            smaller = max(ratio, whole[name][file]) < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
             driven = name in inputs and any(file in ratios[n] for n in inputs if n != name)  # by another, as it may be
             if larger or (smaller and not driven):
                 yield (
@@ -241,10 +243,11 @@ def _beyond(file: str, ends: Mapping[str, tuple[float, float]], by: float) -> bo
     return max(ends[file][0] - high, low - ends[file][1]) > by * (high - low)
 
 
-def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False) -> dict[str, float]:
-    """By file in which a signal moves, what it (or its rate) spans there over what it usually spans in the others."""
+def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False, tails: float = TAILS) -> dict[str, float]:
+    """By file in which a signal moves, what it (or its rate) spans there over what it usually spans in the others, but
+    for a share `tails` of the samples at either end."""
     moving = {e.name: _values(e, name, rate) for e in experiments if _moves(_together(_values(e, name)))}
-    spans = {file: float(np.subtract(*np.quantile(v, (0.995, 0.005)))) for file, v in moving.items()}
+    spans = {file: float(np.subtract(*np.quantile(v, (1 - tails, tails)))) for file, v in moving.items()}
     spans = {file: span for file, span in spans.items() if span > 0}  # 0: it moves in too few samples to tell
     usual = {file: [s for other, s in spans.items() if other != file] for file in spans}
     return {f: spans[f] / float(np.median(u)) for f, u in usual.items() if len(u) >= OTHERS}

@@ -33,6 +33,9 @@ Values = Mapping[str, float]
 Drives = Sequence[Protocol]
 
 
+AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest (200 Pa, 200 V of the tube)
+
+
 @dataclass(frozen=True)
 class Input:
     """A recorded signal that drives the model; `name` is the model's input.
@@ -57,6 +60,11 @@ class Input:
     channel: str = ""
     direct: bool | None = None
     mean: bool = False
+
+    @property
+    def little(self) -> float:
+        """What it moves by at rest, at most; 0 where no largest value is declared."""
+        return AT_REST * self.most if math.isfinite(self.most) else 0.0
 
     def __post_init__(self) -> None:
         if self.mean and not self.held:

@@ -34,9 +34,6 @@ NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table
 # Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
 DAY = 86_400.0  # [s] beyond which a time is one of the calendar, as since 1970: it counts from the first sample
 
-# Set by judgement: 200 Pa and 200 V for the tube. Check: `pytest tests/test_reading.py -k nothing_moves`
-AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest
-
 
 @dataclass(frozen=True)
 class Source:
@@ -423,8 +420,7 @@ def _nothing_moves(inputs: Mapping[str, np.ndarray], plant: Plant) -> bool:
     """Whether every input is a constant and its noise, or moves by next to nothing."""
 
     def rests(values: np.ndarray, signal: Input) -> bool:
-        little = AT_REST * signal.most if np.isfinite(signal.most) else 0.0
-        return np.ptp(values) <= little or any(
+        return np.ptp(values) <= signal.little or any(
             checks.constant(values, signal.name, np.zeros(values.size, dtype=int), "")
         )
 

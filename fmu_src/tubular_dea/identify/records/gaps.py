@@ -112,6 +112,8 @@ def _moving(experiment: Experiment, inputs: Sequence[Input], at: int, lost: int)
 
 def _moves(values: np.ndarray, signal: Input, at: int, lost: int) -> bool:
     """Whether an input (n,) moves about a gap after sample `at`, in which so many samples are missing."""
+    if float(np.ptp(values)) <= signal.little:
+        return False
     near = values[max(at + 1 - ABOUT * lost, 0) : at + 1], values[at + 1 : at + 1 + ABOUT * lost]
     moved = np.concatenate([_elsewhere(v, lost, signal.held) for v in near])
     noise = min(noise_level(values), LARGEST * float(np.abs(values).max()))  # more may be the signal itself
@@ -143,7 +145,7 @@ def _said(experiment: Experiment, at: int, lost: int, names: list[str]) -> str:
     """What is said of a gap after sample `at`, in which so many are missing."""
     row = experiment.source.row if experiment.source else "sample"
     return (
-        f"{lost} samples are missing after {row} {experiment.lines[at]}, while {moving(names)}: what comes after "
+        f"{lost} samples are missing after {row} {experiment.lines[at]}, near where {moving(names)}: what comes after "
         "them is an experiment of its own, whose start is unknown"
     )
 
