@@ -11,6 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
+from scipy.integrate import cumulative_trapezoid
 
 import tubular_dea as td
 from tubular_dea.emit import tables
@@ -308,3 +309,16 @@ def test_a_chord_sees_a_delay_of_some_turns_that_its_tangent_does_not() -> None:
     left = late(0.017) - late(0.0)
     chords = [explained(late(s) - late(0.0)) for s in PLANT.catalogue["sensor_delay"].strengths["sensor_delay"]]
     assert max(chords) > 0.8 > 0.6 > explained(late(step) - late(0.0))
+
+
+def test_a_resistance_fills_the_capacitance_of_the_moving_tube() -> None:
+    """What flows through it is the charge: a tube whose capacitance grows by a half draws more than at rest."""
+    tube, tau = td.add_effects("tube", ["electrode_resistance"], tau_e="20 ms"), 0.02
+    voltage = td.Protocol.of([0, 0.1, 0.101, 0.8, 0.801, 1.5], voltage=[0, 0, 5e3, 5e3, 0, 0], pressure=[14e3] * 6)
+    run = td.simulate(tube, voltage, times=np.linspace(0, 1.5, 30_001))
+    electrodes = run["charge"] / run["capacitance"]
+    geometry = (run["lambda_1"] * run["lambda_2"]) ** 2
+    resistance = tau / float((run["capacitance"] / geometry)[0])  # of the tube without load
+    flowed = cumulative_trapezoid((run["voltage"] - electrodes) / resistance, run.time, initial=0.0)
+    assert np.abs(flowed - run["charge"]).max() < 2e-3 * run["charge"].max()
+    assert run["capacitance"].max() > 1.1 * run["capacitance"][0]
