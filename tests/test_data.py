@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tubular_dea import read_recordings
 from tubular_dea.cli import main
 from tubular_dea.identify.inputs.drive import drive, drives
 from tubular_dea.identify.records.data import DataError, Experiment, Recordings
@@ -16,6 +17,7 @@ from tubular_dea.identify.records.data import read_folder as folder_of
 from tubular_dea.identify.signals.monitors import noise_level, polyline
 from tubular_dea.identify.signals.noise import Noise, estimate
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.report.understood import Understanding
 
 HEADER = "time [s],pressure [Pa],voltage [V],radius [m]"
 OUTPUT = PLANT.outputs[0].name
@@ -332,3 +334,23 @@ def test_a_second_output_without_a_number_is_not_used(tmp_path: Path, empty: str
     read = read_experiment(path)
     assert list(read.outputs) == [OUTPUT]
     assert "current has no number here, and is not used" in read.source.remarks
+
+
+def test_a_dry_run_tells_the_slope_of_an_amplifier() -> None:
+    """Of 1.5 kV a millisecond: how long its edges last depends on how high they are."""
+    random, slope = np.random.default_rng(3), 1.5e6
+    starts = 0.5 + np.cumsum(random.uniform(0.3, 0.5, 30))
+    levels = np.concatenate([[0.0], random.choice([0.0, 1500.0, 3000.0, 5000.0], starts.size)])
+    corners = np.column_stack([starts, starts + np.abs(np.diff(levels)) / slope]).ravel()
+    time = np.arange(0, starts[-1] + 0.4, 1 / 500)
+    voltage = np.interp(time, corners, np.column_stack([levels[:-1], levels[1:]]).ravel())
+    table = {
+        "time [s]": time,
+        "pressure [Pa]": 12e3 * np.clip(time - 0.1, 0, 0.3) + 25 * random.standard_normal(time.size),
+        "voltage [V]": voltage + 4 * random.standard_normal(time.size),
+        "radius [m]": 0.015 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
+    }
+    lines = Understanding(read_recordings({"steps": table})).lines()
+    (said,) = (line for line in lines if line.startswith("slopes"))
+    found = re.fullmatch(r"slopes     voltage (\S+) kV a millisecond, at most", said)
+    assert found is not None and float(found[1]) == pytest.approx(1.5, rel=0.1)

@@ -24,11 +24,11 @@ from .parts import shown_unit
 FIRST = 5  # samples whose median is what a record begins with
 SHORT = 0.01  # up to its inverse a number is short
 SLOW = 0.1  # Hz below which the time between samples says more than the rate
-DAY = 86400.0
+DAY, MS = 86400.0, 1e-3  # s
 DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
 EXPLAINED = (
-    "edges: how often inputs switch; rise: how long that takes; start: rested, in equilibrium, after the file\n"
-    "that it follows, unknown or estimated (by the fits); the columns after it: what each signal begins with"
+    "edges: how often inputs switch; rise: how long the median one takes, as a ramp; start: rested, in equilibrium,\n"
+    "after the file that it follows, unknown or estimated (by the fits); columns after it: what each signal begins with"
 )
 
 
@@ -46,7 +46,16 @@ class Understanding:
         samples = sum(e.time.size for e in experiments)
         name = self.recordings.plant.name
         head = f"{self.recordings.source}: {len(experiments)} experiments of {name}, {samples} samples"
-        return [head, *self._formats(), *self._geometry(), *self._noises(), "", *self._table(), *self._remarks()]
+        return [
+            head,
+            *self._formats(),
+            *self._geometry(),
+            *self._noises(),
+            *self._slopes(),
+            "",
+            *self._table(),
+            *self._remarks(),
+        ]
 
     def _formats(self) -> Iterator[str]:
         """Formats, columns and what was not used, where all files agree in one line each."""
@@ -105,6 +114,14 @@ class Understanding:
                 words += f" (correlation {noise.neighbours:.2f})"
             said.append(words)
         yield f"noise      {', '.join(said)}"
+
+    def _slopes(self) -> Iterator[str]:
+        """How fast inputs rise whose amplifier gives so much current and no more."""
+        found = {name: how for d in self.drives for name, how in d.rises.items() if how.kind == "slew"}
+        steep = {name: MS * how.height / how.value for name, how in found.items() if how.value > 0}
+        said = [f"{name} {_amount(slope, self.recordings.plant.quantity(name))}" for name, slope in steep.items()]
+        if said:
+            yield f"slopes     {', '.join(said)} a millisecond, at most"
 
     def unit(self, name: str) -> str:
         """The unit in which a signal is shown: the plant's customary one, else that of the files if they agree."""
