@@ -102,11 +102,13 @@ def _columns(effect: Effect, problem: Problem, best: Fit) -> np.ndarray:
 
 def _added(effect: Effect, problem: Problem, best: Fit, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
     """What the effect adds to the `outputs` of every case: by a part of it less, or more where the model has no answer
-    with less, as beyond a fold; nothing where the effect is at the edge of both."""
+    with less, as beyond a fold; by its slope where it has none with either."""
     off = switched_off(effect)
-    for part in (PART, -PART, PART * PART, -PART * PART):
-        less = {n: v + part * (off[n] - v) for n, v in best.values.items() if n in effect.off}
+    away = {n: v - off[n] for n, v in best.values.items() if n in effect.off}
+    for part in (PART, -PART):
+        less = {n: best.values[n] - part * by for n, by in away.items()}
         with suppress(KernelError):
             without = problem.response.outputs(best.values | less)
             return [(a - b) / part for a, b in zip(outputs, without, strict=True)]
-    return [np.zeros_like(y) for y in outputs]
+    _, slopes = problem.response.sensitivities(best.values, [*away])
+    return [slope @ np.array([*away.values()]) for slope in slopes]
