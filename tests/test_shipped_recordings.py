@@ -22,8 +22,8 @@ def test_the_shipped_levels_of_the_mock_loop_name_its_resistance(carried_out: Ca
     assert outflow["id"] == "power(outflow)"
     assert outflow["equivalent"][0] == "quadratic_resistance(outflow)"  # the nearest; a curved sensor may be in the set
     assert {*outflow["equivalent"]} <= {"quadratic_resistance(outflow)", "power(pressure)"}
-    # the wave alone takes over half of it: 2.2 to 1 (3.1 with lines, which miss this flow by four times as much between
-    # samples: test_monitors.py -k measured_flow; from each of 48 starts the wave alone ends there, or worse)
+    # the wave alone takes over half of it: 2.2 to 1 (3.1 with lines, which miss this flow by two to five times as much
+    # between samples: test_monitors.py -k measured_flow)
     assert outflow["explained"] > 2 * wave["explained"]
     assert wave["id"] == "echo(flow)"
     before, after = (result["error"][k]["held_out_rmse"] for k in ("recalibrated", "after"))
