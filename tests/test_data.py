@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from test_edges import slewing
 from tubular_dea import read_recordings
 from tubular_dea.cli import main
 from tubular_dea.identify.inputs.drive import drive, drives
@@ -338,12 +339,10 @@ def test_a_second_output_without_a_number_is_not_used(tmp_path: Path, empty: str
 
 def test_a_dry_run_tells_the_slope_of_an_amplifier() -> None:
     """Of 1.5 kV a millisecond: how long its edges last depends on how high they are."""
-    random, slope = np.random.default_rng(3), 1.5e6
-    starts = 0.5 + np.cumsum(random.uniform(0.3, 0.5, 30))
-    levels = np.concatenate([[0.0], random.choice([0.0, 1500.0, 3000.0, 5000.0], starts.size)])
-    corners = np.column_stack([starts, starts + np.abs(np.diff(levels)) / slope]).ravel()
-    time = np.arange(0, starts[-1] + 0.4, 1 / 500)
-    voltage = np.interp(time, corners, np.column_stack([levels[:-1], levels[1:]]).ravel())
+    random = np.random.default_rng(3)
+    corners, heights = slewing(random, 1.5e6, 30)
+    time = np.arange(0, corners[-2] + 0.4, 1 / 500)
+    voltage = np.interp(time, corners, heights)
     table = {
         "time [s]": time,
         "pressure [Pa]": 12e3 * np.clip(time - 0.1, 0, 0.3) + 25 * random.standard_normal(time.size),

@@ -88,17 +88,24 @@ def test_a_rise_is_told_from_samples_on_the_way(rise: float, exponential: bool) 
     assert found == pytest.approx(rise * (np.sqrt(12) if exponential else 1), rel=0.25)
 
 
+def slewing(random: np.random.Generator, slope: float, edges: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of a voltage that switches between levels of unlike height with one slope [V/s]: times [s] and volts."""
+    starts = 0.5 + np.cumsum(random.uniform(0.3, 0.5, edges))
+    levels = np.concatenate([[0.0], random.choice([0.0, 1500.0, 3000.0, 5000.0], edges)])
+    corners = np.column_stack([starts, starts + np.abs(np.diff(levels)) / slope]).ravel()
+    return corners, np.column_stack([levels[:-1], levels[1:]]).ravel()
+
+
 @pytest.mark.parametrize(("rate", "slope"), [(500.0, 1.5e6), (200.0, 5e5), (250.0, 6e5), (1000.0, 1.5e6)])
 def test_an_amplifier_with_a_largest_current_rises_with_one_slope(rate: float, slope: float) -> None:
     """Between levels of unlike height: ramps that all last as long miss it by 190 to 350 V (rms)."""
     random = np.random.default_rng(3)
-    starts = 0.5 + np.cumsum(random.uniform(0.3, 0.5, 40))
-    levels = np.concatenate([[0.0], random.choice([0.0, 1500.0, 3000.0, 5000.0], starts.size)])
-    corners = np.column_stack([starts, starts + np.abs(np.diff(levels)) / slope]).ravel()
-    fine = np.arange(0, starts[-1] + 0.4, 1e-5)
+    corners, heights = slewing(random, slope, 40)
+    levels = np.append(0.0, heights[1::2])
+    fine = np.arange(0, corners[-2] + 0.4, 1e-5)
 
     def true(t: np.ndarray) -> np.ndarray:
-        return np.asarray(np.interp(t, corners, np.column_stack([levels[:-1], levels[1:]]).ravel()))
+        return np.asarray(np.interp(t, corners, heights))
 
     time = np.arange(0, fine[-1], 1 / rate)
     values = true(time) + NOISE * random.standard_normal(time.size)

@@ -368,45 +368,41 @@ def test_a_missing_library_is_named(
         read(saved(tmp_path, start + b"\0" * 64))
 
 
+def charging(
+    time: np.ndarray, voltage: np.ndarray, random: np.random.Generator, noise: float = 1e-9
+) -> dict[str, np.ndarray]:
+    """A recording of a tube of 10 nF, whose current has some noise [A]."""
+    return {
+        "time [s]": time,
+        "pressure [Pa]": 12e3 + 25 * random.standard_normal(time.size),
+        "voltage [V]": voltage,
+        "radius [m]": 0.018 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
+        "current [A]": 1e-8 * np.gradient(voltage, time) + noise * random.standard_normal(time.size),
+    }
+
+
 def test_a_current_that_follows_the_voltage_s_rate_is_not_odd() -> None:
     """A beating voltage draws hundreds of times what a ramp does; one that is 200 times too large is told still."""
     time, random = np.arange(0, 10, 0.004), np.random.default_rng(2)
-
-    def table(voltage: np.ndarray) -> dict[str, np.ndarray]:
-        return {
-            "time [s]": time,
-            "pressure [Pa]": 12e3 + 25 * random.standard_normal(time.size),
-            "voltage [V]": voltage,
-            "radius [m]": 0.018 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
-            "current [A]": 1e-8 * np.gradient(voltage, time) + 1e-9 * random.standard_normal(time.size),
-        }
-
     up_and_down = np.interp(time, [0, 5, 10], [0, 1, 0])
-    ramps = {f"ramp {n}": table(5e3 * up_and_down * n / 3) for n in (1, 2, 3)}
+    ramps = {f"ramp {n}": charging(time, 5e3 * up_and_down * n / 3, random) for n in (1, 2, 3)}
     beats = np.interp(time % 0.5, [0, 0.01, 0.2, 0.21], [0, 5e3, 5e3, 0])
-    found = unusual.findings(read_recordings(ramps | {"beats": table(beats)}, PLANT))
+    found = unusual.findings(read_recordings(ramps | {"beats": charging(time, beats, random)}, PLANT))
     assert not [text for text in found if "is its unit in this file right" in text]
     ramps["ramp 2"]["current [A]"] *= 200
-    found = unusual.findings(read_recordings(ramps | {"beats": table(beats)}, PLANT))
+    found = unusual.findings(read_recordings(ramps | {"beats": charging(time, beats, random)}, PLANT))
     assert [text for text in found if text.startswith("ramp 2: current spans")]
 
 
 def test_a_current_of_spikes_alone_is_not_odd() -> None:
     """Where a voltage switches a few times, hardly any sample shows the charging current; where it swings, most do."""
     time, random = np.arange(0, 10, 0.004), np.random.default_rng(2)
-
-    def table(voltage: np.ndarray) -> dict[str, np.ndarray]:
-        return {
-            "time [s]": time,
-            "pressure [Pa]": 12e3 + 25 * random.standard_normal(time.size),
-            "voltage [V]": voltage + 5 * random.standard_normal(time.size),
-            "radius [m]": 0.018 + 1e-7 * voltage + 15e-6 * random.standard_normal(time.size),
-            "current [A]": 1e-8 * np.gradient(voltage, time) + 1e-7 * random.standard_normal(time.size),
-        }
-
-    steps = {f"steps {n}": table(np.interp(time, [0, n, n + 0.02, 10], [0, 0, 4e3, 4e3])) for n in (2, 4)}
-    swings = {f"swing {hz}": table(2e3 - 2e3 * np.cos(2 * np.pi * hz * time)) for hz in (10, 12)}
-    found = unusual.findings(read_recordings(steps | swings, PLANT))
+    steps = {f"steps {n}": np.interp(time, [0, n, n + 0.02, 10], [0, 0, 4e3, 4e3]) for n in (2, 4)}
+    swings = {f"swing {hz}": 2e3 - 2e3 * np.cos(2 * np.pi * hz * time) for hz in (10, 12)}
+    tables = {name: charging(time, voltage, random, 1e-7) for name, voltage in (steps | swings).items()}
+    for table in tables.values():
+        table["voltage [V]"] = table["voltage [V]"] + 5 * random.standard_normal(time.size)
+    found = unusual.findings(read_recordings(tables, PLANT))
     assert not [text for text in found if "current spans" in text]
 
 

@@ -152,7 +152,7 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
     for name, answers in [*((n, outputs) for n in inputs), *((n, inputs) for n in outputs)]:
         for file, ratio in ratios[name].items():
             beside = [r[a][file] for r in (ratios, rates) for a in answers if file in r.get(a, {})]
-            larger = ratio > UNLIKE < whole[name][file] and ratio > UNLIKE * max(beside, default=np.inf)
+            larger = min(ratio, whole[name][file]) > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
             smaller = max(ratio, whole[name][file]) < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
             driven = name in inputs and any(file in ratios[n] for n in inputs if n != name)  # by another, as it may be
             if larger or (smaller and not driven):

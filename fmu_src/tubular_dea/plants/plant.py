@@ -32,8 +32,8 @@ from ..protocol import Protocol
 Values = Mapping[str, float]
 Drives = Sequence[Protocol]
 
-
-AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest (200 Pa, 200 V of the tube)
+# Set by judgement: 200 Pa and 200 V for the tube. Check: `pytest tests/test_reading.py -k nothing_moves`
+AT_REST = 0.002  # [1] of an input's largest plausible value: what moves by less is at rest
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,6 @@ class Input:
     direct: bool | None = None
     mean: bool = False
 
-    @property
-    def little(self) -> float:
-        """What it moves by at rest, at most; 0 where no largest value is declared."""
-        return AT_REST * self.most if math.isfinite(self.most) else 0.0
-
     def __post_init__(self) -> None:
         if self.mean and not self.held:
             raise DeclarationError(
@@ -82,6 +77,11 @@ class Input:
     def known_zero(self) -> float:
         """The usual size of its zero error where that is declared, else 0."""
         return self.zero or 0.0
+
+    @property
+    def little(self) -> float:
+        """What it moves by at rest, at most; 0 where no largest value is declared."""
+        return AT_REST * self.most if math.isfinite(self.most) else 0.0
 
     @property
     def linear(self) -> bool:

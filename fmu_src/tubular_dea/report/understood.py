@@ -25,7 +25,7 @@ FIRST = 5  # samples whose median is what a record begins with
 SHORT = 0.01  # up to its inverse a number is short
 SLOW = 0.1  # Hz below which the time between samples says more than the rate
 DAY, MS = 86400.0, 1e-3  # s
-DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, 1e-3, "ms")]  # from, size [s], name
+DURATIONS = [(DAY, DAY, "d"), (3600.0, 3600.0, "h"), (1.0, 1.0, "s"), (0.0, MS, "ms")]  # from, size [s], name
 EXPLAINED = (
     "edges: how often inputs switch; rise: how long the median one takes, as a ramp; start: rested, in equilibrium,\n"
     "after the file that it follows, unknown or estimated (by the fits); columns after it: what each signal begins with"
@@ -46,16 +46,8 @@ class Understanding:
         samples = sum(e.time.size for e in experiments)
         name = self.recordings.plant.name
         head = f"{self.recordings.source}: {len(experiments)} experiments of {name}, {samples} samples"
-        return [
-            head,
-            *self._formats(),
-            *self._geometry(),
-            *self._noises(),
-            *self._slopes(),
-            "",
-            *self._table(),
-            *self._remarks(),
-        ]
+        common = [*self._formats(), *self._geometry(), *self._noises(), *self._slopes()]
+        return [head, *common, "", *self._table(), *self._remarks()]
 
     def _formats(self) -> Iterator[str]:
         """Formats, columns and what was not used, where all files agree in one line each."""

@@ -52,9 +52,10 @@ def unlike_files(study: Study, option: Option) -> Unlike | None:
     for piece, own in known:
         changes[piece.name] = {n.removeprefix(GAIN_OF): v for n, v in own.items() if n.startswith(GAIN_OF)}
         for name, value in changes[piece.name].items():
-            if abs(value) <= MOST_USUAL_GAINS * GAIN or not _well_known(study, piece, GAIN_OF + name, value):
+            index = piece.nuisances.names.index(GAIN_OF + name)
+            if abs(value) <= MOST_USUAL_GAINS * GAIN or not _well_known(study, piece, index, value):
                 continue
-            column = piece.nuisances.columns[:, piece.nuisances.names.index(GAIN_OF + name)] * value
+            column = piece.nuisances.columns[:, index] * value
             for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
                 moved = float(np.sqrt(np.mean(column[rows] ** 2)))
                 if moved > study.noise[reading.output].rms:
@@ -62,7 +63,6 @@ def unlike_files(study: Study, option: Option) -> Unlike | None:
     return Unlike(*found[max(found)], changes) if found else None
 
 
-def _well_known(study: Study, piece: Piece, name: str, value: float) -> bool:
+def _well_known(study: Study, piece: Piece, index: int, value: float) -> bool:
     """Whether a nuisance parameter of a piece is known to be off, by its standard deviation there."""
-    index = piece.nuisances.names.index(name)
     return abs(value) > KNOWN * float(share_unknown(study, piece)[index] * piece.nuisances.sd[index])

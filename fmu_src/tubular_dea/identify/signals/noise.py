@@ -188,7 +188,7 @@ class Noise:
 
     @property
     def neighbours(self) -> float:
-        """The correlation between neighbouring samples, of all that does not drive the model."""
+        """The correlation between neighbouring samples of the sensor alone."""
         return replace(self, driven=0.0).colour(self.step).neighbours
 
     @property

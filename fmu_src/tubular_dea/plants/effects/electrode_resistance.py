@@ -53,9 +53,9 @@ def _apply(model: Model) -> Model:
     model = electrodes(model)
     drive = model.expression("electrode_voltage")
     share, line, n = model["electrode_share"], model["electrode_line"], model["tau_e_stretch"]
-    area = (model["lambda_1"] * model["lambda_2"]) ** 2
-    tau = model["tau_e"] * (1 + n * (area - 1))
-    tau_rate = 2 * model["tau_e"] * n * area * area_growth(model)
+    capacitance = (model["lambda_1"] * model["lambda_2"]) ** 2  # over that of the tube without load
+    tau = model["tau_e"] * (1 + n * (capacitance - 1))
+    tau_rate = 2 * model["tau_e"] * n * capacitance * area_growth(model)
     near, near_rate = _lagging(model, "lagging_voltage", drive, tau, tau_rate)
     far, far_rate = _lagging(model, "lagging_voltage_2", drive, tau / 4, tau_rate / 4)
     model = model.extend(states=[near, far])

@@ -14,7 +14,7 @@ import sympy
 from ...model.change import added, scaled
 from ...model.declare import Model, Quantity
 from ...model.effect import Effect
-from ._signals import dielectric
+from ._signals import area_growth, dielectric
 
 REFERENCE = sympy.Float(1e8)  # V/m
 PARAMETERS = (
@@ -29,9 +29,8 @@ def _apply(model: Model) -> Model:
     levelled = (1 + model["eps_saturation"] * x**2) / (1 + model["eps_saturation"])
     factor = 1 + model["eps_field"] * x**2 / levelled
     model = scaled(model, "eps_effective", factor)
-    growth = (model["dlambda_1_dlambda_2"] / model["lambda_1"] + 1 / model["lambda_2"]) * model["lambda_2_rate"]
     area_over_thickness = model["lambda_1"] * model["lambda_2"] / model["h_ao"]
-    field_rate = model["active_field"] * growth + model["electrode_voltage_rate"] * area_over_thickness
+    field_rate = model["active_field"] * area_growth(model) + model["electrode_voltage_rate"] * area_over_thickness
     slope = 2 * model["eps_field"] * x / (levelled**2 * (1 + model["eps_saturation"]))
     change = slope * field_rate / REFERENCE
     return added(model, "capacitance_rate", model["capacitance"] * change / factor)
