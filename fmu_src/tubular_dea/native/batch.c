@@ -200,12 +200,15 @@ static void set_piece(BatchRun *run, int l, double time)
     Lanes *lanes = &run->lanes;
     Trip *trip = &run->trips[l];
     double end = trip->stop;
+    int jumps = time <= trip->start;
     for (int i = 0; i < MODEL_NU; i++) {
         const BatchInput *input = &batch->inputs[i];
         const double *times = input->time + trip->row * input->time_stride;
         const double *values = input->value + trip->row * input->value_stride;
         long *k = &trip->segment[i];
+        const long before = *k;
         while (*k < input->n && times[*k] <= time + trip->near) ++*k; /* the first breakpoint ahead */
+        jumps |= *k > before + 1;
         const int level = *k == 0 || *k == input->n;
         const double slope = level ? 0 : (values[*k] - values[*k - 1]) / (times[*k] - times[*k - 1]);
         lanes->u[i][l] = *k == 0 ? values[0] : values[*k - 1] + slope * (time - times[*k - 1]);
@@ -218,7 +221,7 @@ static void set_piece(BatchRun *run, int l, double time)
     }
     lanes->piece_start[l] = time;
     lanes->piece_end[l] = trip->stop - end <= trip->near ? trip->stop : end;
-    lanes->fresh[l] = 1;
+    lanes->fresh[l] = jumps;
 }
 
 /* The initial states under the inputs of the first piece; 0 where there are none. */

@@ -73,6 +73,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         piece_inputs(&solver.inputs, points, u, k);
         recorder.piece_end = points[k + 1];
         recorder.last_piece = k == last;
+        solver.unbroken = k > first && !piece_is_jump(points, k - 1);
         if (!(h > 0)) h = points[k + 1] - time;
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
         status = solver_advance(&solver, &time, points[k + 1], state, &h);

@@ -52,7 +52,7 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
     Work work;
     Step step;
     long tries = 0, since_below = LATELY;
-    int first = 1;
+    int jumped = !solver->unbroken;
     model_prepare(solver->p, q);
     const Tried trial = {&step.time, &step.h, (const Lane *)step.x, (const Lane *)q};
     while (*time < end) {
@@ -62,8 +62,8 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
         step.time = *time;
         memcpy(step.x, x, sizeof step.x);
         linearise(&solver->inputs, &trial, solver->tolerance, &start);
-        if (first) wanted = resolving_step(&start, 0, wanted);
-        first = 0;
+        if (jumped) wanted = resolving_step(&start, 0, wanted);
+        jumped = 0;
         for (;;) {
             if (tries++ >= solver->max_steps) return SOLVER_TOO_MANY_STEPS;
             last = is_last(wanted, left, *time);

@@ -41,6 +41,7 @@ typedef struct {
     Inputs inputs;
     double tolerance; /* relative to |x| + nominal, per step */
     long max_steps;
+    int unbroken;      /* 1: where it begins nothing has jumped since the last call, at most rates */
     Observer observer; /* may be NULL */
     void *context;
     long steps, rejected; /* counters, added to */
@@ -53,8 +54,7 @@ void inputs_at(const Inputs *inputs, double time, double *u, double *du);
 void inputs_move(Inputs *inputs, double time);
 
 /* From `*time` to `end`; `x` and `*time` are advanced as far as the integration came, `*h` is the step size to go
- * on with. Where it begins, inputs or states may have jumped: its first step resolves the fastest motion, and is at most
- * `*h`. */
+ * on with. Where inputs or states may have jumped, its first step resolves the fastest motion, and is at most `*h`. */
 SolverStatus solver_advance(Solver *solver, double *time, double end, double *x, double *h);
 
 /* The solution inside an accepted step that was handed to an observer (order 4 in between, exact at both ends), at a
