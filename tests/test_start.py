@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tubular_dea.identify.inputs.drive import Drive, drives
 from tubular_dea.identify.records.data import Experiment
@@ -181,3 +182,18 @@ def test_an_input_that_rests_begins_with_its_first_sample() -> None:
     (one,) = zeroed(experiments, driven, PLANT)
     assert one.protocol.time[0] == 0.0
     assert not one.begun
+
+
+def test_noise_with_a_memory_at_rest_is_no_movement() -> None:
+    """It wanders off and comes back. A tube at rest has no damping: it rang at 40 um under what a line followed."""
+    time = 0.001 * np.arange(4000)
+    experiments = []
+    for number in range(4):
+        random = np.random.default_rng(number)
+        slow = lfilter([7.2 * np.sqrt(1 - 0.905**2)], [1, -0.905], random.standard_normal(time.size))
+        slow[240:300] += 35 * np.sin(np.pi * np.arange(60) / 60)
+        noise = 9.6 * random.standard_normal(time.size) + slow
+        inputs = {"pressure": noise + np.interp(time, [0.5, 1.2], [0, 8e3]), "voltage": 0 * time}
+        experiments.append(Experiment(f"file {number}", time, inputs, {}, np.arange(time.size)))
+    for one in zeroed(experiments, drives(experiments, PLANT.inputs), PLANT):
+        assert np.ptp(one.protocol.at(np.linspace(0, 0.45, 400))["pressure"]) < 1e-9

@@ -71,6 +71,8 @@ SLOPES = 50  # [samples] over which a held signal that moves runs straight, for 
 # Check: `pytest tests/test_edges.py::test_a_set_point_switches_where_it_is_first_written`
 ON_SAMPLES = 1.0  # [samples] after the last of the old level at which such an input switches
 
+# Set by judgement: a supply's ripple grows with its voltage. Check: `pytest tests/test_edges.py -k sweep`
+NOISIER = 3.0  # [1] times the noise in a set's quietest record of a held input that moves; more is a signal
 
 # Set by measurement: noise is told to some 5 %; a monitor that moves between its steps is off its levels by more.
 # Check: `pytest tests/test_edges.py -k only_steps`
@@ -305,7 +307,11 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     there = float(np.abs(largest).max()) > signal.least  # else nothing but noise is in it
     if (signal.held or not remembers) and there and changes_by_itself(largest):
         return [0.0] * len(records)
-    return [level(values, kept, step) for values in records]
+    levels = [level(values, kept, step) for values in records]
+    moving = [n for n, values in zip(levels, records, strict=True) if float(np.abs(values).max()) > signal.least]
+    if not signal.held or not moving:
+        return levels
+    return [noise if noise <= NOISIER * min(moving) else min(moving) for noise in levels]
 
 
 def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn:

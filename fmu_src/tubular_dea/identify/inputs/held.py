@@ -1,8 +1,8 @@
 """The line of an input that is held and switches: pieces without noise between its edges, which can be moved.
 
 Between two edges that a line of known shape stands for, the samples on the way left out, the monitor's noise is taken
-away by straight lines; a piece whose slope is chance is a level. Edges whose shape was recorded are followed like
-everything else.
+away by straight lines, or by curves where it moves fast; a piece whose slope is chance is a level. Edges whose shape
+was recorded are followed like everything else.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..signals.monitors import Polyline, polyline
+from ..signals.monitors import Polyline, curved, polyline
 from .edges import Edge
 from .transitions import Transitions
 
@@ -118,7 +118,10 @@ def held_line(
     kept = np.flatnonzero(~_within(time.size, found.before[ramp] + 1, found.after[ramp]))  # none on a ramp's way
     starts = np.searchsorted(kept, found.after[ramp])
     line = _levelled(polyline(time[kept], values[kept], noise, starts), starts, kept.size, noise)
-    whole = _breakpoints(time, kept, line, starts, ramp, delay)
+    recorded = np.setdiff1d(np.arange(len(edges)), ramp)
+    shaped = np.searchsorted(starts, np.searchsorted(kept, found.before[recorded]), side="right")
+    corners = _curved_corners(time[kept], values[kept], line, starts, shaped, noise)
+    whole = _breakpoints(time, corners, starts.size, ramp, delay)
     moved = _placed(whole, edges)
     levelled = _with_levels(moved, edges)
     return _following(_shaped(moved, levelled), time, found, edges), levelled
@@ -178,24 +181,48 @@ def _levelled(line: Polyline, starts: np.ndarray, n: int, noise: float) -> Polyl
     return Polyline(line.corners, values)
 
 
-def _breakpoints(
-    time: np.ndarray, kept: np.ndarray, line: Polyline, starts: np.ndarray, ramp: np.ndarray, delay: float
-) -> HeldLine:
+@dataclass(frozen=True)
+class _Corners:
+    """Times, values and pieces (k,) of the corners of a line; the number of a piece is that of edges before it."""
+
+    time: np.ndarray
+    values: np.ndarray
+    piece: np.ndarray
+
+
+def _curved_corners(
+    time: np.ndarray, values: np.ndarray, line: Polyline, starts: np.ndarray, shaped: np.ndarray, noise: float
+) -> _Corners:
+    """The corners of a line, with curves through what moves fast, but for the pieces that are `shaped` (by number): an
+    edge whose shape was recorded is inside them."""
+    ends = np.append(starts, time.size)
+    first = np.searchsorted(line.corners, np.append(0, ends))
+    found = []
+    for number, (begin, end) in enumerate(zip(np.append(0, starts), ends, strict=True)):
+        own = slice(first[number], first[number + 1])
+        t, v = time[line.corners[own]], line.values[own]
+        if number not in shaped:
+            t, v = curved(time[begin:end], values[begin:end], Polyline(line.corners[own] - begin, v), noise)
+        found.append((t, v, np.full(t.size, number)))
+    return _Corners(*(np.concatenate(each) for each in zip(*found, strict=True)))
+
+
+def _breakpoints(time: np.ndarray, corners: _Corners, edges: int, ramp: np.ndarray, delay: float) -> HeldLine:
     """All corners `delay` after they were recorded, the two at every edge assigned to it; one alone becomes two."""
-    piece = np.searchsorted(starts, line.corners, side="right")
+    piece = corners.piece
     begins = np.append(True, np.diff(piece) > 0)
     ends = np.append(np.diff(piece) > 0, True)
     twice = np.repeat(np.arange(piece.size), 1 + (begins & ends))
     second = np.append(False, np.diff(twice) == 0)
     alone = (begins & ends)[twice]
     begins, ends = begins[twice] & ~(alone & second), ends[twice] & ~(alone & ~second)
-    piece, values = piece[twice], line.values[twice]
+    piece, values = piece[twice], corners.values[twice]
     edge = np.full(piece.size, -1)
     side = np.zeros(piece.size)
-    opened, closed = begins & (piece > 0), ends & (piece < starts.size)
+    opened, closed = begins & (piece > 0), ends & (piece < edges)
     edge[opened], side[opened] = ramp[piece[opened] - 1], 1.0
     edge[closed], side[closed] = ramp[piece[closed]], -1.0
-    at = np.clip(time[kept[line.corners[twice]]] + delay, time[0], time[-1])
+    at = np.clip(corners.time[twice] + delay, time[0], time[-1])
     at[0] = time[0]
     rise, run = np.diff(values), np.diff(at)
     rate = np.divide(rise, run, out=np.zeros_like(rise), where=(run > 0) & (np.diff(piece) == 0))

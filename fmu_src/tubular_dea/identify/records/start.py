@@ -205,13 +205,23 @@ def _at_rest(experiment: Experiment, driven: Drive, name: str) -> tuple[float, i
     Where it moves at once, that is what it clearly begins with; None where nothing tells.
     """
     line = driven.lines[name]
-    off, noise = np.abs(line.values - line.values[0]), driven.noise[name]
-    moved = (off > MOVED * noise) & ((off > SPIKE * noise) | (np.append(off[1:], off[-1]) > MOVED * noise))
-    points = int(np.argmax(moved)) if moved.any() else line.time.size
+    points = _still(np.abs(line.values - line.values[0]), driven.noise[name])
     time, values = line.time[:points], line.values[:points]
     if np.searchsorted(experiment.time, time[-1]) < FIRST_SAMPLES:
         return _clear_begin(experiment, line, name)
     return float(np.trapezoid(values, time) / (time[-1] - time[0])), points
+
+
+def _still(off: np.ndarray, noise: float) -> int:
+    """How many points (k,) of a line that is `off` its first one come before it moves.
+
+    It leaves for good: noise with a memory wanders off, too, and comes back, and would make a tube at rest ring.
+    """
+    far, away = off > SPIKE * noise, off > MOVED * noise
+    if far.any():
+        return int(np.flatnonzero(~away[: int(np.argmax(far))])[-1]) + 1
+    moved = away & np.append(away[1:], away[-1])
+    return int(np.argmax(moved)) if moved.any() else off.size
 
 
 def _clear_begin(experiment: Experiment, line: HeldLine, name: str) -> tuple[float, int] | None:
