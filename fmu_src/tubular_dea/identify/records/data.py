@@ -397,13 +397,17 @@ def _standing_out(
     written = converted(read, *units)
     if alone.size:
         said.append(_spiky(heading, written, units[1], alone, lines, row))
+    places = []
     for lapse in lapses(np.where(gone, np.nan, read), inputs.values()) if inputs else ():
         off = abs(written[lapse[lapse.size // 2]] - _there(np.where(gone, np.nan, written)[: lapse[0]])[-1])
-        said.append(
-            f"{heading} is off by {off:.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}, and back at "
-            "once, while no input moves abruptly: left out as a lapse of the sensor"
-        )
+        places.append(f"by {off:.3g} {units[1]} from {row} {lines[lapse[0]]} to {lines[lapse[-1]]}")
         gone[lapse] = True
+    if places:
+        left_out = "a lapse of the sensor" if len(places) == 1 else f"{len(places)} lapses of the sensor"
+        listed = ", ".join(places)
+        said.append(
+            f"{heading} is off {listed}, and back at once, while no input moves abruptly: left out as {left_out}"
+        )
     return gone, said
 
 

@@ -6,7 +6,8 @@ the four may be a spike itself; two side by side are spikes if they are off to e
 Where an input was there and back just before, as rain may be for a day, it is the plant.
 
 Several in a row are a lapse of the sensor if they are as far off what stands before and after them, come and go within
-two samples, and no input moves abruptly meanwhile or shortly before: a pulse of an input would do the same.
+two samples, and no input moves abruptly meanwhile or shortly before: a pulse of an input would do the same. If they are
+farther off than all others are apart, no input makes them, unless it moves at the very samples.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ SPIKY = 0.05  # [1] share of the samples: with more, a plant is sampled too slow
 LONGEST = 64  # [samples] of a lapse, and before it, in which no input moves abruptly
 BESIDE_LAPSE = 5  # [samples] on either side of a lapse that it is compared with
 FEW_LAPSES = 5  # [1] lapses of a record: with more, it is the plant that moves so, by itself
+RARELY = 0.01  # [1] share of a record's samples at either end of what it reads that are not counted
 ABRUPT_PART = 0.01  # [1] share of its span by which the slope of an input changes at a sample, to be abrupt there
 
 
@@ -87,13 +89,17 @@ def lapses(values: np.ndarray, inputs: Iterable[np.ndarray]) -> list[np.ndarray]
     jumps = np.flatnonzero(np.abs(read[2:] - read[:-2]) > least)  # from a sample to the second one after it
     if not 0 < jumps.size <= SPIKY * there.size:
         return []
-    abrupt = _abrupt(inputs, values.size)
+    abrupt, span = _abrupt(inputs, values.size), float(np.ptp(np.quantile(read, [RARELY, 1 - RARELY])))
     for first in jumps:
         if first < max(after, BESIDE_LAPSE - 1):
             continue
         for last in jumps[(jumps >= first + 2) & (jumps <= first + LONGEST)]:
             lapse = _between(read, int(first), int(last) + 2, least)
-            if lapse is not None and not abrupt[max(there[first] - LONGEST, 0) : there[last] + 3].any():
+            if lapse is None:
+                continue
+            beyond = np.abs(read[lapse] - read[first]).min() > span
+            since = there[first] - (ANSWER_LASTS if beyond else LONGEST)
+            if not abrupt[max(since, 0) : there[last] + 3].any():
                 found.append(there[lapse])
                 after = int(last) + 2
                 break
