@@ -68,5 +68,20 @@ def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatc
         reached = iter([option("lag", excess=e, z_slow=z_slow) for e in left])
         monkeypatch.setattr(settle, "adjusted", lambda study, ids, values, free: study + 1)
         monkeypatch.setattr(settle, "fitted_option", lambda study, ids, start, refined, r=reached: next(r))
+        monkeypatch.setattr(settle, "_closer", lambda before, after: False)
         study, best = iterated(0, option("lag", excess=100.0, z_slow=z_slow))
         assert (study, best.misfit) == (turns, option("lag", excess=[100.0, *left][turns]).misfit)
+
+
+@pytest.mark.parametrize(("spread", "taken"), [(1.5e-6, True), (30e-6, False)])
+def test_zeros_that_stood_for_an_effect_and_hid_what_they_have_in_common_go_with_it(
+    monkeypatch: pytest.MonkeyPatch, spread: float, taken: bool
+) -> None:
+    """What they have in common is left over then; without that, the settled option would be refused as a worse fit."""
+    before = cast(Study, SimpleNamespace(spread={"radius": 178e-6}))
+    after = cast(Study, SimpleNamespace(spread={"radius": spread}))
+    one, worse = option("lag"), option("lag", excess=160.0)
+    monkeypatch.setattr(settle, "adjusted", lambda *_: after)
+    monkeypatch.setattr(settle, "fitted_option", lambda *_: worse)
+    found = iterated(before, one)
+    assert found == ((after, worse) if taken else (before, one))

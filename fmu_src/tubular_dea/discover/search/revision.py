@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ..options.acceptance import clean, denied, far
-from ..options.options import Option, fitted_option
+from ..options.options import Option, fitted_option, unless_vaguer
 from ..scores.parameters import unusual
 from .equivalence import CHANCE, error_reach, stands_in
 from .rounds import AT_BEST, Progress, Round
@@ -210,4 +210,5 @@ def _promising(rival: Option, coarse: Option, gains: Mapping[str, float]) -> boo
 def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
     """The option with the finer form of some of its effects; None where that fails."""
     tell(f"finer form of {', '.join(names)}")
-    return fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))
+    finer = fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))
+    return unless_vaguer(present, finer)
