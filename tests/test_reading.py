@@ -548,3 +548,22 @@ def test_only_mistakes_that_may_be_made_are_tried() -> None:
     assert not {"time", "a diameter for a radius"} & {word for pair in tried for word in pair}
     tube = {(w.signal, w.words) for w in scales.mislabellings(PLANT, ["measured_displacement"])}
     assert ("measured_displacement", "a radius for a diameter") in tube and ("time", "ms labelled s") in tube
+
+
+def test_runs_that_were_appended_to_one_file_are_recordings_of_their_own(tmp_path: Path) -> None:
+    """As where a recorder writes on in the same file, and its clock begins anew: it was refused."""
+    once = headed()
+    heading = ",".join(once)
+    rows = [",".join(f"{v:.9g}" for v in row) for row in zip(*once.values(), strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([heading, *rows, heading, *rows, *rows[:350]]) + "\n")
+    found = read_folder(tmp_path, PLANT)
+    assert [e.name for e in found.experiments] == ["a", "a_run2", "a_run3"]
+    assert [e.time.size for e in found.experiments] == [400, 400, 350]
+    first, second, _ = found.experiments
+    np.testing.assert_array_equal(first.inputs["pressure"], second.inputs["pressure"])
+    assert second.lines[0] == 403 and second.start == first.start
+    said = [m for e in found.experiments if e.source for m in e.source.remarks if "its time starts anew" in m]
+    assert "line 403" in said[0] and said[0].endswith("a_run2") and said[1].endswith("a_run3")
+    (tmp_path / "a.csv").write_text("\n".join([heading, *rows, *rows[100:]]) + "\n")
+    with pytest.raises(DataError, match="expected ascending times"):
+        read_folder(tmp_path, PLANT)

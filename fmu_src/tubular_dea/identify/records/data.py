@@ -20,7 +20,7 @@ from ...recordings import Column, NoTableError, ReadError, Table, is_recording, 
 from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
-from . import checks, gaps
+from . import appended, checks, gaps
 from .bench_file import BenchFile, read_bench, without_noise
 from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
 from .lost import is_mark, lost_samples
@@ -61,8 +61,9 @@ class Experiment:
     the file. `trigger` (n,) is a logical signal of the switching, where it was recorded. `start` is how the plant
     starts (`start.STARTS`), `start_said` whether bench.toml says so; `begins` [s] when, on a clock of the whole folder,
     where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
-    understood. `part_of` names the whole of which it is what comes before or after a long gap; `guessed` (n,) tells at
-    which samples an input is a guess, as it was not recorded for long while it moves (`gaps`).
+    understood. `part_of` names the file of which it is a run, or the whole of which it is what comes before or after a
+    long gap; `guessed` (n,) tells at which samples an input is a guess, as it was not recorded for long while it moves
+    (`gaps`).
     """
 
     name: str
@@ -152,8 +153,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     experiments, left_out, still = [], [], {}
     for path in files:
         try:
-            read_one = read_experiment(path, plant, said.geometry, chosen, said.rate, said.commanded)
-            experiments += gaps.cut(_placed(read_one, said, plant), plant)
+            experiments += _experiments(path.stem, read(path, signals(plant), pipe=False), plant, chosen, said)
         except NoTableError:
             if path.suffix.lower() not in NOTES:
                 raise
@@ -177,11 +177,21 @@ def of_tables(
         raise DataError("recordings: expected at least one table but was given none")
     said = said or BenchFile()
     chosen = said.columns | choices(columns, plant)
-    named = {str(t.path): experiment_of(t, plant, said.geometry, chosen, said.rate, said.commanded) for t in tables}
-    placed = [_placed(replace(e, name=name), said, plant) for name, e in named.items()]
-    experiments = [part for e in placed for part in gaps.cut(e, plant)]
+    experiments = [e for t in tables for e in _experiments(str(t.path), t, plant, chosen, said)]
     plant, ordered = _fitted_first(plant, experiments), _ordered(experiments)
     return Recordings(plant, ordered, said.geometry, said.noise, "recordings")
+
+
+def _experiments(
+    name: str, table: Table, plant: Plant, chosen: Mapping[str, Choice], said: BenchFile
+) -> list[Experiment]:
+    """The experiments of one table: of each run that was appended to it, and of the parts between long gaps."""
+    found = []
+    for own, run in appended.runs(name, table, plant, chosen, said.rate).items():
+        one = experiment_of(run, plant, said.geometry, chosen, said.rate, said.commanded)
+        whole = replace(one, name=own, part_of="" if own == name else name)
+        found += gaps.cut(_placed(whole, said, plant), plant)
+    return found
 
 
 def _fitted(plant: Plant, experiments: Sequence[Experiment]) -> list[Output]:
