@@ -19,7 +19,7 @@ from .validation import folds, held_out_residual, left_out, predictive_deviance
 
 # Set by measurement: a prestretch of two directions left C_1 known to a factor of 50, which was known to 0.3 %.
 # Check: `pytest tests/test_rounds.py -k vaguer`
-VAGUER = 30.0  # [1] times by which a finer form makes another parameter's error larger that was known well
+VAGUER = 30.0  # [1] times by which a finer form makes the error larger of what was known that well (to a thirtieth)
 
 
 @dataclass(frozen=True)
@@ -101,14 +101,20 @@ def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: S
         return None
 
 
-def unless_vaguer(one: Option, finer: Option | None) -> Option | None:
-    """The `finer` form of an option; None where there is none, or where what it adds leaves parameters unknown that
-    were known well: then it says what these do."""
+def unless_vaguer(study: Study, one: Option, finer: Option | None) -> Option | None:
+    """The `finer` form of an option; None where there is none, or where what it adds leaves parameters of the plant
+    unknown that were known well: then it says what these do."""
     if finer is None:
         return None
-    before, after = one.fitted.stderr, finer.fitted.stderr
-    vaguer = [n for n in finer.fitted.undetermined() if n in before and after[n] > VAGUER * before[n]]
-    return None if vaguer else finer
+    effects = {q.name for i in one.ids for q in study.catalogue[i].parameters}
+    before, after = _relative_errors(one.fitted), _relative_errors(finer.fitted)
+    known = {n: e for n, e in before.items() if n not in effects and e < 1 / VAGUER}
+    return None if any(after[n] > VAGUER * e for n, e in known.items()) else finer
+
+
+def _relative_errors(fitted: Fit) -> dict[str, float]:
+    """The standard errors of the fitted parameters, as shares of their values."""
+    return {n: fitted.stderr[n] / abs(fitted.values[n]) if fitted.values[n] else np.inf for n in fitted.names}
 
 
 def problem_of(study: Study, one: Option) -> Problem:

@@ -211,4 +211,4 @@ def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) 
     """The option with the finer form of some of its effects; None where that fails."""
     tell(f"finer form of {', '.join(names)}")
     finer = fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))
-    return unless_vaguer(present, finer)
+    return unless_vaguer(study, present, finer)

@@ -168,7 +168,7 @@ def _finer(study: Study, one: Option) -> Option | None:
     name = one.ids[-1]
     if name in one.refined or not study.catalogue[name].refine:
         return None
-    return unless_vaguer(one, fitted_option(study, one.ids, one.fitted.values, (*one.refined, name)))
+    return unless_vaguer(study, one, fitted_option(study, one.ids, one.fitted.values, (*one.refined, name)))
 
 
 def _as_finer(
