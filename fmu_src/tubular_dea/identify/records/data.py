@@ -379,9 +379,8 @@ def _outputs(
                     "often than it measures: readings that are repeated are left out"
                 )
             read = np.where(again, np.nan, read)
-            gone, stand_out = _standing_out(
-                read, heading, (unit, columns[heading].unit or unit), lines, table.row, inputs
-            )
+            units = (unit, columns[heading].unit or unit)
+            gone, stand_out = _standing_out(read, heading, units, lines, table.row, _driving(inputs, plant))
             said += stand_out
             read = np.where(gone, np.nan, read)
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
@@ -391,6 +390,12 @@ def _outputs(
             raise DataError(f"{table.path}, {finding}")
         found[output.name] = read - zero
     return found, said
+
+
+def _driving(inputs: Mapping[str, np.ndarray], plant: Plant) -> dict[str, np.ndarray]:
+    """The inputs (n,) as they drive the plant: 0 where one shows nothing but the noise of its monitor."""
+    little = {s.name: s.little for s in plant.inputs}
+    return {name: v if np.ptp(v) > little[name] else np.zeros_like(v) for name, v in inputs.items()}
 
 
 def _standing_out(
