@@ -623,13 +623,13 @@ def test_a_lapse_by_more_than_the_plant_ever_moves_needs_no_rest_before_it() -> 
     assert np.flatnonzero(np.isnan(found["a"].outputs["measured_displacement"])).tolist() == [1500, 1501, 1502]
 
 
-def test_a_spike_stands_out_where_a_voltage_monitor_shows_noise_alone() -> None:
+def test_spikes_stand_out_where_a_voltage_monitor_shows_noise_alone() -> None:
     """Noise about 0 V is there and back at every sample: glitches of a laser stayed, and a tube was unexplained."""
-    time = np.arange(2000) / 250
+    time, glitches = np.arange(2000) / 250, [300, 520, 760, 1000, 1200, 1400, 1800]
     moved = np.zeros(time.size)
-    moved[[520, 760, 1200]] = [0.8e-3, -0.5e-3, 1.1e-3]
+    moved[glitches] = [0.8e-3, -0.5e-3, 1.1e-3, 0.6e-3, -0.9e-3, 0.4e-3, 0.7e-3]
     found = read_recordings({"a": read_slowly(time, moved, 0 * time)})
-    assert np.flatnonzero(np.isnan(found["a"].outputs["measured_displacement"])).tolist() == [520, 760, 1200]
+    assert np.flatnonzero(np.isnan(found["a"].outputs["measured_displacement"])).tolist() == glitches
 
 
 def test_what_an_input_does_or_what_comes_often_is_no_lapse() -> None:
