@@ -208,7 +208,7 @@ static void set_piece(BatchRun *run, int l, double time)
         long *k = &trip->segment[i];
         const long before = *k;
         while (*k < input->n && times[*k] <= time + trip->near) ++*k; /* the first breakpoint ahead */
-        jumps |= *k > before + 1;
+        jumps |= *k > before + 1 && values[*k - 1] != values[before];
         const int level = *k == 0 || *k == input->n;
         const double slope = level ? 0 : (values[*k] - values[*k - 1]) / (times[*k] - times[*k - 1]);
         lanes->u[i][l] = *k == 0 ? values[0] : values[*k - 1] + slope * (time - times[*k - 1]);

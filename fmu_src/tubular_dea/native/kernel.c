@@ -58,6 +58,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y, mesh, room};
     int status;
+    const double *before = NULL; /* inputs at the end of the piece before */
     const long first = piece_first(n_points, points);
     long last = n_points - 2;
     while (last > first && piece_is_jump(points, last)) last--;
@@ -73,7 +74,8 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         piece_inputs(&solver.inputs, points, u, k);
         recorder.piece_end = points[k + 1];
         recorder.last_piece = k == last;
-        solver.unbroken = k > first && !piece_is_jump(points, k - 1);
+        solver.unbroken = before && !memcmp(before, u + k * MODEL_NU, MODEL_NU * sizeof *u);
+        before = u + (k + 1) * MODEL_NU;
         if (!(h > 0)) h = points[k + 1] - time;
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
         status = solver_advance(&solver, &time, points[k + 1], state, &h);
