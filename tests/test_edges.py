@@ -418,3 +418,12 @@ def test_a_fast_sweep_between_two_edges_is_followed_by_curves_and_is_no_noise(fa
     assert np.std((drawn - clean)[within]) < 0.02 * 1.5e3
     late = (fine > 34) & within
     assert np.mean(drawn[late] ** 2) == pytest.approx(np.mean(clean[late] ** 2), rel=8e-3)
+
+
+def test_a_monitor_that_is_noisier_in_every_part_of_a_file_is_noisier_there() -> None:
+    """Where voltage was written down as it was sent in one file, and measured in another."""
+    sent, _ = switched(250.0, 1e-6, noise=0.01)
+    measured, centroids = switched(250.0, 1.5e-3, seed=1)
+    _, found = drives([sent, measured], VOLTAGE)
+    assert found.noise["voltage"] == pytest.approx(NOISE, rel=0.2)
+    assert len(found.edges) == centroids.size

@@ -564,6 +564,9 @@ def test_runs_that_were_appended_to_one_file_are_recordings_of_their_own(tmp_pat
     assert second.lines[0] == 403 and second.start == first.start
     said = [m for e in found.experiments if e.source for m in e.source.remarks if "its time starts anew" in m]
     assert "line 403" in said[0] and said[0].endswith("a_run2") and said[1].endswith("a_run3")
+    (tmp_path / "a_run2.csv").write_text("\n".join([heading, *rows]) + "\n")
+    with pytest.raises(DataError, match="two experiments are called a_run2: a file, and a part of another one"):
+        read_folder(tmp_path, PLANT)
     (tmp_path / "a.csv").write_text("\n".join([heading, *rows, *rows[100:]]) + "\n")
     with pytest.raises(DataError, match="expected ascending times"):
         read_folder(tmp_path, PLANT)

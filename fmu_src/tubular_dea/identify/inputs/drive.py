@@ -72,7 +72,9 @@ SLOPES = 50  # [samples] over which a held signal that moves runs straight, for 
 ON_SAMPLES = 1.0  # [samples] after the last of the old level at which such an input switches
 
 # Set by judgement: a supply's ripple grows with its voltage. Check: `pytest tests/test_edges.py -k sweep`
-NOISIER = 3.0  # [1] times the noise in a set's quietest record of a held input that moves; more is a signal
+NOISIER = 3.0  # [1] times the noise in a set's quietest record of a held input that moves; more may be a signal
+QUIET_BLOCK = 64  # [samples] of a part of a record, of which the quietest tell its noise then:
+STILLEST = 0.1  # [1] share of them
 
 # Set by measurement: noise is told to some 5 %; a monitor that moves between its steps is off its levels by more.
 # Check: `pytest tests/test_edges.py -k only_steps`
@@ -311,7 +313,16 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     moving = [n for n, values in zip(levels, records, strict=True) if float(np.abs(values).max()) > signal.least]
     if not signal.held or not moving:
         return levels
-    return [noise if noise <= NOISIER * min(moving) else min(moving) for noise in levels]
+    return [
+        noise if noise <= NOISIER * min(moving) else max(min(moving), min(noise, _quietest(values)))
+        for noise, values in zip(levels, records, strict=True)
+    ]
+
+
+def _quietest(values: np.ndarray) -> float:
+    """The noise of a monitor in the quietest parts of its record, where a signal moves least."""
+    parts = np.array_split(values, max(1, values.size // QUIET_BLOCK))
+    return float(np.quantile([noise_level(part) for part in parts], STILLEST))
 
 
 def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn:

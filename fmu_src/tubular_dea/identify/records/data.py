@@ -164,6 +164,12 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
         raise next(iter(still.values()))
     if not experiments:
         raise DataError(f"{folder}: no experiment usable: {some(left_out)} hold no rows of numbers")
+    names = [e.name for e in experiments]
+    twice = next((name for name in names if names.count(name) > 1), "")
+    if twice:
+        raise DataError(
+            f"{folder}: two experiments are called {twice}: a file, and a part of another one; rename the file"
+        )
     ordered = _ordered(experiments)
     plant = _fitted_first(plant, experiments)
     return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
