@@ -189,9 +189,11 @@ def _as_finer(
 
 
 def _sound(study: Study, chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
-    """Of the options at `good`, those that held-out experiments do not deny and that make no parameter of the plant
-    implausible, if the best one does not hold so and they gain nearly as much; else all: one of two effects alone may
-    predict worse than none."""
+    """Of the options at `good`, those that nothing speaks against, if something does against the best one and they gain
+    nearly as much; else all: one of two effects alone may predict worse than none.
+
+    Held-out experiments that deny an option speak against it, and parameters of the plant that become implausible.
+    """
 
     def amiss(one: Option) -> bool:
         return denied(chosen, one) or bool(newly_implausible(study.plant, chosen.fitted, one.fitted))
