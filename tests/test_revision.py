@@ -11,7 +11,7 @@ import pytest
 from made_up import BASE, LARGE, STUDY, found, option
 from tubular_dea.discover import judgement
 from tubular_dea.discover.options.options import Option
-from tubular_dea.discover.search import revision, rounds, selection
+from tubular_dea.discover.search import revision, selection
 from tubular_dea.discover.search.revision import Search
 from tubular_dea.discover.search.rounds import Round
 
@@ -122,33 +122,9 @@ def test_a_refit_that_keeps_nothing_of_its_promise_begins_anew(
         rounds=[replace(Round((), [], None, 30.0, [chosen, rival], True, ""), scores=scores)],
     )
     search.gains = {"slew": 1000.0}
-    plausible(monkeypatch)
     selection._settle(search, BASE, lambda what: None)
     assert search.chosen.ids == (taken,)
     assert search.gains == {taken: 1000.0 if taken == "slew" else 2000.0}
-
-
-def plausible(monkeypatch: pytest.MonkeyPatch, *but: str) -> None:
-    """Effects leave the plant's parameters plausible, `but` those."""
-    for room in (selection, rounds):
-        monkeypatch.setattr(
-            room, "newly_implausible", lambda plant, before, after: ["C_3"] if set(but) & set(after.names) else []
-        )
-
-
-@pytest.mark.parametrize(("gained", "taken"), [(600.0, "lag"), (400.0, "slew")])
-def test_what_makes_a_parameter_implausible_gives_way_to_what_explains_nearly_as_much(
-    monkeypatch: pytest.MonkeyPatch, gained: float, taken: str
-) -> None:
-    """A prestretch of 1.41 and 0.84, with C_3 a hundred times too large, was named beside a friction of another form;
-    the zero of the laser, which was there, gained seven tenths of that."""
-    plausible(monkeypatch, "slew")
-    options = [option("slew", excess=LARGE - 1000.0), option("lag", excess=LARGE - gained)]
-    assert options[rounds._sound(STUDY, BASE, options, [0, 1])[0]].ids == (taken,)
-    search = found(BASE, option("lag", excess=LARGE - gained), rivals=[options[0]], rounds=[taken_first(options)])
-    monkeypatch.setattr(selection, "own_nuisances", lambda study, one: (study, one))
-    selection._settle(search, BASE, lambda what: None)
-    assert search.chosen.ids == ("lag",), "nor does it come back when numbers of the records' own are taken anew"
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from ..options.refit import FIRST_STEPS, FULL_STEPS, first_refit, further
 from ..scores import bank
 from ..scores.bank import Score
 from ..scores.bootstrap import NullScores, null_scores
-from ..scores.parameters import base_parameters, lost, newly_implausible, unusual
+from ..scores.parameters import base_parameters, lost, unusual
 from ..scores.power import Guess, guesses, needed
 from .equivalence import CHANCE, error_reach
 from .settle import fit_as_declared
@@ -192,11 +192,11 @@ def _sound(study: Study, chosen: Option, options: Sequence[Option], good: Sequen
     """Of the options at `good`, those that nothing speaks against, if something does against the best one and they gain
     nearly as much; else all: one of two effects alone may predict worse than none.
 
-    Held-out experiments that deny an option speak against it, and parameters of the plant that become implausible.
+    Held-out experiments that deny an option speak against it.
     """
 
     def amiss(one: Option) -> bool:
-        return denied(chosen, one) or bool(newly_implausible(study.plant, chosen.fitted, one.fitted))
+        return denied(chosen, one)
 
     if not good or not amiss(options[good[0]]):
         return good

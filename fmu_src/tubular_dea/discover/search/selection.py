@@ -13,7 +13,6 @@ from ..options.acceptance import clean, far, last_undenied
 from ..options.options import Option, fitted_option, option
 from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start_values
 from ..scores import bank
-from ..scores.parameters import newly_implausible
 from .declared import with_declared_starts
 from .equivalence import CHANCE, error_reach
 from .revision import Search, revise
@@ -173,8 +172,6 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     found.study, found.chosen = own_nuisances(found.study, before)
     gained = before.misfit - found.chosen.misfit
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
-    if not newly_implausible(found.study.plant, without.fitted, before.fitted):
-        alike = [r for r in alike if not newly_implausible(found.study.plant, without.fitted, r.fitted)]
     stuck = [r for r in alike if _promised_more(found, without, r)]
     near = [r for r in alike if _may_pass(found, before, r, gained) and not any(r is s for s in stuck)]
     near = near[:SETTLED_RIVALS]
