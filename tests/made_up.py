@@ -72,7 +72,6 @@ LARGE = 40_000.0  # what a large effect leaves unexplained
 BASE = option(excess=LARGE, held_out=12_000.0)
 STUDY = SimpleNamespace(
     pieces=(),
-    plant=None,
     catalogue={
         name: SimpleNamespace(
             typical={name: 1.0},

@@ -34,11 +34,6 @@ def taken(*options: Option) -> Round:
     return Round(options[0].ids[:-1], [], None, 30.0, list(options), True, "")
 
 
-def taken_first(options: list[Option]) -> Round:
-    """A round without scores that chose the first of some options."""
-    return replace(taken(*options), scores=[SimpleNamespace(id="slew", statistic=1.0)])
-
-
 def two_effects(**more: object) -> Search:
     """Lag was found first (slew behind it by 100), then creep, which brought 1000."""
     first = taken(option("lag", excess=1000.0), option("slew", excess=1100.0), option("set", excess=4000.0))

@@ -59,13 +59,6 @@ def implausible(plant: Plant, fitted: Fit) -> list[str]:
     return [n for n in judged if all(far(n, place) for place in places[n])]
 
 
-def newly_implausible(plant: Plant, before: Fit, after: Fit) -> list[str]:
-    """The parameters that are implausible after an effect was added, and were not `before`."""
-    far = implausible(plant, after)
-    known = implausible(plant, before) if far else []
-    return [n for n in far if n not in known]
-
-
 def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
     """The parameters of an effect that are identified, including those of its finer form if `refined`."""
     names = [*effect.fit, *(effect.refine if refined else ())]

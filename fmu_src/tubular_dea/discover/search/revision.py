@@ -208,7 +208,7 @@ def _promising(rival: Option, coarse: Option, gains: Mapping[str, float]) -> boo
 
 
 def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
-    """The option with the finer form of some of its effects; None where that fails."""
+    """The option with the finer form of some of its effects; None where that fails, or says what others do."""
     tell(f"finer form of {', '.join(names)}")
     finer = fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))
     return unless_vaguer(study, present, finer)

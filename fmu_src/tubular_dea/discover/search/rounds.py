@@ -41,7 +41,7 @@ REACH_SHARE = 0.3  # [1] the same as a share of the best refit's gain
 RESTARTED = 3  # [1] best refits that start again from the declared values, where they leave more than noise
 
 # Set by judgement. Check: `pytest tests/test_rounds.py`, `python -m blind.score --singles 2 --seed 8000`
-UNDENIED = 0.5  # [1] share of the best one's gain from which on an effect is taken that nothing speaks against
+UNDENIED = 0.5  # [1] share of the best one's gain from which on an effect is taken that held-out data do not deny
 
 # Set by measurement: of 24 nulls of mixed conventions, effects that gained 1.1 to 1.7 times the threshold were named in
 # three; none gained more. Check: `python -m blind.score --nulls 24 --seed 7000 --no-identify`
@@ -131,7 +131,7 @@ def decided(study: Study, base: Option, chosen: Option, step: Round) -> Round:
     if any(s.accepted for _, s in judged):  # what sensors explain is no rival of what they do not
         judged = [(o, s) for o, s in judged if not s.imitated]
     options, said = [o for o, _ in judged], [s for _, s in judged]
-    good = _sound(study, chosen, options, [i for i, s in enumerate(said) if s.accepted])
+    good = _undenied(chosen, options, [i for i, s in enumerate(said) if s.accepted])
     best = _preferred(study, options, good) if good else 0
     options = [options[best], *options[:best], *options[best + 1 :]]
     return replace(step, options=options, accepted=said[best].accepted, reason=said[best].reason)
@@ -188,20 +188,13 @@ def _as_finer(
     return sorted(better, key=lambda o: -o.evidence)
 
 
-def _sound(study: Study, chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
-    """Of the options at `good`, those that nothing speaks against, if something does against the best one and they gain
-    nearly as much; else all: one of two effects alone may predict worse than none.
-
-    Held-out experiments that deny an option speak against it.
-    """
-
-    def amiss(one: Option) -> bool:
-        return denied(chosen, one)
-
-    if not good or not amiss(options[good[0]]):
+def _undenied(chosen: Option, options: Sequence[Option], good: Sequence[int]) -> Sequence[int]:
+    """Of the options at `good`, those that held-out experiments do not deny, if the best is denied and they gain nearly
+    as much; else all: one of two effects alone may predict worse than none."""
+    if not good or not denied(chosen, options[good[0]]):
         return good
     gains = [chosen.cost - o.cost for o in options]
-    sound = [i for i in good if gains[i] > UNDENIED * gains[good[0]] and not amiss(options[i])]
+    sound = [i for i in good if not denied(chosen, options[i]) and gains[i] > UNDENIED * gains[good[0]]]
     return sound or good
 
 

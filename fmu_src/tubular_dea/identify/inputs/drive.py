@@ -310,11 +310,15 @@ def _estimated(experiments: Sequence[Experiment], signal: Input, remembers: bool
     if (signal.held or not remembers) and there and changes_by_itself(largest):
         return [0.0] * len(records)
     levels = [level(values, kept, step) for values in records]
-    moving = [n for n, values in zip(levels, records, strict=True) if float(np.abs(values).max()) > signal.least]
-    if not signal.held or not moving:
-        return levels
+    return _without_signal(levels, records, signal.least) if signal.held else levels
+
+
+def _without_signal(levels: Sequence[float], records: Sequence[np.ndarray], least: float) -> list[float]:
+    """The noise of a held input in every record, where a sweep that is fast beside the sampling may pass for it."""
+    moving = [n for n, values in zip(levels, records, strict=True) if float(np.abs(values).max()) > least]
+    quiet = min(moving, default=np.inf)
     return [
-        noise if noise <= NOISIER * min(moving) else max(min(moving), min(noise, _quietest(values)))
+        noise if noise <= NOISIER * quiet else max(quiet, min(noise, _quietest(values)))
         for noise, values in zip(levels, records, strict=True)
     ]
 
