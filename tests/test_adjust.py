@@ -15,7 +15,7 @@ from tubular_dea.discover.answer import remarks
 from tubular_dea.identify.fitting.fit import fit, rmse
 from tubular_dea.identify.fitting.problem import Free, whitened
 from tubular_dea.identify.inputs.drive import joined
-from tubular_dea.identify.records.data import Experiment, Recordings
+from tubular_dea.identify.records.experiment import Experiment, Recordings
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.identify.study import adjust, nuisances, spreads
 from tubular_dea.identify.study.adjust import adjusted

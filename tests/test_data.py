@@ -12,9 +12,9 @@ from test_edges import slewing
 from tubular_dea import read_recordings
 from tubular_dea.cli import main
 from tubular_dea.identify.inputs.drive import drive, drives
-from tubular_dea.identify.records.data import DataError, Experiment, Recordings
 from tubular_dea.identify.records.data import read_experiment as read_of
 from tubular_dea.identify.records.data import read_folder as folder_of
+from tubular_dea.identify.records.experiment import DataError, Experiment, Recordings
 from tubular_dea.identify.signals.monitors import noise_level, polyline
 from tubular_dea.identify.signals.noise import Noise, estimate
 from tubular_dea.plants.tube import PLANT

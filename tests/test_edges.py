@@ -12,7 +12,7 @@ from tubular_dea.identify.inputs.clocked import sent_at
 from tubular_dea.identify.inputs.drive import drive, drives
 from tubular_dea.identify.inputs.edges import BENDING, EXPONENTIAL, RISEN, _EdgeSamples, _together
 from tubular_dea.identify.inputs.transitions import Transitions, few, transitions
-from tubular_dea.identify.records.data import Experiment
+from tubular_dea.identify.records.experiment import Experiment
 from tubular_dea.plants.plant import Input
 
 NOISE = 4.0  # V

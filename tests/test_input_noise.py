@@ -13,7 +13,7 @@ from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs, in
 from tubular_dea.discover.scores.parameters import base_parameters
 from tubular_dea.identify.fitting.misfit import BLOCK
 from tubular_dea.identify.inputs.drive import joined
-from tubular_dea.identify.records.data import Experiment, Recordings
+from tubular_dea.identify.records.experiment import Experiment, Recordings
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.kernel import Kernel

@@ -10,7 +10,8 @@ import pytest
 
 from laboratory import numbers
 from tubular_dea.identify.records.columns import choices
-from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
+from tubular_dea.identify.records.data import read_experiment, read_folder
+from tubular_dea.identify.records.experiment import DataError
 from tubular_dea.plants.tube import PLANT
 
 OUTPUT = PLANT.outputs[0].name

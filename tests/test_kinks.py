@@ -7,7 +7,7 @@ import pytest
 
 import tubular_dea as td
 from tubular_dea.identify.inputs.drive import drive
-from tubular_dea.identify.records.data import Experiment
+from tubular_dea.identify.records.experiment import Experiment
 
 STEP, NOISE = 0.02, 10.0  # s, Pa
 PRESSURE = [s for s in td.load_plant("tube").inputs if s.name == "pressure"]

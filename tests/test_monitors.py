@@ -14,7 +14,7 @@ from tubular_dea.identify.inputs.band import band_limited, noise_floor
 from tubular_dea.identify.inputs.drive import Drive, drive, drives
 from tubular_dea.identify.inputs.edges import Edge
 from tubular_dea.identify.inputs.trigger import triggered
-from tubular_dea.identify.records.data import DataError, Experiment
+from tubular_dea.identify.records.experiment import DataError, Experiment
 from tubular_dea.identify.signals import monitors
 from tubular_dea.identify.signals.monitors import (
     LARGEST,

@@ -16,8 +16,9 @@ from tubular_dea.cli import main
 from tubular_dea.discover.answer import between_files
 from tubular_dea.errors import UserError
 from tubular_dea.identify.fitting import scales, signs
-from tubular_dea.identify.records.data import DataError, read_experiment, read_folder
-from tubular_dea.identify.records.start import RESTED, UNKNOWN, detected
+from tubular_dea.identify.records.data import read_experiment, read_folder
+from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, DataError
+from tubular_dea.identify.records.start import detected
 from tubular_dea.identify.study.study import study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Build, Input, Output, Plant

@@ -15,7 +15,8 @@ from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
-from tubular_dea.identify.records.data import DataError, read_experiment
+from tubular_dea.identify.records.data import read_experiment
+from tubular_dea.identify.records.experiment import DataError
 from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
 from tubular_dea.identify.records.updates import repeated_readings

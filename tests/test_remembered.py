@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import tubular_dea as td
 from tubular_dea import plants
 from tubular_dea.discover.alternatives.input_noise import bounded_by_outputs
-from tubular_dea.identify.records.data import Recordings
+from tubular_dea.identify.records.experiment import Recordings
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.remembered import (
     LEFT_OF,

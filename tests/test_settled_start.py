@@ -10,7 +10,7 @@ import pytest
 import tubular_dea as td
 from test_adjust import FREE, TRUTH, set_of
 from tubular_dea.discover import engine
-from tubular_dea.identify.records.start import UNKNOWN
+from tubular_dea.identify.records.experiment import UNKNOWN
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.plants.tube import PLANT
 

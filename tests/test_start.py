@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tubular_dea.identify.inputs.drive import Drive, drives
-from tubular_dea.identify.records.data import Experiment
+from tubular_dea.identify.records.experiment import Experiment
 from tubular_dea.identify.records.start import _begins_off, zeroed
 from tubular_dea.plants.tube import PLANT
 

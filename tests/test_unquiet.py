@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 import made_up
 from tubular_dea.discover import engine
 from tubular_dea.discover.engine import discover
-from tubular_dea.identify.records.data import Experiment, Recordings
+from tubular_dea.identify.records.experiment import Experiment, Recordings
 from tubular_dea.identify.signals.noise_bound import TOO_MUCH
 from tubular_dea.identify.study.procedure import alternating_fit
 from tubular_dea.identify.study.study import study

@@ -21,7 +21,8 @@ from tubular_dea.identify.fitting.fit import AGREE, fit, goodness
 from tubular_dea.identify.inputs.drive import drive, joined
 from tubular_dea.identify.records import checks
 from tubular_dea.identify.records.checks import mislabelled
-from tubular_dea.identify.records.data import Experiment, Recordings, read_experiment
+from tubular_dea.identify.records.data import read_experiment
+from tubular_dea.identify.records.experiment import Experiment, Recordings
 from tubular_dea.identify.study import procedure
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import PRIOR, Study, sensor_noise, study

@@ -14,7 +14,8 @@ from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
 from ..identify.fitting import scales, signs
 from ..identify.records.bench_file import BenchFile
-from ..identify.records.data import Experiment, Recordings, of_tables, read_folder
+from ..identify.records.data import of_tables, read_folder
+from ..identify.records.experiment import Experiment, Recordings
 from ..kernel.checks import doubles
 from ..protocol import Protocol
 from ..recordings import Column, Table

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..identify.records.checks import STRUCTURE, at_limit
-from ..identify.records.data import Experiment, Recordings
+from ..identify.records.experiment import Experiment, Recordings
 from ..identify.records.spikes import spikes
 from ..identify.signals.monitors import equal_stretches, noise_level
 from ..identify.signals.sampling import usual_step

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ArgumentError, UserError
 from ..identify.fitting.fit import NORMAL_95, Fit
-from ..identify.records.data import Recordings
+from ..identify.records.experiment import Recordings
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.study import PRIOR, Study, study
 from ..identify.threads import one_blas_thread

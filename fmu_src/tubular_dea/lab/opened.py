@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..identify.records.data import Recordings
+from ..identify.records.experiment import Recordings
 from ..model.declare import Model
 from .facts import quantity_facts
 from .page import Content, Setting

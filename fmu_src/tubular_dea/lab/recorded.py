@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..identify.records.data import Experiment, Recordings
+from ..identify.records.experiment import Experiment, Recordings
 from ..plants.plant import Output
 
 DIGITS = 9  # of a number: finer than any monitor

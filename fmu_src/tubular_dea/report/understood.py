@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..identify.inputs.drive import Drive, drives
-from ..identify.records.data import Experiment, Recordings, Source
+from ..identify.records.experiment import Experiment, Recordings, Source
 from ..identify.signals.sampling import usual_step
 from ..identify.study.study import sensor_noise
 from ..model.declare import Quantity

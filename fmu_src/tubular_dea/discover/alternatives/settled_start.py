@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ...identify.records.data import Recordings
-from ...identify.records.start import UNKNOWN
+from ...identify.records.experiment import UNKNOWN, Recordings
 from ...identify.study.study import Study
 
 

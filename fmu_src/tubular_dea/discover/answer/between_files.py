@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...identify.records.start import UNKNOWN
+from ...identify.records.experiment import UNKNOWN
 from ...identify.study.nuisances import GAIN, zero_spread
 from ...identify.study.spreads import most_spread
 from ...model.units import in_units_of

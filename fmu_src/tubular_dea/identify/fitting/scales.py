@@ -19,8 +19,7 @@ from ...kernel import KernelError
 from ...model.units import converted, three
 from ...plants.plant import Plant
 from ...protocol import Protocol
-from ..records.data import Experiment, Recordings
-from ..records.start import RESTED
+from ..records.experiment import RESTED, Experiment, Recordings
 from .compiled import Compiled
 from .response import RUN_AWAY
 

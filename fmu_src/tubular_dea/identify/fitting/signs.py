@@ -20,7 +20,7 @@ from ...kernel import Kernel, KernelError
 from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.checks import STRUCTURE
-from ..records.data import Experiment, Recordings
+from ..records.experiment import Experiment, Recordings
 from ..signals.monitors import noise_level
 from .cases import Case, Reading
 from .compiled import Compiled

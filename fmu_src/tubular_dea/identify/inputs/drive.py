@@ -10,8 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ...plants.plant import Input
 from ...protocol import Protocol
-from ..records.bench_file import without_noise
-from ..records.data import DataError, Experiment
+from ..records.experiment import DataError, Experiment, commanded
 from ..signals import hum as hums
 from ..signals.hum import MAINS, within
 from ..signals.kinks import kinked, untold
@@ -195,7 +194,7 @@ def drive(
     that does not remember (without states) it makes no difference what an input does between samples.
     """
     levels = _levels([experiment], inputs, noise, remembers)[0]
-    exact = without_noise(noise or {})  # commanded: it holds what stands in the file
+    exact = commanded(noise or {})  # commanded: it holds what stands in the file
     drawn: dict[str, _Drawn] = {}
     numbered: dict[str, HeldLine] = {}
     edges: list[Edge] = []

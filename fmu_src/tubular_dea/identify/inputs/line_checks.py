@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...protocol import Protocol
-from ..records.data import DataError, Experiment
+from ..records.experiment import DataError, Experiment
 from ..signals.monitors import LARGEST, WRONG, resolution
 from ..signals.sampling import usual_step
 from .band import JITTER, off_even

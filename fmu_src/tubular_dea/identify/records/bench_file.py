@@ -40,7 +40,7 @@ from ...model.units import UnitError, quantity
 from ...plants.plant import Plant
 from ...recordings import ReadError
 from .columns import TRIGGER, Choice, choices, signals
-from .start import STARTS
+from .experiment import STARTS, commanded
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,7 @@ class BenchFile:
     @property
     def commanded(self) -> set[str]:
         """The inputs that were not measured: what stands in the files is exact."""
-        return without_noise(self.noise)
-
-
-def without_noise(noise: Mapping[str, float]) -> set[str]:
-    """The signals that are said to have no noise: they were commanded, and not measured."""
-    return {name for name, level in noise.items() if level == 0}
+        return commanded(self.noise)
 
 
 TABLES = ("geometry", "noise", "columns", "sampling", "start", "order")

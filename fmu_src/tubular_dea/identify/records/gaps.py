@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +17,7 @@ from ...plants.plant import Input, Plant
 from ...recordings.table import moving
 from ..signals.monitors import LARGEST, noise_level
 from ..signals.quiet import steady
-from .start import UNKNOWN
-
-if TYPE_CHECKING:
-    from .data import Experiment
+from .experiment import UNKNOWN, Experiment
 
 # Set by judgement: where an input switches in a brief gap, the instant is found. Check: `pytest tests/test_gaps.py`
 MISSING = 8.0  # [samples] that are missing in a long gap, at least

@@ -26,14 +26,12 @@ from scipy.special import ndtr, stdtrit
 from ...laws.places import Path
 from ...model.declare import Model, Parameter, Quantity
 from ...plants.plant import Input, Plant
+from .experiment import RESTED, UNKNOWN, Experiment, Recordings
 
 if TYPE_CHECKING:
     from ..inputs.drive import Drive
     from ..inputs.held import HeldLine
-    from .data import Experiment
 
-RESTED, EQUILIBRIUM, UNKNOWN = "rested", "equilibrium", "unknown"
-STARTS = (RESTED, EQUILIBRIUM, UNKNOWN)
 # Set by judgement. Check: `pytest tests/test_start.py`,
 # `python -m blind.score --nulls 12 --conventions start --seed 1000`
 FIRST_SAMPLES = 12  # [samples] that tell what a record begins with, and within which what begins is changed
@@ -271,6 +269,13 @@ def off_name(state: str) -> str:
 def anywhere(plant: Plant) -> bool:
     """Whether every state of a plant starts free in each record: then what effects add has no known start either."""
     return bool(plant.each_start) and not unknowns(plant.model)
+
+
+def is_loose(recordings: Recordings, experiment: Experiment) -> bool:
+    """Whether nothing tells what an experiment starts from: it begins under load, or the plant starts anywhere and
+    bench.toml does not say that it rested."""
+    begun = recordings.begun_by(experiment)
+    return begun.start == UNKNOWN or (not begun.start_said and anywhere(recordings.plant))
 
 
 def unknowns(model: Model) -> dict[str, float]:

@@ -22,8 +22,8 @@ from ..inputs.drive import Drive, without_hum
 from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.checks import at_limit
-from ..records.data import Experiment, Recordings
-from ..records.start import MOVED, RESTED, ZEROS, loosened, may_be_filtered, zeroed
+from ..records.experiment import RESTED, Experiment, Recordings
+from ..records.start import MOVED, ZEROS, is_loose, loosened, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.monitors import COLOURED
 from ..signals.noise import Noise
@@ -296,7 +296,7 @@ def _integrated(work: Study) -> Study:
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
     """The models of a study, for records with `points` samples together: with free starts if one is unknown."""
-    loose = any(recordings.is_loose(e) for e in recordings.experiments)
+    loose = any(is_loose(recordings, e) for e in recordings.experiments)
     plant = recordings.plant.with_model(loosened(recordings.plant.model)) if loose else recordings.plant
     return Compiled(plant, [o.name for o in recordings.fitted_outputs], points, loose)
 
@@ -359,7 +359,7 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
         shifts=np.zeros(len(driven.edges)),
         source=experiment.name,
         clock=None if experiment.begins is None else experiment.begins - float(experiment.time[0]),
-        loose=recordings.is_loose(experiment),
+        loose=is_loose(recordings, experiment),
     )
 
 
