@@ -31,7 +31,8 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="SIGNAL=COLUMN",
-        help="columns by heading or number, with a unit where the file has none, as in radius=laser_2[um] voltage=3",
+        help="columns by heading or number, with a unit where the file has none or reads a factor of it, as in "
+        "radius=laser_2[um] voltage=3 radius=diameter[0.5 mm]",
     )
     parser.add_argument(
         "--dry-run",

@@ -169,8 +169,8 @@ def findings(recordings: Recordings) -> list[str]:
     asked += [f"are the columns of {w.signal} and {w.other} exchanged" for w in likely if w.other]
     return [
         f"{' or '.join(asked)}? With the numbers as they are, the declared {plant.name} misses {_percent(base)} of "
-        f"these records (rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit also with "
-        "--columns)"
+        f"these records (rms), else {_percent(tried[0][0])}; if so, correct it in the files (a unit or a factor "
+        f"also with --columns, as in {output.headings[0]}=COLUMN[0.5 mm] for a column that reads 1 for 0.5 mm)"
     ]
 
 

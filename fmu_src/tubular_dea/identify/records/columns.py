@@ -228,7 +228,8 @@ def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: 
             alone = f" what some files lack is declared as Output({output.name!r}, required=False);" if several else ""
             problem = f"{table.heading_place}: expected one column {wanted} but found {table.headings};{alone}"
             renamed = f"{problem} write that heading where it belongs, and nowhere else"
-            raise ColumnError(f"{problem} say which with", output.headings[0], ANY, renamed)
+            only = None if there else _only(table, units[output.headings[0]], columns)
+            raise ColumnError(f"{problem} say which with", output.headings[0], only.number if only else ANY, renamed)
 
 
 def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:
