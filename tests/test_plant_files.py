@@ -147,6 +147,11 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             8,
             "Tank: Output('reading') is given twice in outputs; give it once",
         ),
+        (
+            HEAD + PLANT.replace('Output("reading")', 'Output("reading", multiples={"double": ("radius", 2)})'),
+            8,
+            "multiples: expected 'double' to be some times one of reading but was given 2 times 'radius'",
+        ),
         (HEAD + "m.define('q', 'V', sqrt(level))\n", 8, "'sqrt' is not defined; write `from sympy import sqrt`"),
         (HEAD + "m.define('q', 'V', level * (level > 3))\n", 8, "a comparison is no number: write step(x)"),
         (HEAD + PLANT.replace('Input("pump")', '"pump"'), 8, "inputs: expected Input, as Input('pump'), but was given"),

@@ -437,15 +437,31 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
     assert words in said[0] and "=COLUMN[0.5 mm]" in said[0] if words else not said, said
 
 
-def test_a_diameter_in_other_words_is_told_how_to_be_read(tmp_path: Path) -> None:
-    """A gauge's "Durchmesser [mm]" is no radius, but the only length: the message names its column."""
+@pytest.mark.parametrize("heading", ["Diameter (mm)", "Durchmesser [mm]", "tube_diameter_mm"])
+def test_half_of_a_diameter_is_a_radius(tmp_path: Path, heading: str) -> None:
     table = headed()
-    table["Durchmesser [mm]"] = 2e3 * table.pop("radius [m]")
+    table[heading] = 2e3 * table.pop("radius [m]")
+    experiment = read_experiment(written(tmp_path, table), PLANT)
+    np.testing.assert_allclose(experiment.outputs[OUTPUT], headed()["radius [m]"] - 0.015, atol=1e-10)
+    assert experiment.source and any("radius is 0.5 times " in said for said in experiment.source.remarks)
+
+
+def test_a_radius_goes_before_a_diameter(tmp_path: Path) -> None:
+    table = headed() | {"Diameter (mm)": 2.1e3 * headed()["radius [m]"]}
+    experiment = read_experiment(written(tmp_path, table), PLANT)
+    np.testing.assert_allclose(experiment.outputs[OUTPUT], headed()["radius [m]"] - 0.015, atol=1e-10)
+    assert experiment.source and experiment.source.unused == ("Diameter (mm)",)
+
+
+def test_the_only_column_of_its_kind_is_named(tmp_path: Path) -> None:
+    """A gauge's "Weg [mm]" may be a radius or its change: the message says which column it is about."""
+    table = headed()
+    table["Weg [mm]"] = 2e3 * table.pop("radius [m]")
     path = written(tmp_path / "data", table)
-    with pytest.raises(DataError, match=r"but found .*Durchmesser \[mm\]; .*columns=\{\"radius\": 4\}"):
+    with pytest.raises(DataError, match=r"but found .*Weg \[mm\]; .*columns=\{\"radius\": 4\}"):
         read_experiment(path, PLANT)
     halved = read_folder(tmp_path / "data", PLANT, ["radius=4[0.5 mm]"]).experiments[0]
-    np.testing.assert_allclose(halved.outputs["measured_displacement"], headed()["radius [m]"] - 0.015, atol=1e-10)
+    np.testing.assert_allclose(halved.outputs[OUTPUT], headed()["radius [m]"] - 0.015, atol=1e-10)
 
 
 def knee() -> Plant:

@@ -111,6 +111,7 @@ UNDERSTOOD = {
     "another heading": GOOD.replace("pressure [Pa]", "P_lumen (Pa)").replace("voltage [V]", "HV [V]"),
     "an output's name in its heading": GOOD.replace("radius [m]", "Laser radius 2 (m)"),
     "the longer name": GOOD.replace("radius [m]", "Baumer radial displacement (m)"),
+    "a diameter": column(3, lambda i, v: 2 * v).replace("radius [m]", "Diameter of the tube [m]"),
     "short pulses on a coarse monitor": column(2, lambda i, v: _pulses(i)),
     "decimals like thousands": lines(lambda rows: [_german(row) for row in rows]),
     "semicolons": GOOD.replace(",", ";"),

@@ -2,8 +2,8 @@
 
 DATA is a folder of files, one experiment each, headed with quantity and unit:
   time [s],pressure [Pa],voltage [V],radius [m]
-in any order and any usual unit (see below); `displacement` may stand in place of `radius`. With --plant FILE.py they
-are the signals that the plant declares; --plant aorta is the aorta behind a flow and a pressure probe.
+in any order and any usual unit (see below); `displacement` or `diameter` may stand in place of `radius`. With --plant
+FILE.py they are the signals that the plant declares; --plant aorta is the aorta behind a flow and a pressure probe.
 Written are result.json, report.html, lab.html (the found model over the recordings, live in any browser), model.json
 (for `tubular-dea build --model`) and the FMU below fmi2/.
 """

@@ -253,7 +253,8 @@ def _bench(plant: Plant) -> dict[str, Any]:
         "inputs": [signal(s) | {"held": s.held} for s in plant.inputs],
         "outputs": [
             signal(o)
-            | {"columns": {h: o.columns.get(h, "") for h in o.headings}, "rest": o.rest, "required": o.required}
+            | {"columns": {h: o.columns.get(h, "") for h in o.headings}, "multiples": {**o.multiples}}
+            | {"rest": o.rest, "required": o.required}
             for o in plant.outputs
         ],
         "header": plant.headers(),

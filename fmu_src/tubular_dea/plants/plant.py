@@ -94,7 +94,8 @@ class Output:
     """A recorded signal that the model is compared with; `name` is the model's output for the sensor's reading.
 
     `columns` are the headings under which it may stand in a file, each with the name of a parameter that is subtracted
-    from it, or "" (default: its own name); `rest` is what the output reads in a plant at rest, where that is known.
+    from it, or "" (default: its own name). `multiples` are headings of what is a heading's own multiple: {"diameter":
+    ("radius", 2)}. `rest` is what the output reads in a plant at rest, where that is known.
     `zero` is the usual size of the sensor's own zero error, another one in each file (SI; 0: there is none); those
     found may differ between files by up to ten times as much, and errors are told without them. A file that would need
     twenty times as much is said, and is not explained. Without it (None), a search assumes zeros where they explain
@@ -114,6 +115,7 @@ class Output:
     rest: float | None = None
     required: bool = True
     feels_rates: bool = False
+    multiples: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
     def known_zero(self) -> float:
@@ -216,6 +218,7 @@ class Plant:
                         f"{self.name}: {what}: {self.model.name} has no parameter {name!r}"
                         f"{nearest(name, self.model.parameter_values())}"
                     )
+        self._check_multiples()
         self._check_once()
         self._check_places()
         at_once = _at_once(self.model, [o.name for o in self.outputs])
@@ -248,6 +251,16 @@ class Plant:
                 raise DeclarationError(
                     f"{self.name}: {what}: expected {words} of tubular_dea.plants but was given {other!r}"
                 )
+
+    def _check_multiples(self) -> None:
+        """`DeclarationError` for a multiple of what is no heading, or that is none."""
+        for output in self.outputs:
+            for name, (heading, times) in output.multiples.items():
+                if heading not in output.headings or not times:
+                    raise DeclarationError(
+                        f"{self.name}: Output({output.name!r}): multiples: expected {name!r} to be some times one of "
+                        f"{', '.join(output.headings)} but was given {times:g} times {heading!r}"
+                    )
 
     def _check_once(self) -> None:
         """`DeclarationError` for a signal that is given twice."""

@@ -173,6 +173,7 @@ PLANT = Plant(
         Output(
             "measured_displacement",
             {"radius": "r_o", "displacement": "", "radial_displacement": ""},
+            multiples={"diameter": ("radius", 2.0), "durchmesser": ("radius", 2.0)},
             most=0.2,
             zero=30e-6,
             rest=0.0,

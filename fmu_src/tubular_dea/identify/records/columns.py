@@ -35,11 +35,12 @@ class Choice:
 
 @dataclass(frozen=True)
 class Assigned:
-    """The `values` (n,) of a signal in SI units, from a `column` in this `unit`."""
+    """The `values` (n,) of a signal in SI units, from a `column` in this `unit`, of which they are so many times."""
 
     column: Column
     unit: str
     values: np.ndarray
+    times: float = 1.0
 
 
 def signals(plant: Plant) -> dict[str, str]:
@@ -92,6 +93,7 @@ def assigned(
     `rate` [Hz] makes the time of a file that has none.
     """
     units = signals(plant)
+    chosen = {**chosen, **_multiples(table, plant, chosen, units)}
     columns = {name: _named(table, name, choice) for name, choice in chosen.items()}
     for name in units:
         if name in columns or _otherwise(name, plant, columns):
@@ -124,6 +126,21 @@ def unused(table: Table, used: Mapping[str, Assigned]) -> list[str]:
 def _otherwise(name: str, plant: Plant, columns: Mapping[str, Column]) -> bool:
     """Whether the user has said where an output is, under another of its headings."""
     return any(name in o.headings and not columns.keys().isdisjoint(o.headings) for o in plant.outputs)
+
+
+def _multiples(table: Table, plant: Plant, chosen: Mapping[str, Choice], units: Mapping[str, str]) -> dict[str, Choice]:
+    """The columns of what is a multiple of an output that is in no column itself, as a diameter is of a radius."""
+    found = {}
+    for output in plant.outputs:
+        headed = any(h in chosen or _headed(table, h, units[h], []) for h in output.headings)
+        if headed or _worded(table, output, units, {}):
+            continue
+        there = [(c, m) for c in table.columns for m in output.multiples if m in c.name.split("_") and _measured(c)]
+        if len(there) == 1:
+            column, name = there[0]
+            heading, times = output.multiples[name]
+            found[heading] = Choice(str(column.number), factor=1.0 / times)
+    return found
 
 
 def _named(table: Table, name: str, choice: Choice) -> Column:
@@ -241,7 +258,8 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
     if not unit:
         problem = f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]'"
         raise ColumnError(f"{problem} or say", name, f"{column.number}[{expected}]", problem)
+    times = choice.factor if choice else 1.0
     try:
-        return Assigned(column, unit, converted(column.values * (choice.factor if choice else 1.0), unit, expected))
+        return Assigned(column, unit, converted(column.values * times, unit, expected), times)
     except UnitError as problem:
         raise ReadError(f"{table.heading_place}, column {column.shown}: {problem}") from None

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...model.units import converted
 from ...plants.plant import Input, Plant
-from ...recordings import Column, NoTableError, Table, is_recording, is_spreadsheet, read
+from ...recordings import NoTableError, Table, is_recording, is_spreadsheet, read
 from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
@@ -194,18 +194,22 @@ def experiment_of(
         raise DataError(f"{path}, {finding}")
     parameters = plant.model.parameter_values() | dict(geometry or {})
     outputs, idle = _outputs(table, plant, columns, values, lines, inputs, parameters)
-    told = _read_from(plant, {n: a.column for n, a in columns.items() if n not in chosen})
+    told = _read_from(plant, {n: a for n, a in columns.items() if n not in chosen})
     source = _source(table, columns, [*told, *gone, *taken.remarks, *idle])
     trigger, guessed = _switched(values.get(TRIGGER)), gaps.guessed(values, plant.inputs)
     return Experiment(path.stem, time, inputs, outputs, lines, trigger, source=source, guessed=guessed)
 
 
-def _read_from(plant: Plant, columns: Mapping[str, Column]) -> list[str]:
+def _read_from(plant: Plant, columns: Mapping[str, Assigned]) -> list[str]:
     """What is said of signals that are in columns of other names, which nobody chose."""
     sensed = [name for o in plant.outputs for name in o.headings]
     told = []
-    for name, column in columns.items():
+    for name, a in columns.items():
+        column = a.column
         if name in (TRIGGER, "time") or column.name == plain(name):
+            continue
+        if a.times != 1.0:
+            told.append(f"{name} is {a.times:g} times {column.shown}")
             continue
         worded = name in sensed and {*plain(name).split("_")} <= {*column.name.split("_")}
         only = "with that in its heading" if worded else "in a unit of its kind"

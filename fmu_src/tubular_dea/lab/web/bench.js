@@ -37,7 +37,7 @@ function readExperiment(path, raw, geometry = {}) {
   const told = bench.inputs.filter((s) => columns[s.name].column.name !== headingName(s.name)).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
   for (const o of bench.outputs)
     for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== headingName(n)))
-      told.push(`${name} is read from ${columns[name].column.shown}, the only column with that in its heading`);
+      told.push(columns[name].times === 1 ? `${name} is read from ${columns[name].column.shown}, the only column with that in its heading` : `${name} is ${columns[name].times} times ${columns[name].column.shown}`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
   return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks, ...idle] };
 }
@@ -58,10 +58,13 @@ function assigned(table) {
     const column = columns[name] ?? onlyIn(table, units[name], columns);
     if (column) columns[name] = column;
   }
+  const times = {};
   for (const o of bench.outputs) {
     const headings = Object.keys(o.columns);
-    const found = headings.some((name) => columns[name]) ? undefined : wordedIn(table, headings, units, columns);
+    if (headings.some((name) => columns[name])) continue;
+    const multiple = multipleIn(table, o), found = wordedIn(table, headings, units, columns) ?? multiple;
     if (found) columns[found[0]] = found[1];
+    if (found && found === multiple) times[found[0]] = found[2];
   }
   for (const name of ["time", ...bench.inputs.map((s) => s.name)])
     if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another heading, write '${name} [${units[name]}]' there`);
@@ -70,7 +73,7 @@ function assigned(table) {
     if (there.length > 1 || (o.required && !there.length))
       throw new ReadError(`${table.headingPlace}: expected one column ${headings.map((n) => `'${n} [${units[n]}]'`).join(" or ")} but found ${table.headings}; write that heading where it belongs, and nowhere else`);
   }
-  return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, inSi(table, name, column, units[name])]));
+  return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, inSi(table, name, column, units[name], times[name] ?? 1)]));
 }
 
 function headed(table, name) {
@@ -92,6 +95,15 @@ function wordedIn(table, headings, units, columns) {
       if (headingName(name).split("_").every((word) => c.name.split("_").includes(word)) && isIn(c.unit, units[name])) fitting.push([name, c]);
   fitting.sort((a, b) => b[0].length - a[0].length);
   return new Set(fitting.map(([, c]) => c.number)).size === 1 ? fitting[0] : undefined;
+}
+
+/* The column of what is a multiple of an output, as a diameter is of a radius: heading of the output, column, times. */
+function multipleIn(table, o) {
+  const there = [];
+  for (const c of table.columns.filter((c) => c.unit && !c.problem))
+    for (const [name, [heading, multiple]] of Object.entries(o.multiples))
+      if (c.name.split("_").includes(name)) there.push([heading, c, 1 / multiple]);
+  return there.length === 1 ? there[0] : undefined;
 }
 
 /* The only column left that is in a unit of an input's kind, whatever its heading. */
@@ -118,12 +130,12 @@ function timesOf(columns) {
   return [named, clocks].find((list) => list.length === 1) ?? [];
 }
 
-function inSi(table, name, column, expected) {
+function inSi(table, name, column, expected, times) {
   if (column.problem) throw new ReadError(`${table.path}, ${column.problem}`);
   if (name === TRIGGER) return { column, values: column.values };
   if (!column.unit) throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${expected}]'`);
   try {
-    return { column, values: convertedUnit(column.values, column.unit, expected) };
+    return { column, values: convertedUnit(column.values.map((v) => v * times), column.unit, expected), times };
   } catch (problem) {
     throw new ReadError(`${table.headingPlace}, column ${column.shown}: ${problem.message}`);
   }
