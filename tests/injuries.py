@@ -103,8 +103,14 @@ def _heading_gone(file: File, luck: Luck) -> list[str]:
 
 
 def _heading_other(file: File, luck: Luck) -> list[str]:
+    """Two columns either of which may be the radius."""
+    said = _heading_twice(file, luck)
     file.lines[file.heading] = file.lines[file.heading].lower().replace("radius", "weg")
-    return [f"line {file.heading + 1}: expected one column 'radius [m]' or", "weg", 'columns={"radius": ']
+    return [
+        said[0].replace("column 'radius' appears twice", "expected one column 'radius [m]' or"),
+        "weg",
+        '"radius": ',
+    ]
 
 
 def _heading_twice(file: File, luck: Luck) -> list[str]:

@@ -453,8 +453,19 @@ def test_a_radius_goes_before_a_diameter(tmp_path: Path) -> None:
     assert experiment.source and experiment.source.unused == ("Diameter (mm)",)
 
 
-def test_the_only_column_of_its_kind_is_named(tmp_path: Path) -> None:
-    """A gauge's "Weg [mm]" may be a radius or its change: the message says which column it is about."""
+@pytest.mark.parametrize(("heading", "told"), [("rayon (mm)", "radius"), ("Laser [um]", "displacement")])
+def test_what_has_another_name_is_told_by_its_size(tmp_path: Path, heading: str, told: str) -> None:
+    """The only length is a radius where it is about that at rest, and its change where it is far less."""
+    table = headed()
+    own = table.pop("radius [m]")
+    table[heading] = 1e3 * own if told == "radius" else 1e6 * (own - 0.015)
+    experiment = read_experiment(written(tmp_path, table), PLANT)
+    np.testing.assert_allclose(experiment.outputs[OUTPUT], own - 0.015, atol=1e-10)
+    assert experiment.source and any(said.startswith(f"{told} is read from ") for said in experiment.source.remarks)
+
+
+def test_a_size_that_may_be_anything_is_asked_about(tmp_path: Path) -> None:
+    """A gauge's "Weg [mm]" of twice a radius is none: the message says which column it is about."""
     table = headed()
     table["Weg [mm]"] = 2e3 * table.pop("radius [m]")
     path = written(tmp_path / "data", table)

@@ -18,6 +18,7 @@ def vocabulary() -> dict[str, Any]:
         "joinedUnits": dict(units._JOINED),
         "signs": {chr(code): mark or "" for code, mark in units._SIGNS.items()},
         "alsoTime": list(columns.ALSO_TIME),
+        "sizes": {"atRest": columns.AT_REST, "grown": columns.GROWN, "changed": columns.CHANGED},
         "missing": sorted(cells.MISSING),
         "truth": dict(cells.TRUTH),
         "sample": layout.SAMPLE,

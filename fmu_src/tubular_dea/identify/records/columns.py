@@ -18,6 +18,10 @@ from ...recordings.heading import name as plain
 
 TRIGGER = "trigger"
 ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
+# Set by judgement. Check: `pytest tests/test_reading.py -k size`
+AT_REST = 0.9  # [1] times its value at rest that the middle number is at least, and
+GROWN = 1.8  # [1] at most, where that value is in it: a diameter is twice a radius
+CHANGED = 0.6  # [1] times that value that it is at most, where it is not
 ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value", "datetime", "date_time", "zeit")
 
 
@@ -106,7 +110,7 @@ def assigned(
             columns[signal.name] = column
     for output in plant.outputs:
         if columns.keys().isdisjoint(output.headings):
-            columns |= _by_content(table, output, units, columns)
+            columns |= _by_content(table, output, units, columns, plant)
     if "time" not in columns and rate is not None:
         columns["time"] = Column("time", "s", f"{rate:g} Hz (bench.toml)", np.arange(table.lines.size) / rate, 0)
     _complete(table, plant, columns, units)
@@ -180,15 +184,31 @@ def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | No
 
 
 def _by_content(
-    table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column]
+    table: Table, output: Output, units: Mapping[str, str], columns: Mapping[str, Column], plant: Plant
 ) -> dict[str, Column]:
-    """The only column that an output without its own heading can be: by a word, or by its unit where that is needed and
-    says which of its headings is meant."""
+    """The only column that an output without its own heading can be: by a word, or by its unit where that is needed,
+    if its numbers say which of several headings is meant."""
     if found := _worded(table, output, units, columns):
         return dict([found])
     heading, *others = output.headings
-    only = _only(table, units[heading], columns) if output.required and not others else None
-    return {heading: only} if only else {}
+    only = _only(table, units[heading], columns) if output.required else None
+    if only and others:
+        heading = _by_size(converted(only.values, only.unit, units[heading]), output, plant)
+    return {heading: only} if only and heading else {}
+
+
+def _by_size(values: np.ndarray, output: Output, plant: Plant) -> str:
+    """The heading under which numbers (n,) (SI) are what a plant that begins at rest may show: with the value at rest,
+    such as a radius, or without, such as its change; "" where they may be either, or something else."""
+    rests = {h: plant.model.parameter_values()[p] for h, p in output.columns.items() if p}
+    without = [h for h, p in output.columns.items() if not p]
+    if len(rests) != 1 or not without:
+        return ""
+    heading, rest = next(iter(rests.items()))
+    middle = float(np.nanmedian(values)) / rest
+    if AT_REST < middle < GROWN:
+        return heading
+    return without[0] if abs(middle) < CHANGED else ""
 
 
 def _worded(

@@ -30,14 +30,14 @@ function readExperiment(path, raw, geometry = {}) {
       continue;
     }
     const recorded = pick(columns[heading].values), parameter = o.columns[heading];
-    const rest = parameter ? geometry[parameter] ?? facts.tube.parameters.find((p) => p.name === parameter).value : 0;
+    const rest = parameter ? geometry[parameter] ?? valueAtRest(parameter) : 0;
     refuse(path, outputFindings(recorded, o, lines, heading, rest, still.includes(heading) && still.length < there.length));
     outputs[o.name] = recorded.map((v) => v - rest);
   }
   const told = bench.inputs.filter((s) => columns[s.name].column.name !== headingName(s.name)).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
   for (const o of bench.outputs)
     for (const name of Object.keys(o.columns).filter((n) => columns[n] && columns[n].column.name !== headingName(n)))
-      told.push(columns[name].times === 1 ? `${name} is read from ${columns[name].column.shown}, the only column with that in its heading` : `${name} is ${columns[name].times} times ${columns[name].column.shown}`);
+      told.push(columns[name].times === 1 ? `${name} is read from ${columns[name].column.shown}, the only column ${isWorded(name, columns[name].column) ? "with that in its heading" : "in a unit of its kind"}` : `${name} is ${columns[name].times} times ${columns[name].column.shown}`);
   const unused = table.columns.filter((c) => !Object.values(columns).some((a) => a.column.number === c.number) && c.heading).map((c) => c.heading);
   return { name: path.replace(/\.[^.]*$/, ""), file: path, time, inputs, outputs, start: startOf(time, inputs, outputs), format: table.format, unused, remarks: [...table.remarks, ...told, ...taken.remarks, ...idle] };
 }
@@ -62,7 +62,7 @@ function assigned(table) {
   for (const o of bench.outputs) {
     const headings = Object.keys(o.columns);
     if (headings.some((name) => columns[name])) continue;
-    const multiple = multipleIn(table, o), found = wordedIn(table, headings, units, columns) ?? multiple;
+    const multiple = multipleIn(table, o), found = wordedIn(table, headings, units, columns) ?? multiple ?? bySize(table, o, columns);
     if (found) columns[found[0]] = found[1];
     if (found && found === multiple) times[found[0]] = found[2];
   }
@@ -87,14 +87,33 @@ function headed(table, name) {
   return found[0];
 }
 
+function isWorded(name, column) {
+  return headingName(name).split("_").every((word) => column.name.split("_").includes(word));
+}
+
 /* The heading of an output that is in that of one column alone, as radius in "Laser radius (mm)", and the column. */
 function wordedIn(table, headings, units, columns) {
   const taken = new Set(Object.values(columns).map((c) => c.number)), fitting = [];
   for (const c of table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem))
     for (const name of headings)
-      if (headingName(name).split("_").every((word) => c.name.split("_").includes(word)) && isIn(c.unit, units[name])) fitting.push([name, c]);
+      if (isWorded(name, c) && isIn(c.unit, units[name])) fitting.push([name, c]);
   fitting.sort((a, b) => b[0].length - a[0].length);
   return new Set(fitting.map(([, c]) => c.number)).size === 1 ? fitting[0] : undefined;
+}
+
+function valueAtRest(parameter) {
+  return facts.tube.parameters.find((p) => p.name === parameter).value;
+}
+
+/* The only column of a required output's kind, under the heading that its numbers say: with the value at rest or without. */
+function bySize(table, o, columns) {
+  const only = o.required ? onlyIn(table, o.unit, columns) : undefined, headings = Object.keys(o.columns);
+  if (!only || headings.length === 1) return only && [headings[0], only];
+  const kept = headings.filter((h) => o.columns[h]), without = headings.find((h) => !o.columns[h]);
+  if (kept.length !== 1 || !without) return undefined;
+  const middle = median(finite(convertedUnit(only.values, only.unit, o.unit))) / valueAtRest(o.columns[kept[0]]), { atRest, grown, changed } = facts.vocabulary.sizes;
+  if (atRest < middle && middle < grown) return [kept[0], only];
+  return Math.abs(middle) < changed ? [without, only] : undefined;
 }
 
 /* The column of what is a multiple of an output, as a diameter is of a radius: heading of the output, column, times. */
