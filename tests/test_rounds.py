@@ -17,6 +17,7 @@ from tubular_dea.discover.scores.bank import Score
 from tubular_dea.discover.scores.levels import course
 from tubular_dea.discover.search import rounds
 from tubular_dea.discover.search.rounds import Round
+from tubular_dea.identify.fitting.fit import FitError
 from tubular_dea.kernel import Trajectory
 from tubular_dea.model.build import Build
 
@@ -126,9 +127,20 @@ def test_refits_within_reach_of_the_best_go_on_and_few_start_again(monkeypatch: 
     assert sorted(ended) == ["c0", "c1", "c3", "c4"]
     assert sorted(again) == [("c0",), ("c3",), ("c4",)]
     ended.clear()
-    known = {"c2": option("c2", excess=2501.0).fitted}  # of a search at another level of noise: it starts there
+    known = {"c2": option("c2", excess=900.0).fitted}  # of a search at another level of noise: it starts there
+    monkeypatch.setattr(
+        rounds, "fit_effects", lambda study, ids, values, steps, fine: further(study, ids, known["c2"], steps, fine)
+    )
     rounds._refits(study, before, starts, list(left), known, lambda what: None)
     assert ended.index("c2") == 0
+    ended.clear()
+
+    def unsolvable(*given: object) -> None:
+        raise FitError("beyond the fold")
+
+    monkeypatch.setattr(rounds, "fit_effects", unsolvable)
+    rounds._refits(study, before, starts, list(left), known, lambda what: None)
+    assert "c2" not in ended  # it begins here, where it costs 2501, and what it cost there is nothing to go by
 
 
 @pytest.mark.parametrize(

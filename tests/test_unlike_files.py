@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ import made_up
 import tubular_dea as td
 from blind.laboratory import laboratory, write
 from test_adjust import FREE, PLANT, TRUTH, ramps, recorded, study_of
-from tubular_dea.discover import judgement
+from tubular_dea.discover import engine, judgement
 from tubular_dea.discover.alternatives import unlike_files as alternative
 from tubular_dea.discover.alternatives.unlike_files import Unlike, unlike_files
 from tubular_dea.discover.answer import between_files
@@ -102,3 +102,36 @@ def test_a_drift_over_files_in_a_row_is_no_gain_of_each(
     found = td.discover(td.read_recordings(tmp_path / "set"))
     assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", [drifts])
     assert found.discovery.unlike is None
+
+
+@pytest.mark.parametrize(
+    ("before", "firm", "left", "kept"),
+    [
+        (("friction",), ("friction",), 0.0, "firm"),  # gains of 1 and 2 % had stood beside it
+        (("friction",), ("friction", "lag"), 0.0, "found"),  # more effects than with gains that change
+        (("friction",), ("friction",), 9e4, "found"),  # with firm gains more than noise is left
+        ((), ("friction",), 0.0, "firm"),
+        ((), (), 0.0, "found"),
+    ],
+)
+def test_gains_that_change_give_way_to_effects_that_explain_everything(
+    monkeypatch: pytest.MonkeyPatch, before: tuple[str, ...], firm: tuple[str, ...], left: float, kept: str
+) -> None:
+    @dataclass(frozen=True)
+    class Work:
+        firm: bool = False
+
+    base = made_up.option(excess=1e5)
+    searches = {
+        "found": replace(made_up.found(base, made_up.option(*before), study=Work()), base_study=Work()),
+        "firm": made_up.found(base, made_up.option(*firm, excess=left), study=Work(firm=True)),
+    }
+    asked = []
+    monkeypatch.setattr(engine, "unlike_files", lambda study, chosen: True)
+    monkeypatch.setattr(engine, "base_settled", lambda study, fitted, seed: (study, fitted))
+    monkeypatch.setattr(engine, "_searched", lambda study, *given: asked.append(study) or searches["firm"])
+    assert engine._with_firm_monitors(searches["found"], 0.0, 1, lambda what: None) is searches[kept]
+    assert asked == [Work(firm=True)]
+    monkeypatch.setattr(engine, "unlike_files", lambda study, chosen: None)
+    assert engine._with_firm_monitors(searches["found"], 0.0, 1, lambda what: None) is searches["found"]
+    assert len(asked) == 1

@@ -44,8 +44,8 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     both = sorted(best.values(), key=lambda s: -s[1].evidence)
     if both[0][0] is study:
         return step
-    found.study = both[0][0]
-    again = decided(found.study, base, found.chosen, replace(step, options=[o for _, o in both]))
+    again = decided(both[0][0], base, found.chosen, replace(step, options=[o for _, o in both]))
+    found.study = best[again.options[0].ids][0]
     return replace(again, reason=f"{again.reason}, begun at the declared values with starts of its own")
 
 

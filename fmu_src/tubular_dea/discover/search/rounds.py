@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...identify.fitting.compiled import Ids
-from ...identify.fitting.fit import Fit
+from ...identify.fitting.fit import Fit, FitError
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ..alternatives.forms import explained_by_form
@@ -16,7 +17,7 @@ from ..alternatives.rounding import explained_by_rounding
 from ..alternatives.wander import explained_by_wandering
 from ..options.acceptance import FALSE_ALARMS, STRONG, accept, clean, denied, far, no_further_effect
 from ..options.options import Option, fitted_option, option, problem_of, unless_vaguer
-from ..options.refit import FIRST_STEPS, FULL_STEPS, first_refit, further
+from ..options.refit import FIRST_STEPS, FULL_STEPS, first_refit, fit_effects, further
 from ..scores import bank
 from ..scores.bank import Score
 from ..scores.bootstrap import NullScores, null_scores
@@ -262,7 +263,8 @@ def _refits(
     def begin(name: str) -> Fit | None:
         tell(f"refit with {name}")
         if name in known:
-            return further(study, (*chosen.ids, name), known[name], FIRST_STEPS, chosen.refined)
+            with suppress(FitError):  # with the records' own numbers of another study the model may have no answer
+                return fit_effects(study, (*chosen.ids, name), known[name].values, FIRST_STEPS, chosen.refined)
         found = [one.refit(study, chosen, name) for one in starts]
         return min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
 
