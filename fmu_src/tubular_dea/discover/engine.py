@@ -314,8 +314,9 @@ def _with_less_noise(found: Search, monitors: bool) -> Study | None:
 def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, seed: int, tell: Progress) -> Search:
     """The search from starts at equilibrium, if what it finds explains as much as was `found` with states at the start
     of every file, but for what these may take from the misfit by chance: it varies as chi squared does. Where nothing
-    was found it has to explain more, and held-out data to support it; where what was found explains most from an
-    equilibrium too, there is no other explanation."""
+    was found it has to explain more, and held-out data to support it; where what was found explains as much from an
+    equilibrium too, there is no other explanation. A lag of a laser was found alone: that the tube softens in each file
+    was in the states at its start."""
     other = started_at_equilibrium(prepared, [p.name for p in found.study.held_out], recordings)
     if other is None:
         return found
@@ -330,7 +331,7 @@ def _from_equilibrium(prepared: Study, found: Search, recordings: Recordings, se
     reached = min((residuals.excess(work, o.squares) for o in first.options), default=np.inf) - explained
     if reached > max(by_chance, WORTH * (residuals.excess(work, alone.squares) - explained) if found.chosen.ids else 0):
         return found
-    if first.options[0].ids[-1] in found.chosen.ids:
+    if first.options[0].ids[-1] in found.chosen.ids and reached < by_chance:
         return found
     again = selection.forward_selection(work, fitted, numeric, seed, tell, [first])
     return again if _as_close(found, again, by_chance) and _explains_more(found, again, by_chance) else found
