@@ -139,7 +139,8 @@ def _multiples(table: Table, plant: Plant, chosen: Mapping[str, Choice], units: 
         headed = any(h in chosen or _headed(table, h, units[h], []) for h in output.headings)
         if headed or _worded(table, output, units, {}):
             continue
-        there = [(c, m) for c in table.columns for m in output.multiples if m in c.name.split("_") and _measured(c)]
+        measured = [c for c in table.columns if _measured(c)]
+        there = [(c, m) for c in measured for m in output.multiples if is_worded(m, c)]
         if len(there) == 1:
             column, name = there[0]
             heading, times = output.multiples[name]
@@ -217,9 +218,14 @@ def _worded(
     """The heading of an output that is part of one column's alone, as radius in "Laser radius (mm)", and the column."""
     taken = {c.number for c in columns.values()}
     free = [c for c in table.columns if c.number not in taken and _measured(c)]
-    inside = [(h, c) for c in free for h in output.headings if {*plain(h).split("_")} <= {*c.name.split("_")}]
+    inside = [(h, c) for c in free for h in output.headings if is_worded(h, c)]
     fitting = sorted((one for one in inside if is_in(one[1].unit, units[one[0]])), key=lambda one: -len(one[0]))
     return fitting[0] if len({c.number for _, c in fitting}) == 1 else None
+
+
+def is_worded(name: str, column: Column) -> bool:
+    """Whether all words of a name are in a column's heading."""
+    return {*plain(name).split("_")} <= {*column.name.split("_")}
 
 
 def _measured(column: Column) -> bool:

@@ -22,7 +22,7 @@ from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
 from . import appended, checks, gaps
 from .bench_file import BenchFile, read_bench
-from .columns import TRIGGER, Assigned, Choice, assigned, choices, signals, unused
+from .columns import TRIGGER, Assigned, Choice, assigned, choices, is_worded, signals, unused
 from .experiment import DataError, Experiment, Recordings, Source, fitted_outputs
 from .lost import is_mark, lost_samples
 from .spikes import lapses, spikes
@@ -211,7 +211,7 @@ def _read_from(plant: Plant, columns: Mapping[str, Assigned]) -> list[str]:
         if a.times != 1.0:
             told.append(f"{name} is {a.times:g} times {column.shown}")
             continue
-        worded = name in sensed and {*plain(name).split("_")} <= {*column.name.split("_")}
+        worded = name in sensed and is_worded(name, column)
         only = "with that in its heading" if worded else "in a unit of its kind"
         told.append(f"{name} is read from {column.shown}, the only column {only}")
     return told

@@ -121,7 +121,7 @@ function multipleIn(table, o) {
   const there = [];
   for (const c of table.columns.filter((c) => c.unit && !c.problem))
     for (const [name, [heading, multiple]] of Object.entries(o.multiples))
-      if (c.name.split("_").includes(name)) there.push([heading, c, 1 / multiple]);
+      if (isWorded(name, c)) there.push([heading, c, 1 / multiple]);
   return there.length === 1 ? there[0] : undefined;
 }
 
