@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tubular_dea import load_plant
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "fmu_src" / "tubular_dea"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -76,7 +78,7 @@ def test_no_public_function_of_the_engine_is_defined_twice() -> None:
     names = Counter(
         node.name
         for path in SOURCES
-        if path.relative_to(PACKAGE).parts[0] in ("discover", "identify")
+        if path.relative_to(PACKAGE).parts[0] in ("discover", "identify", "patients")
         for node in ast.parse(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
     )
@@ -105,3 +107,22 @@ def test_no_discouraged_word_is_used() -> None:
     ]
     found += [f"README.md: {match[1]!r}; say {DISCOURAGED[match[1].lower()]!r}" for match in wrong.finditer(README)]
     assert found == []
+
+
+def test_the_engine_names_no_quantity_of_a_plant() -> None:
+    """What holds for any plant stands in discover, identify and report: no name of the tube's or the aorta's there."""
+    names = set()
+    for name in ("tube", "aorta"):
+        model = load_plant(name).model
+        names |= {q.name for q in model.inputs} | {s.quantity.name for s in model.states} | {*model.parameter_values()}
+        names |= {*model.outputs} | {d.quantity.name for d in model.definitions}
+    assert {"voltage", "C_1", "lambda_2", "flow"} <= names
+    engine = [p for p in SOURCES if p.relative_to(PACKAGE).parts[0] in ("discover", "identify", "report")]
+    said = [
+        f"{path.relative_to(PACKAGE)}, line {node.lineno}: {node.value}"
+        for path in engine
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value) > 1
+        if node.value in names
+    ]
+    assert said == []

@@ -12,18 +12,12 @@ import tubular_dea as td
 from coupled import needs
 from shared_data import shared
 from tubular_dea.cli import main
-from tubular_dea.identify.patients.patient import fit_patient
-from tubular_dea.identify.patients.recorded_beat import (
-    BEAT_POINTS,
-    PatientRecordError,
-    RecordedBeat,
-    average,
-    read_signals,
-)
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.patient_files import read_patient
 from tubular_dea.model.patients import ML, MMHG, RESISTANCE
 from tubular_dea.model.windkessel import PARAMETERS, aortic_windkessel, patient
+from tubular_dea.patients.patient import fit_patient
+from tubular_dea.patients.recorded_beat import BEAT_POINTS, PatientRecordError, RecordedBeat, average, read_signals
 from tubular_dea.protocol import Protocol
 
 PERIOD = 0.8

@@ -24,7 +24,7 @@ from tubular_dea.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "fmu_src" / "tubular_dea"
-FILES = sorted(path for room in ("discover", "identify") for path in (PACKAGE / room).rglob("*.py"))
+FILES = sorted(path for room in ("discover", "identify", "patients") for path in (PACKAGE / room).rglob("*.py"))
 WAYS = ("judgement", "measurement", "theory", "convention")
 SELF_EVIDENT = {0, 1, 2, 0.5}
 NO_DIVISION_BY_ZERO = 1e-300  # far below anything that is divided by
@@ -40,10 +40,10 @@ FORMULAS: dict[str, tuple[set[float], str]] = {
         {3, 1.5, 4},
         "noise of a sample less the mean of its neighbours",
     ),
-    "identify/patients/patient.py: __init__": ({3}, "a windkessel of three elements"),
-    "identify/patients/recorded_beat.py: average": ({60}, "seconds of a minute"),
-    "identify/patients/recorded_beat.py: _one_beat": ({60}, "seconds of a minute"),
-    "identify/patients/recorded_beat.py: _upstrokes": ({60}, "seconds of a minute"),
+    "patients/patient.py: __init__": ({3}, "a windkessel of three elements"),
+    "patients/recorded_beat.py: average": ({60}, "seconds of a minute"),
+    "patients/recorded_beat.py: _one_beat": ({60}, "seconds of a minute"),
+    "patients/recorded_beat.py: _upstrokes": ({60}, "seconds of a minute"),
     "identify/records/bench_file.py: _amount": ({1e300}, "what a float can hold, nearly"),
     "identify/signals/colour.py: theta": ({4}, "a quadratic equation"),
     "identify/signals/monitors.py: thirds": ({3}, "a third difference"),

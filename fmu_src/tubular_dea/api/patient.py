@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from ..errors import ArgumentError
 from ..files import write_atomically
-from ..identify.patients.patient import OUTPUT_UNCERTAINTY, Patient
-from ..identify.patients.patient import fit_patient as fitted
-from ..identify.patients.recorded_beat import RecordedBeat, average, read_signals
 from ..model.units import factor
 from ..model.windkessel import PARAMETERS
+from ..patients.patient import OUTPUT_UNCERTAINTY, Patient
+from ..patients.patient import fit_patient as fitted
+from ..patients.recorded_beat import RecordedBeat, average, read_signals
 from ..progress import progress_bar
 from . import tables
 from .given import Amount, amount

@@ -14,6 +14,7 @@ from ..sweep.shown import Shown
 from .pictures import Boundary, Curves, Line
 
 MOST = 6  # curves in one picture
+USUAL_LEVELS = (0.0, 0.8, 1.0, 1.2, 1.4)  # of an input's usual size: 4 to 7 kV, as in the paper's Fig. 9
 
 
 def equilibrium_curves(plan: Plan) -> Curves:
@@ -46,7 +47,7 @@ def _levels(plan: Plan, model: Model) -> tuple[str, list[float]]:
         (a for a in plan.design.axes if a.name in _feeding(plan, others[0]) and isinstance(a, Range | Levels)), None
     )
     if axis is None:
-        return others[0], [0.0, 4e3, 5e3, 6e3, 7e3] if others[0] == "voltage" else [0.0]
+        return others[0], [level * model.quantity(others[0]).nominal for level in USUAL_LEVELS]
     values = axis.quantile(np.linspace(0, 1, MOST)[:, None])[axis.name]
     return others[0], sorted({float(v) for v in values})
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..identify.patients.patient import Patient
-from ..identify.patients.recorded_beat import RecordedBeat
 from ..model.units import factor
+from ..patients.patient import Patient
+from ..patients.recorded_beat import RecordedBeat
 from .colours import COLOURS
 from .figures import sized
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import find_peaks
 
-from ...cosim.heartbeats import FASTEST, SLOWEST, Ecg, detect
-from ...errors import UserError
-from ...model.units import UnitError, factor
-from ...recordings import Table, read
-from ..records.columns import is_in
-from ..signals.sampling import usual_step
+from ..cosim.heartbeats import FASTEST, SLOWEST, Ecg, detect
+from ..errors import UserError
+from ..identify.records.columns import is_in
+from ..identify.signals.sampling import usual_step
+from ..model.units import UnitError, factor
+from ..recordings import Table, read
 
 # Set by judgement. Check: `pytest tests/test_patient.py`
 BEAT_POINTS = 200  # [1] points of the average beat

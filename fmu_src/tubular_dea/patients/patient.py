@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...errors import UserError
-from ...kernel import Kernel, KernelError
-from ...model.units import factor
-from ...model.windkessel import PARAMETERS, aortic_windkessel
-from ...protocol import Protocol
-from ..fitting.fit import NORMAL_95
-from ..threads import side_by_side
+from ..errors import UserError
+from ..identify.fitting.fit import NORMAL_95
+from ..identify.threads import side_by_side
+from ..kernel import Kernel, KernelError
+from ..model.units import factor
+from ..model.windkessel import PARAMETERS, aortic_windkessel
+from ..protocol import Protocol
 from .recorded_beat import BEAT_POINTS, RecordedBeat
 
 # Set by judgement: about how much adults differ (0.7: a factor of two).
