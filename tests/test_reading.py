@@ -15,7 +15,7 @@ from laboratory import drawn, numbers
 from tubular_dea.cli import main
 from tubular_dea.discover.answer import between_files
 from tubular_dea.errors import UserError
-from tubular_dea.identify.fitting import scales, signs
+from tubular_dea.identify.fitting import mistakes, scales, signs
 from tubular_dea.identify.records.data import read_experiment, read_folder
 from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, DataError
 from tubular_dea.identify.records.start import detected
@@ -582,10 +582,10 @@ def test_only_mistakes_that_may_be_made_are_tried() -> None:
     m.derivative(level, pump - rate * level)
     m.output("level", "m", level, "Level of the water")
     tank = Plant(m.model(), [Input("pump")], [Output("level")])
-    tried = {(w.signal, w.words) for w in scales.mislabellings(tank, ["level"])}
+    tried = {(w.signal, w.words) for w in mistakes.mislabellings(tank, ["level"])}
     assert {"mm labelled cm", "cm labelled mm"} <= {words for _, words in tried}
     assert not {"time", "a diameter for a radius"} & {word for pair in tried for word in pair}
-    tube = {(w.signal, w.words) for w in scales.mislabellings(PLANT, ["measured_displacement"])}
+    tube = {(w.signal, w.words) for w in mistakes.mislabellings(PLANT, ["measured_displacement"])}
     assert ("measured_displacement", "a radius for a diameter") in tube and ("time", "ms labelled s") in tube
 
 

@@ -142,10 +142,10 @@ def test_a_command_that_is_smooth_where_it_moves_may_stand_still() -> None:
 def test_a_voltage_that_toggles_about_zero_is_not_mislabelled() -> None:
     voltage = next(signal for signal in PLANT.inputs if signal.name == "voltage")
     toggling = 2.44 * (np.random.default_rng(0).random(2000) < 0.05)  # 12 bits of 10 kV
-    assert mislabelled(toggling, voltage, "V") == ""
+    assert mislabelled(toggling, voltage, PLANT.quantity("voltage")) == ""
     rarely = np.where(np.isin(np.arange(TIME.size), [70, 200, 290]), -11.7, 0.0)
-    assert mislabelled(rarely, voltage, "V") == ""
-    assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage, "V")
+    assert mislabelled(rarely, voltage, PLANT.quantity("voltage")) == ""
+    assert "kV labelled V" in mislabelled(np.where(TIME > 2, 5.0, 0.0), voltage, PLANT.quantity("voltage"))
 
 
 def test_either_polarity_is_the_same_tube(plain: Recordings) -> None:

@@ -94,6 +94,10 @@ REFUSED = {
     "V labelled kV": GOOD.replace("voltage [V]", "voltage [kV]"),
     "mm labelled m": column(3, lambda i, v: 1e3 * v),
     "below rest": column(3, lambda i, v: v - 0.004),
+    "the other way": column(3, lambda i, v: 30 - 1e3 * v).replace("radius [m]", "radius [mm]"),
+    "a displacement the other way": column(3, lambda i, v: 15e3 - 1e6 * v).replace("radius [m]", "displacement [um]"),
+    "Pa labelled kPa": GOOD.replace("[Pa]", "[kPa]"),
+    "um labelled cm": column(3, lambda i, v: 1e6 * v).replace("radius [m]", "radius [cm]"),
     "constant": column(3, lambda i, v: 0.015),
     "only noise": column(3, lambda i, v: 0.015 + 1e-5 * np.sin(1e4 * i * i)),
     "two columns with its name": GOOD.replace("radius [m]", "laser radius [m]").replace(

@@ -292,7 +292,7 @@ def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
 
     said = []
     for signal in plant.inputs:
-        problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name).unit)
+        problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name))
         if problem:
             said.append(f"{path}: column {signal.name!r}: {problem}")
     return said

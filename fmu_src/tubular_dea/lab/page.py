@@ -247,7 +247,8 @@ def _bench(plant: Plant) -> dict[str, Any]:
 
     def signal(s: Input | Output) -> dict[str, Any]:
         limits = {"zero": s.known_zero, "least": s.least, "most": s.most if math.isfinite(s.most) else None}
-        return limits | {"name": s.name, "unit": plant.quantity(s.name).unit, "mislabelled": list(s.mislabelled)}
+        quantity = plant.quantity(s.name)
+        return limits | {"name": s.name, "unit": quantity.unit, "usual": quantity.nominal}
 
     return {
         "inputs": [signal(s) | {"held": s.held} for s in plant.inputs],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..identify.records import checks, columns, start
+from ..identify.records import checks, columns, labels, start
 from ..identify.signals import monitors, sampling
 from ..model import units
 from ..recordings import cells, layout, text
@@ -37,6 +37,11 @@ def vocabulary() -> dict[str, Any]:
         "uneven": sampling.UNEVEN,
         "rounded": sampling.ROUNDED,
         "whole": sampling.WHOLE,
+        "labels": {
+            "usual": {si: list(names) for si, names in labels.USUAL.items()},
+            "told": labels.TOLD,
+            "fromUsual": labels.FROM_USUAL,
+        },
         "first": start.FIRST_SAMPLES,
         "clearly": start.CLEARLY,
         "zeros": start.ZEROS,

@@ -43,11 +43,11 @@ class Input:
     Between samples it is `held` (a set point, or a switch), linear (the default), or `band_limited` (an analogue signal
     behind a filter). What a meter or a weather station writes is the `mean` over the time since the sample before: a
     held input then has each value up to its time, not from there on. A recording whose largest value (SI) is not
-    between `least` and `most` was labelled with a wrong unit: `mislabelled` says what it then is, below and above.
+    between `least` and `most` was labelled with a wrong unit.
     `zero` is the usual size of a monitor's own zero error (SI; 0: there is none); those found may differ between files
     by up to three times as much, and errors are told without them. Without it (None), a search assumes zeros where they
-    explain what effects would have to, and says so. `channel` is the name in reports of effects on its
-    path into the plant. `direct` says whether an output follows it at once; None: as the plant's model has it.
+    explain what effects would have to, and says so. `channel` is the name in reports of effects on its path into the
+    plant. `direct` says whether an output follows it at once; None: as the plant's model has it.
     """
 
     name: str
@@ -55,7 +55,6 @@ class Input:
     band_limited: bool = False
     least: float = 0.0
     most: float = math.inf
-    mislabelled: tuple[str, str] = ("", "")
     zero: float | None = None
     channel: str = ""
     direct: bool | None = None
@@ -109,7 +108,6 @@ class Output:
     columns: Mapping[str, str] = field(default_factory=dict)
     least: float = 0.0
     most: float = math.inf
-    mislabelled: tuple[str, str] = ("", "")
     zero: float | None = None
     channel: str = "sensor"
     rest: float | None = None

@@ -151,23 +151,8 @@ PLACES = (
 PLANT = Plant(
     tubular_dea(),
     inputs=(
-        Input(
-            "pressure",
-            least=400.0,
-            most=1e5,
-            zero=130.0,
-            channel="pressure",
-            mislabelled=("mmHg or kPa labelled Pa", "Pa labelled mmHg or kPa"),
-        ),
-        Input(
-            "voltage",
-            held=True,
-            least=25.0,
-            most=1e5,
-            zero=10.0,
-            channel="electrical",
-            mislabelled=("kV labelled V", "V labelled kV"),
-        ),
+        Input("pressure", least=400.0, most=1e5, zero=130.0, channel="pressure"),
+        Input("voltage", held=True, least=25.0, most=1e5, zero=10.0, channel="electrical"),
     ),
     outputs=(
         Output(
@@ -177,17 +162,8 @@ PLANT = Plant(
             most=0.2,
             zero=30e-6,
             rest=0.0,
-            mislabelled=("", "mm or um labelled m"),
         ),
-        Output(
-            "current",
-            most=0.1,
-            zero=2e-7,
-            channel="electrical",
-            required=False,
-            feels_rates=True,
-            mislabelled=("", "uA or mA labelled A"),
-        ),
+        Output("current", most=0.1, zero=2e-7, channel="electrical", required=False, feels_rates=True),
     ),
     own=own(),
     places=PLACES,

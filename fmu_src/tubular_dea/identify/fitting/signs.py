@@ -24,7 +24,8 @@ from ..records.experiment import Experiment, Recordings
 from ..signals.monitors import noise_level
 from .cases import Case, Reading
 from .compiled import Compiled
-from .scales import ROUGHLY, SCALE_STEPS, coarse_record, exchanged, from_best_start
+from .mistakes import exchanged
+from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
 
 # Set by measurement: of the laboratory's tubes, a house, a servo, a motor and an inverter the declared plants miss 0 to
 # 74 % of a file so, with a sign changed nearly all of it, and put right as before; files of which a model misses all (a

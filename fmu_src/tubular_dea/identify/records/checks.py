@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from math import comb
+from types import MappingProxyType
 
 import numpy as np
 
 from ...model.declare import Quantity
+from ...model.units import converted
 from ...plants.plant import Input, Output, Plant
 from ...stretches import true_stretches
 from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
+from .labels import as_written, likely
 
 # Set by convention: weather, and places up to 1 km. Check: `pytest tests/test_data.py -k absolute`
 AIR = (0.88e5, 1.07e5)  # [Pa] that the air's pressure is
@@ -33,17 +36,23 @@ SMOOTHED = 9  # [samples] over which noise is averaged for that
 
 
 def inputs(
-    recorded: Mapping[str, np.ndarray], plant: Plant, lines: np.ndarray, commanded: Collection[str] = ()
+    recorded: Mapping[str, np.ndarray],
+    plant: Plant,
+    lines: np.ndarray,
+    commanded: Collection[str] = (),
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[str]:
     """The faults of a recording's inputs (n,) (SI units, NaN where missing), the most obvious first.
 
-    `lines` (n,) are those of the file. What was `commanded` and not measured may rest as long as it likes, as may what
-    is held and changes by more than the noise of a monitor (a heating that is off at night).
+    `lines` (n,) are those of the file, `units` how its columns are labelled. What was `commanded` and not measured may
+    rest as long as it likes, as may what is held and changes by more than the noise of a monitor (a heating that is off
+    at night).
     """
     for signal in plant.inputs:
         seen = np.flatnonzero(np.isfinite(recorded[signal.name]))
         values, there = recorded[signal.name][seen], lines[seen]
-        yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name).unit, there)
+        label = units.get(signal.name, "")
+        yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name), label, there)
         command = signal.name in commanded or (signal.held and changes_by_itself(values))
         if not command:
             for finding in _standstill(values, signal.name, there, (np.max,), signal):
@@ -52,9 +61,16 @@ def inputs(
 
 
 def output(
-    recorded: np.ndarray, signal: Output, plant: Plant, lines: np.ndarray, name: str, rest: float, rests: bool = False
+    recorded: np.ndarray,
+    signal: Output,
+    plant: Plant,
+    lines: np.ndarray,
+    name: str,
+    rest: float,
+    rests: bool = False,
+    label: str = "",
 ) -> Iterator[str]:
-    """The faults of an output (n,), as in the file's column `name`, NaN where missing.
+    """The faults of an output (n,) (SI), as in the file's column `name`, in the unit of its `label`; NaN where missing.
 
     `rest` is what it reads at rest, and `rests` whether it may do so all the time, as another output moves.
     """
@@ -67,14 +83,14 @@ def output(
         )
         return
     values, there = recorded[seen], lines[seen]
-    yield from _wrong_unit(values, name, signal, plant.quantity(signal.name).unit, there)
+    yield from _wrong_unit(values, name, signal, plant.quantity(signal.name), label, there)
     if not rests:
         yield from constant(values, name, there, "the output moves")
     if not rests and not _may_stand_still(plant, signal):
         yield from _standstill(values, name, there)
     parameter = next((p for p in signal.columns.values() if p), "")
     if signal.rest is not None and parameter:
-        yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter))
+        yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter), label)
 
 
 def _may_stand_still(plant: Plant, signal: Output) -> bool:
@@ -82,25 +98,31 @@ def _may_stand_still(plant: Plant, signal: Output) -> bool:
     return any(place.name == signal.name and place.asks("saturation") for place in plant.places)
 
 
-def _wrong_unit(values: np.ndarray, name: str, signal: Input | Output, unit: str, lines: np.ndarray) -> Iterator[str]:
-    problem = mislabelled(values, signal, unit)
+def _wrong_unit(
+    values: np.ndarray, name: str, signal: Input | Output, quantity: Quantity, label: str, lines: np.ndarray
+) -> Iterator[str]:
+    problem = mislabelled(values, signal, quantity, label)
     if problem:
         yield f"line {lines[int(np.argmax(np.abs(values)))]}, column {name!r}: {problem}"
 
 
-def mislabelled(values: np.ndarray, signal: Input | Output, unit: str) -> str:
-    """Why the largest value of a signal that is more than noise contradicts its unit; "" if it does not."""
+def mislabelled(values: np.ndarray, signal: Input | Output, quantity: Quantity, label: str = "") -> str:
+    """Why the largest of a signal's values (n,) (SI), if it is more than noise, contradicts the `label` that its column
+    has ("": the SI unit); "" if it does not."""
+    unit = quantity.unit
+    label = label or unit
     largest = float(values[int(np.argmax(np.abs(values)))])
     top, span, noise = abs(largest), float(np.ptp(values)), noise_level(values)
     if np.count_nonzero(np.diff(values)) >= STANDSTILL or _flickers(values):  # a monitor, no steps of a set point
         noise = max(noise, resolution(values))
-    what = f"the largest value is {largest:g} {unit}"
+    what = f"the largest value is {as_written(largest, unit, label)}; expected"
+    wrong = likely(largest, signal.least, signal.most, quantity.nominal, unit, label) or "is this its unit"
     if top > signal.most:
         absolute = unit == "Pa" and AIR[0] < float(values.min()) < AIR[1]
-        wrong = "an absolute pressure, with the air's" if absolute else signal.mislabelled[1]
-        return f"{what}; expected at most {signal.most:g} {unit}: {wrong}?"
+        wrong = "an absolute pressure, with the air's" if absolute else wrong
+        return f"{what} at most {as_written(signal.most, unit, label)}: {wrong}?"
     if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
-        return f"{what}; expected at least {signal.least:g} {unit}: {signal.mislabelled[0]}?"
+        return f"{what} at least {as_written(signal.least, unit, label)}: {wrong}?"
     return ""
 
 
@@ -205,17 +227,28 @@ def _differing(values: np.ndarray, order: int) -> float:
 
 
 def _below_rest(
-    values: np.ndarray, name: str, lines: np.ndarray, rest: float, signal: Output, size: Quantity
+    values: np.ndarray, name: str, lines: np.ndarray, rest: float, signal: Output, size: Quantity, label: str
 ) -> Iterator[str]:
     """Smoothed over a few samples, so that noise about rest is no finding; `size` is the plant's."""
     smooth = np.convolve(values, np.ones(SMOOTHED) / SMOOTHED, mode="valid")
     lowest = int(np.argmin(smooth))
-    if smooth[lowest] < rest - BELOW_REST * float(size.value or 0.0):
-        wanted = " or ".join(
-            f"a {heading!r} that starts at {size.name if parameter else 0}"
-            for heading, parameter in list(signal.columns.items())[:2]
-        )
-        yield (
-            f"line {lines[lowest + SMOOTHED // 2]}, column {name!r}: {smooth[lowest]:.4g} {size.unit} is below the "
-            f"{name} at rest, {rest:g} {size.unit}; expected {wanted}, or set {size.name} in bench.toml"
-        )
+    if smooth[lowest] >= rest - BELOW_REST * float(size.value or 0.0):
+        return
+    wanted = " or ".join(
+        f"a {heading!r} that starts at {size.name if parameter else 0}"
+        for heading, parameter in list(signal.columns.items())[:2]
+    )
+    unit = label or size.unit
+    low, high, zero = (converted(float(v), size.unit, unit) for v in (smooth[lowest], smooth.max(), rest))
+    yield (
+        f"line {lines[lowest + SMOOTHED // 2]}, column {name!r}: {low:.4g} {unit} is below the {name} at rest, "
+        f"{zero:g} {unit}; expected {wanted}, or set {size.name} in bench.toml"
+        f"{_turned(signal, unit, zero) if zero - low > high - zero else ''}"
+    )
+
+
+def _turned(signal: Output, unit: str, rest: float) -> str:
+    """How to say that an output counts the other way from what it reads at `rest`."""
+    change = next((heading for heading, parameter in signal.columns.items() if not parameter), signal.name)
+    counted = f"-1 {unit} from {rest:g}" if rest else f"-1 {unit}"
+    return f'; if it counts the other way, write {change} = "COLUMN [{counted}]" below [columns] there'

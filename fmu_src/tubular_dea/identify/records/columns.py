@@ -29,12 +29,14 @@ ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value
 class Choice:
     """The column that a user names for a signal, by heading or number, with its unit ("": as the file says).
 
-    A reading of 1 is `factor` units: 0.5 mm for a diameter in mm, 2500 Pa for a sensor's volts.
+    A reading of 1 is `factor` units: 0.5 mm for a diameter in mm, 2500 Pa for a sensor's volts. It counts from the
+    reading `zero`, with a negative factor downwards from there: a laser's distance of 42000 um that falls.
     """
 
     column: str
     unit: str = ""
     factor: float = 1.0
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,18 +77,20 @@ def choices(settings: Sequence[str], plant: Plant, source: str = "columns") -> d
             raise ArgumentError(source, f" {setting}: there is no signal {name!r}{nearest(name, known)}")
         if signal in found:
             raise ArgumentError(source, f" {setting}: {name} is given twice; give it once")
-        number, unit = _factored(match["unit"] or "")
+        number, unit, zero = _scaled(match["unit"] or "")
         if unit and not is_unit(unit):
             expected = known[signal] or "V"
             raise ArgumentError(source, f" {setting}: expected a unit like {expected!r} but found {unit!r}")
-        found[signal] = Choice(match["column"], unit, number)
+        found[signal] = Choice(match["column"], unit, number, zero)
     return found
 
 
-def _factored(unit: str) -> tuple[float, str]:
-    """A unit with a number before it, as in "0.5 mm"; the number is 1 where there is none."""
+def _scaled(unit: str) -> tuple[float, str, float]:
+    """A unit, the number before it (else 1) and the reading from which it counts (else 0), as in "-1 um from 42000"."""
+    unit, zero = match.groups() if (match := re.fullmatch(rf"(.*\S)\s+from\s+({NUMBER})\s*", unit)) else (unit, 0.0)
     match = re.fullmatch(rf"\s*({NUMBER})\s*([^\d\s].*)", unit)
-    return (float(match[1]), match[2].strip()) if match and float(match[1]) != 0 else (1.0, unit.strip())
+    number, unit = (float(match[1]), match[2]) if match and float(match[1]) != 0 else (1.0, unit)
+    return number, unit.strip(), float(zero)
 
 
 def assigned(
@@ -284,8 +288,8 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
     if not unit:
         problem = f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]'"
         raise ColumnError(f"{problem} or say", name, f"{column.number}[{expected}]", problem)
-    times = choice.factor if choice else 1.0
+    times, zero = (choice.factor, choice.zero) if choice else (1.0, 0.0)
     try:
-        return Assigned(column, unit, converted(column.values * times, unit, expected), times)
+        return Assigned(column, unit, converted((column.values - zero) * times, unit, expected), times)
     except UnitError as problem:
         raise ReadError(f"{table.heading_place}, column {column.shown}: {problem}") from None

@@ -190,7 +190,8 @@ def experiment_of(
     time = taken.time - (taken.time[0] if columns["time"].column.clock or abs(taken.time[0]) > DAY else 0.0)
     _check_time(table, lines, time, plant)
     inputs = {s.name: _filled(path, time, values[s.name], s) for s in plant.inputs}
-    for finding in checks.inputs(values, plant, lines, commanded):
+    units = {name: a.unit for name, a in columns.items()}
+    for finding in checks.inputs(values, plant, lines, commanded, units):
         raise DataError(f"{path}, {finding}")
     parameters = plant.model.parameter_values() | dict(geometry or {})
     outputs, idle = _outputs(table, plant, columns, values, lines, inputs, parameters)
@@ -287,7 +288,7 @@ def _outputs(
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
         rests = heading in still and len(still) < len(there)
         said += [f"{heading} stands still here"] * rests
-        for finding in checks.output(read, output, plant, lines, heading, zero, rests):
+        for finding in checks.output(read, output, plant, lines, heading, zero, rests, columns[heading].unit):
             raise DataError(f"{table.path}, {finding}")
         found[output.name] = read - zero
     return found, said

@@ -20,7 +20,7 @@ function readExperiment(path, raw, geometry = {}) {
   const zero = columns.time.column.clock ? taken.time[0] : 0, time = taken.time.map((t) => t - zero), inputs = {}, outputs = {};
   checkTime(table, lines, time);
   for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
-  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines), ...standstill(inputs[s.name], s.name, lines, [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
+  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines, columns[s.name].column.unit), ...standstill(inputs[s.name], s.name, lines, [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
   const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter((h) => h && finite(columns[h].values).length), still = there.filter((h) => isConstant(finite(pick(columns[h].values)))), idle = [];
   for (const o of bench.outputs) {
     const heading = Object.keys(o.columns).find((name) => name in columns);
@@ -31,7 +31,7 @@ function readExperiment(path, raw, geometry = {}) {
     }
     const recorded = pick(columns[heading].values), parameter = o.columns[heading];
     const rest = parameter ? geometry[parameter] ?? valueAtRest(parameter) : 0;
-    refuse(path, outputFindings(recorded, o, lines, heading, rest, still.includes(heading) && still.length < there.length));
+    refuse(path, outputFindings(recorded, o, lines, heading, rest, columns[heading].column.unit, still.includes(heading) && still.length < there.length));
     outputs[o.name] = recorded.map((v) => v - rest);
   }
   const told = bench.inputs.filter((s) => columns[s.name].column.name !== headingName(s.name)).map((s) => `${s.name} is read from ${columns[s.name].column.shown}, the only column in a unit of its kind`);
@@ -275,16 +275,25 @@ function farthest(values) {
   return at;
 }
 
-function wrongUnit(values, name, signal, lines) {
-  const at = farthest(values), size = Math.abs(values[at]), wide = span(values);
+/* The units that numbers under a label may have been in instead, those that make the most usual size first. */
+function likelyUnits(size, signal, label) {
+  const { usual, told, fromUsual } = words.labels, at = (unit) => convertedUnit(convertedUnit([size], signal.unit, label), unit, signal.unit)[0];
+  const low = Math.max(signal.least, signal.usual / fromUsual), high = Math.min(signal.most ?? Infinity, signal.least ? Infinity : signal.usual * fromUsual);
+  const possible = (usual[signal.unit] ?? []).filter((unit) => unit !== label && low <= at(unit) && at(unit) <= high);
+  const units = possible.sort((a, b) => Math.abs(Math.log(at(a) / signal.usual)) - Math.abs(Math.log(at(b) / signal.usual))).slice(0, told);
+  return units.length ? `${[units.slice(0, -1).join(", "), units[units.length - 1]].filter(Boolean).join(" or ")} labelled ${label}` : "is this its unit";
+}
+
+function wrongUnit(values, name, signal, lines, label) {
+  const at = farthest(values), size = Math.abs(values[at]), wide = span(values), written = (value) => `${g(convertedUnit([value], signal.unit, label)[0])} ${label}`;
   let noise = noiseLevel(values);
   if (steps(values).filter((s) => s > 0).length >= words.standstill) noise = Math.max(noise, resolution(values));
-  const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${g(values[at])} ${signal.unit}`;
+  const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${written(values[at])}; expected`;
   if (size > (signal.most ?? Infinity)) {
     const least = values.reduce((a, b) => Math.min(a, b)), absolute = signal.unit === "Pa" && words.air[0] < least && least < words.air[1];
-    return [`${what}; expected at most ${g(signal.most)} ${signal.unit}: ${absolute ? "an absolute pressure, with the air's" : signal.mislabelled[1]}?`];
+    return [`${what} at most ${written(signal.most)}: ${absolute ? "an absolute pressure, with the air's" : likelyUnits(size, signal, label)}?`];
   }
-  if (size > 0 && size < signal.least && wide > words.structure * noise && size > 0.02 * signal.least) return [`${what}; expected at least ${g(signal.least)} ${signal.unit}: ${signal.mislabelled[0]}?`];
+  if (size > 0 && size < signal.least && wide > words.structure * noise && size > 0.02 * signal.least) return [`${what} at least ${written(signal.least)}: ${likelyUnits(size, signal, label)}?`];
   return [];
 }
 
@@ -297,16 +306,16 @@ function isConstant(values) {
 }
 
 /* The faults of an output, which `rests` where another one moves. */
-function outputFindings(recorded, signal, lines, name, rest, rests) {
+function outputFindings(recorded, signal, lines, name, rest, label, rests) {
   const seen = indicesOf(Array.from(recorded), Number.isFinite), values = Float64Array.from(seen, (i) => recorded[i]), there = seen.map((i) => lines[i]);
   if (seen.length < bench.leastSamples) return [`column ${repr(name)}: too few samples: ${seen.length} numbers in ${recorded.length} rows; expected at least ${bench.leastSamples}${seen.length < recorded.length ? "; leave the experiment out" : ""}`];
-  const found = wrongUnit(values, name, signal, there);
+  const found = wrongUnit(values, name, signal, there, label);
   const noise = noiseLevel(values);
   if (!rests && isConstant(values))
     found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}${noise > 0 ? ` beside noise of ${g(noise, 3)}` : ""}) contains no information; expected one in which the output moves`);
   if (!rests) found.push(...standstill(values, name, there, [largest, smallest]));
   const parameter = Object.values(signal.columns).find(Boolean);
-  if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter));
+  if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter, label));
   return found;
 }
 
@@ -361,12 +370,14 @@ function standstill(values, name, lines, stops, driven = null) {
   return found;
 }
 
-function belowRest(values, name, lines, rest, signal, parameter) {
+function belowRest(values, name, lines, rest, signal, parameter, label) {
   const q = facts.tube.parameters.find((p) => p.name === parameter), smooth = Array.from({ length: values.length - 8 }, (_, i) => values.subarray(i, i + 9).reduce((a, v) => a + v / 9, 0));
   const lowest = smooth.indexOf(smallest(smooth));
   if (smooth[lowest] >= rest - 0.05 * q.value) return [];
   const wanted = Object.entries(signal.columns).slice(0, 2).map(([heading, p]) => `a ${repr(heading)} that starts at ${p ? q.name : 0}`).join(" or ");
-  return [`line ${lines[lowest + 4]}, column ${repr(name)}: ${g(smooth[lowest], 4)} ${q.unit} is below the ${name} at rest, ${g(rest)} ${q.unit}; expected ${wanted}, or set ${q.name} in bench.toml`];
+  const [low, high, zero] = convertedUnit([smooth[lowest], largest(smooth), rest], q.unit, label), change = Object.keys(signal.columns).find((h) => !signal.columns[h]) ?? signal.name;
+  const turned = zero - low > high - zero ? `; if it counts the other way, write ${change} = "COLUMN [-1 ${label}${zero ? ` from ${g(zero)}` : ""}]" below [columns] there` : "";
+  return [`line ${lines[lowest + 4]}, column ${repr(name)}: ${g(low, 4)} ${label} is below the ${name} at rest, ${g(zero)} ${label}; expected ${wanted}, or set ${q.name} in bench.toml${turned}`];
 }
 
 /* Rested, or moved already under load: then at equilibrium, as near as the page can tell (identify/start.py). */
