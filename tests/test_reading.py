@@ -62,9 +62,9 @@ def strange(folder: Path, name: str = "a.csv") -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     ("heading", "cell", "wanted"),
     [
-        ("Druck [mmHg]", "abc", "line 102, column 'druck': expected a number but found 'abc'"),
-        ("Druck [mmHg]", "inf", "line 102, column 'druck': expected a finite number but found 'inf'"),
-        ("Laser Radius [mm]", "inf", "line 102, column 'laser_radius': expected a finite number but found 'inf'"),
+        ("Druck [mmHg]", "abc", "line 102, column 'Druck': expected a number but found 'abc'"),
+        ("Druck [mmHg]", "inf", "line 102, column 'Druck': expected a finite number but found 'inf'"),
+        ("Laser Radius [mm]", "inf", "line 102, column 'Laser Radius': expected a finite number but found 'inf'"),
     ],
 )
 def test_a_bad_cell_is_told_under_a_laboratory_s_headings_too(
@@ -126,8 +126,8 @@ def test_bench_file_names_columns_too_and_the_command_line_goes_before(tmp_path:
         (["radius=AI1[furlong]"], ["unit like 'm' but found 'furlong'"]),
         (["radius=AI4"], ["a.csv, line 1: column 'AI4' for radius is not there", "did you mean"]),
         (["radius=9"], ["column '9' for radius is not there; found t [s], AI1"]),
-        (["pressure=AI1"], ["a.csv, line 1: column 'ai1' names no unit", "--columns 'pressure=2[Pa]'"]),
-        (["pressure=AI1[mm]"], ["column 'ai1': expected a unit like 'Pa' but was given 'mm'"]),
+        (["pressure=AI1"], ["a.csv, line 1: column 'AI1' names no unit", "--columns 'pressure=2[Pa]'"]),
+        (["pressure=AI1[mm]"], ["column 'AI1': expected a unit like 'Pa' but was given 'mm'"]),
         (["radius=laser_1", "displacement=laser_2"], ["expected one column 'radius [m]' or 'displacement [m]'"]),
         ([], ["column 'pressure [Pa]' is missing; found t [s], AI1", "--columns pressure=ITS_NAME_OR_NUMBER"]),
     ],
@@ -157,11 +157,13 @@ def test_advice_on_columns_can_be_followed_where_it_is_given(
         given = ["--data", data] if command == "lab" else [data]
         assert main([command, *given, "--out", str(tmp_path / "x.html")]) == 2
         said[command] = capsys.readouterr().err
-    assert missing in said["lab"] and '"ITS_NAME_OR_NUMBER" below [columns] in the folder\'s bench.toml' in said["lab"]
+    assert missing in said["lab"] and 'pressure = "ITS_NAME_OR_NUMBER" and radius = "COLUMN" below' in said["lab"]
+    assert 'radius = "COLUMN" below [columns] in the folder\'s bench.toml' in said["lab"]
     assert "--columns pressure=ITS_NAME_OR_NUMBER" in said["identify"] and "--columns" not in said["lab"]
     with pytest.raises(UserError) as problem:
         tubular_dea.read_recordings(data)
-    assert 'say columns={"pressure": "ITS_NAME_OR_NUMBER"} in read_recordings' in str(problem.value)
+    columns = '{"pressure": "ITS_NAME_OR_NUMBER", "radius": "COLUMN"}'
+    assert f"say columns={columns} in read_recordings" in str(problem.value)
     tubular_dea.read_recordings(data, columns={"pressure": "AI1[kPa]", "voltage": 3, "radius": "laser_2[um]"})
     (tmp_path / "data" / "bench.toml").write_text(
         '[columns]\npressure = "AI1 [kPa]"\nvoltage = 3\nradius = "laser_2 [um]"\n'

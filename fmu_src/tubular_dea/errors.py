@@ -1,7 +1,8 @@
 """Errors that the user can correct: their text says what was expected, what came and what to do."""
 
+import json
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 
 class UserError(Exception):
@@ -43,25 +44,26 @@ class ReadError(UserError, ValueError):
 class ColumnError(ReadError):
     """A column that is missing or unclear, with what helps where it is read.
 
-    `problem` is followed by what may be said in Python, as an option or in a file, so that `column` is the `signal`;
-    or, where nothing can be said, by what else helps (`otherwise`).
+    `problem` is followed by what may be said in Python, as an option or in a file, so that these are the `columns` by
+    signal; or, where nothing can be said, by what else helps (`otherwise`).
     """
 
-    def __init__(self, problem: str, signal: str, column: str | int, otherwise: str) -> None:
-        super().__init__(problem, signal, column, otherwise)
-        self.problem, self.signal, self.column, self.otherwise = problem, signal, column, otherwise
+    def __init__(self, problem: str, columns: Mapping[str, str | int], otherwise: str) -> None:
+        super().__init__(problem, columns, otherwise)
+        self.problem, self.columns, self.otherwise = problem, columns, otherwise
 
     def __str__(self) -> str:
-        column = self.column if isinstance(self.column, int) else f'"{self.column}"'
-        return f'{self.problem} columns={{"{self.signal}": {column}}} in read_recordings'
+        columns = [f'"{s}": {c if isinstance(c, int) else json.dumps(c)}' for s, c in self.columns.items()]
+        return f"{self.problem} columns={{{', '.join(columns)}}} in read_recordings"
 
     def as_option(self) -> str:
         """For a command that has --columns."""
-        return f"{self.problem} --columns {shlex.quote(f'{self.signal}={self.column}')}"
+        return f"{self.problem} --columns {' '.join(shlex.quote(f'{s}={c}') for s, c in self.columns.items())}"
 
     def in_bench_file(self) -> str:
         """For a command that has not."""
-        return f'{self.problem} {self.signal} = "{self.column}" below [columns] in the folder\'s bench.toml'
+        columns = " and ".join(f'{signal} = "{column}"' for signal, column in self.columns.items())
+        return f"{self.problem} {columns} below [columns] in the folder's bench.toml"
 
 
 def list_of_names(argument: str, given: Iterable[str]) -> list[str]:

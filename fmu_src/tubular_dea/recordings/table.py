@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,8 +37,10 @@ class Column:
 
     @property
     def shown(self) -> str:
-        """What to call the column in a message."""
-        return repr(self.name) if self.name else f"number {self.number}"
+        """What to call the column in a message: its heading as it stands there, without the unit."""
+        if not self.name:
+            return f"number {self.number}"
+        return repr(re.split(r"\s*[\[(/,]", self.heading.strip("\"' "))[0] or self.name)
 
     @property
     def missing(self) -> int:

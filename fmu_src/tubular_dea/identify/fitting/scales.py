@@ -207,12 +207,12 @@ def _from_elsewhere(
     """The question whether an output is a distance, say, that reads so much `at_rest` (SI)."""
     output, si = declared.output, declared.plant.quantity(declared.output.name).unit
     unit = declared.label(record, output.name) or si
-    number, without = three(converted(at_rest, si, unit)), _without_zero(output)
+    number, without = f"{converted(at_rest, si, unit):.5g}", _without_zero(output)
     size = next((parameter for parameter in output.columns.values() if parameter), "")
     hint = f"if that is its size, set {size} in bench.toml, or else" if sign > 0 and size else "if so,"
     return (
-        f"is {declared.name(output.name)} a distance from elsewhere, which {grows} as {output.name} grows and is "
-        f"{number} {unit} at rest? With the numbers as they are, the declared {declared.plant.name} misses "
+        f"is {declared.name(output.name)} a distance from elsewhere, which {grows} as the {without} grows and "
+        f"is {number} {unit} at rest? With the numbers as they are, the declared {declared.plant.name} misses "
         f"{_percent(missed[0])} of these records (rms), else {_percent(missed[1])}; {hint} say --columns "
         f"'{without}=COLUMN[{sign:g} {unit} from {number}]'"
     )

@@ -243,12 +243,13 @@ def _below_rest(
     yield (
         f"line {lines[lowest + SMOOTHED // 2]}, column {name!r}: {low:.4g} {unit} is below the {name} at rest, "
         f"{zero:g} {unit}; expected {wanted}, or set {size.name} in bench.toml"
-        f"{_turned(signal, unit, zero) if zero - low > high - zero else ''}"
+        f"{_turned(signal, unit, zero if zero - high < high - low else None) if zero - low > high - zero else ''}"
     )
 
 
-def _turned(signal: Output, unit: str, rest: float) -> str:
-    """How to say that an output counts the other way from what it reads at `rest`."""
+def _turned(signal: Output, unit: str, rest: float | None) -> str:
+    """How to say that an output counts the other way, from what it reads at `rest` (None: not known)."""
     change = next((heading for heading, parameter in signal.columns.items() if not parameter), signal.name)
-    counted = f"-1 {unit} from {rest:g}" if rest else f"-1 {unit}"
+    reading = "READING_AT_REST" if rest is None else f"{rest:g}"
+    counted = f"-1 {unit} from {reading}" if rest != 0 else f"-1 {unit}"
     return f'; if it counts the other way, write {change} = "COLUMN [{counted}]" below [columns] there'

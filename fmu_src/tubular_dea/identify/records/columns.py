@@ -15,6 +15,7 @@ from ...model.units import NUMBER, UnitError, converted, is_unit
 from ...plants.plant import Output, Plant
 from ...recordings import Column, ReadError, Table
 from ...recordings.heading import name as plain
+from .labels import as_written, listed
 
 TRIGGER = "trigger"
 ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
@@ -177,14 +178,19 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
         found = _times(free)
     if len(found) > 1:
         problem = f"{table.heading_place}: column {name!r} appears twice; expected it once:"
-        raise ColumnError(f"{problem} say which with", name, found[1].number, f"{problem} rename what is no {name}")
+        raise ColumnError(f"{problem} say which with", {name: found[1].number}, f"{problem} rename what is no {name}")
     return found[0] if found else None
 
 
-def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | None:
-    """The only column left that is in a unit of an input's kind, whatever its heading."""
+def _alike(table: Table, unit: str, columns: Mapping[str, Column]) -> list[Column]:
+    """The columns left that are in a unit of a signal's kind, whatever their headings."""
     taken = {c.number for c in columns.values()}
-    alike = [c for c in table.columns if c.number not in taken and _measured(c) and is_in(c.unit, unit)]
+    return [c for c in table.columns if c.number not in taken and _measured(c) and is_in(c.unit, unit)]
+
+
+def _only(table: Table, unit: str, columns: Mapping[str, Column]) -> Column | None:
+    """The only one of these."""
+    alike = _alike(table, unit, columns)
     return alike[0] if len(alike) == 1 else None
 
 
@@ -259,24 +265,74 @@ def _times(columns: Sequence[Column]) -> list[Column]:
 
 def _complete(table: Table, plant: Plant, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
     """Refuse a file without time, an input or a required output, or with an output under two headings."""
-    for name in ["time", *(s.name for s in plant.inputs)]:
-        if name not in columns:
-            likely = [c for c in table.columns if plain(name) in c.name.split("_") and not c.problem]
-            which = likely[0].number if len(likely) == 1 else ANY
-            rate = "if there are no times, give [sampling] rate in bench.toml; " if name == "time" else ""
-            problem = f"{table.heading_place}: column '{name} [{units[name]}]' is missing; found {table.headings};"
-            renamed = f"{problem} if it has another heading, write '{name} [{units[name]}]' there"
-            raise ColumnError(f"{problem} {rate}if it has another name, say", name, which, renamed)
+    missing = [name for name in ["time", *(s.name for s in plant.inputs)] if name not in columns]
+    if missing:
+        raise _missing(table, plant, columns, units, missing)
     for output in plant.outputs:
         there = [name for name in output.headings if name in columns]
         if len(there) > 1 or (output.required and not there):
-            wanted = " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
-            several = sum(o.required for o in plant.outputs) > 1 and not there
-            alone = f" what some files lack is declared as Output({output.name!r}, required=False);" if several else ""
-            problem = f"{table.heading_place}: expected one column {wanted} but found {table.headings};{alone}"
-            renamed = f"{problem} write that heading where it belongs, and nowhere else"
-            only = None if there else _only(table, units[output.headings[0]], columns)
-            raise ColumnError(f"{problem} say which with", output.headings[0], only.number if only else ANY, renamed)
+            raise _unclear(table, plant, columns, units, output)
+
+
+def _missing(
+    table: Table, plant: Plant, columns: Mapping[str, Column], units: Mapping[str, str], missing: Sequence[str]
+) -> ColumnError:
+    """What is said of a file without the time or an input, all that lacks at once, and how it can be given."""
+    name, *others = missing
+    alike = _alike(table, units[name], columns)
+    outputs = [o.headings[0] for o in plant.outputs if o.required and columns.keys().isdisjoint(o.headings)]
+    also = [f"'{other} [{units[other]}]'" for other in others] + [_wanted(plant, o, units) for o in outputs]
+    said = [f"column '{name} [{units[name]}]' is missing", f"found {table.headings}"]
+    if len(alike) > 1:
+        said.append(f"it may be {listed([f'{c.heading} (column {c.number})' for c in alike])}")
+    if name == "time":
+        said.append("if there are no times, give [sampling] rate in bench.toml")
+    elif not alike:
+        said.append(f"if there was none, add a column '{name} [{units[name]}]' of zeros")
+    problem = f"{table.heading_place}: {'; '.join(said)};"
+    too = f" missing too: {listed(also, 'and')};" if also else ""
+    renamed = f"{problem}{too} if it has another heading, write '{name} [{units[name]}]' there"
+    which = {n: _which(table, n, units, ANY if n == name else "COLUMN") for n in [*missing, *outputs]}
+    return ColumnError(f"{problem} if it has another name, say", which, renamed)
+
+
+def _which(table: Table, name: str, units: Mapping[str, str], any_one: str) -> str | int:
+    """The column that is most likely a signal, or `any_one`; with the unit where the file has none."""
+    likely = [c for c in table.columns if plain(name) in c.name.split("_") and not c.problem]
+    if any(c.unit for c in table.columns):
+        return likely[0].number if len(likely) == 1 else any_one
+    return f"{likely[0].number if len(likely) == 1 else 'COLUMN'}[{units[name]}]"
+
+
+def _wanted(plant: Plant, heading: str, units: Mapping[str, str]) -> str:
+    """The headings under which an output may stand."""
+    output = next(o for o in plant.outputs if heading in o.headings)
+    return " or ".join(f"'{name} [{units[name]}]'" for name in output.headings)
+
+
+def _unclear(
+    table: Table, plant: Plant, columns: Mapping[str, Column], units: Mapping[str, str], output: Output
+) -> ColumnError:
+    """What is said of a file in which an output is missing, or there more than once."""
+    there = [name for name in output.headings if name in columns]
+    wanted = _wanted(plant, output.headings[0], units)
+    several = sum(o.required for o in plant.outputs) > 1 and not there
+    alone = f" what some files lack is declared as Output({output.name!r}, required=False);" if several else ""
+    only = None if there else _only(table, units[output.headings[0]], columns)
+    size = f" {_no_size(only, output, plant)};" if only and output.columns else ""
+    problem = f"{table.heading_place}: expected one column {wanted} but found {table.headings};{alone}{size}"
+    renamed = f"{problem} write that heading where it belongs, and nowhere else"
+    which: str | int = only.number if only else ANY
+    return ColumnError(f"{problem} say which with", {output.headings[0]: which}, renamed)
+
+
+def _no_size(column: Column, output: Output, plant: Plant) -> str:
+    """Why the only column that an output may be was not taken for it."""
+    middle = f"{float(np.nanmedian(column.values)):.4g} {column.unit}"
+    rest = next((p for p in output.columns.values() if p), "")
+    size = plant.quantity(rest)
+    what = f"{size.name} ({as_written(float(size.value or 0.0), size.unit, column.unit)}) or its change" if rest else ""
+    return f"the middle reading of {column.shown}, {middle}, is neither that of {what}" if rest else ""
 
 
 def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:
@@ -287,7 +343,7 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
         return Assigned(column, unit, column.values)
     if not unit:
         problem = f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]'"
-        raise ColumnError(f"{problem} or say", name, f"{column.number}[{expected}]", problem)
+        raise ColumnError(f"{problem} or say", {name: f"{column.number}[{expected}]"}, problem)
     times, zero = (choice.factor, choice.zero) if choice else (1.0, 0.0)
     try:
         return Assigned(column, unit, converted((column.values - zero) * times, unit, expected), times)

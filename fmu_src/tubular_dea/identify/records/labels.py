@@ -61,9 +61,9 @@ def likely(largest: float, least: float, most: float, usual: float, si: str, lab
     return f"{listed(units[:TOLD])} labelled {label}" if units else ""
 
 
-def listed(names: Sequence[str]) -> str:
-    """`a, b or c`."""
-    return " or ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+def listed(names: Sequence[str], last: str = "or") -> str:
+    """`a, b or c`, with the `last` word or another one."""
+    return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def as_written(value: float, si: str, label: str) -> str:

@@ -66,14 +66,44 @@ function assigned(table) {
     if (found) columns[found[0]] = found[1];
     if (found && found === multiple) times[found[0]] = found[2];
   }
-  for (const name of ["time", ...bench.inputs.map((s) => s.name)])
-    if (!columns[name]) throw new ReadError(`${table.headingPlace}: column '${name} [${units[name]}]' is missing; found ${table.headings}; if it has another heading, write '${name} [${units[name]}]' there`);
+  const missing = ["time", ...bench.inputs.map((s) => s.name)].filter((name) => !columns[name]);
+  if (missing.length) throw new ReadError(whatIsMissing(table, columns, units, missing));
   for (const o of bench.outputs) {
     const headings = Object.keys(o.columns), there = headings.filter((name) => columns[name]);
-    if (there.length > 1 || (o.required && !there.length))
-      throw new ReadError(`${table.headingPlace}: expected one column ${headings.map((n) => `'${n} [${units[n]}]'`).join(" or ")} but found ${table.headings}; write that heading where it belongs, and nowhere else`);
+    if (there.length > 1 || (o.required && !there.length)) {
+      const only = there.length ? undefined : onlyIn(table, o.unit, columns);
+      throw new ReadError(`${table.headingPlace}: expected one column ${wantedHeadings(o, units)} but found ${table.headings};${only ? noSize(only, o) : ""} write that heading where it belongs, and nowhere else`);
+    }
   }
   return Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, inSi(table, name, column, units[name], times[name] ?? 1)]));
+}
+
+function wantedHeadings(o, units) {
+  return Object.keys(o.columns).map((n) => `'${n} [${units[n]}]'`).join(" or ");
+}
+
+function listed(names, last = "or") {
+  return [names.slice(0, -1).join(", "), ...names.slice(-1)].filter(Boolean).join(` ${last} `);
+}
+
+/* All that a file lacks at once, and how it can be given. */
+function whatIsMissing(table, columns, units, [name, ...others]) {
+  const lacking = bench.outputs.filter((o) => o.required && !Object.keys(o.columns).some((h) => columns[h]));
+  const also = [...others.map((n) => `'${n} [${units[n]}]'`), ...lacking.map((o) => wantedHeadings(o, units))];
+  const alike = allIn(table, units[name], columns), said = [`column '${name} [${units[name]}]' is missing`, `found ${table.headings}`];
+  if (alike.length > 1) said.push(`it may be ${listed(alike.map((c) => `${c.heading} (column ${c.number})`))}`);
+  if (name === "time") said.push("if there are no times, give [sampling] rate in bench.toml");
+  else if (!alike.length) said.push(`if there was none, add a column '${name} [${units[name]}]' of zeros`);
+  if (also.length) said.push(`missing too: ${listed(also, "and")}`);
+  return `${table.headingPlace}: ${said.join("; ")}; if it has another heading, write '${name} [${units[name]}]' there`;
+}
+
+/* Why the only column that an output may be was not taken for it. */
+function noSize(column, o) {
+  const rest = Object.values(o.columns).find(Boolean);
+  if (!rest) return "";
+  const size = facts.tube.parameters.find((p) => p.name === rest), whole = convertedUnit([size.value], size.unit, column.unit)[0];
+  return ` the middle reading of ${column.shown}, ${g(median(finite(column.values)), 4)} ${column.unit}, is neither that of ${rest} (${g(whole)} ${column.unit}) or its change;`;
 }
 
 function headed(table, name) {
@@ -125,10 +155,14 @@ function multipleIn(table, o) {
   return there.length === 1 ? there[0] : undefined;
 }
 
-/* The only column left that is in a unit of an input's kind, whatever its heading. */
-function onlyIn(table, unit, columns) {
+/* The columns left that are in a unit of an input's kind, whatever their headings; and the only one. */
+function allIn(table, unit, columns) {
   const taken = new Set(Object.values(columns).map((c) => c.number));
-  const alike = table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem && isIn(c.unit, unit));
+  return table.columns.filter((c) => !taken.has(c.number) && c.unit && !c.problem && isIn(c.unit, unit));
+}
+
+function onlyIn(table, unit, columns) {
+  const alike = allIn(table, unit, columns);
   return alike.length === 1 ? alike[0] : undefined;
 }
 
@@ -281,7 +315,7 @@ function likelyUnits(size, signal, label) {
   const low = Math.max(signal.least, signal.usual / fromUsual), high = Math.min(signal.most ?? Infinity, signal.least ? Infinity : signal.usual * fromUsual);
   const possible = (usual[signal.unit] ?? []).filter((unit) => unit !== label && low <= at(unit) && at(unit) <= high);
   const units = possible.sort((a, b) => Math.abs(Math.log(at(a) / signal.usual)) - Math.abs(Math.log(at(b) / signal.usual))).slice(0, told);
-  return units.length ? `${[units.slice(0, -1).join(", "), units[units.length - 1]].filter(Boolean).join(" or ")} labelled ${label}` : "is this its unit";
+  return units.length ? `${listed(units)} labelled ${label}` : "is this its unit";
 }
 
 function wrongUnit(values, name, signal, lines, label) {
@@ -376,7 +410,8 @@ function belowRest(values, name, lines, rest, signal, parameter, label) {
   if (smooth[lowest] >= rest - 0.05 * q.value) return [];
   const wanted = Object.entries(signal.columns).slice(0, 2).map(([heading, p]) => `a ${repr(heading)} that starts at ${p ? q.name : 0}`).join(" or ");
   const [low, high, zero] = convertedUnit([smooth[lowest], largest(smooth), rest], q.unit, label), change = Object.keys(signal.columns).find((h) => !signal.columns[h]) ?? signal.name;
-  const turned = zero - low > high - zero ? `; if it counts the other way, write ${change} = "COLUMN [-1 ${label}${zero ? ` from ${g(zero)}` : ""}]" below [columns] there` : "";
+  const from = zero - high >= high - low ? " from READING_AT_REST" : zero ? ` from ${g(zero)}` : "";
+  const turned = zero - low > high - zero ? `; if it counts the other way, write ${change} = "COLUMN [-1 ${label}${from}]" below [columns] there` : "";
   return [`line ${lines[lowest + 4]}, column ${repr(name)}: ${g(low, 4)} ${label} is below the ${name} at rest, ${g(zero)} ${label}; expected ${wanted}, or set ${q.name} in bench.toml${turned}`];
 }
 

@@ -144,7 +144,7 @@ function columnOf(i, found, head, body, kept, rows) {
   unit ||= found.unit ?? "";
   if (found.kind === "clock" || (name === "x_value" && !unit)) unit = "s";
   const column = { name, unit, heading, number: i + 1, clock: found.kind === "clock", values: Float64Array.from(rows, (r) => found.values[r]), problem: "" };
-  column.shown = name ? repr(name) : `number ${i + 1}`;
+  column.shown = name ? repr(heading.trim().replace(/^["' ]+|["' ]+$/g, "").split(/\s*[[(/,]/)[0] || name) : `number ${i + 1}`;
   const bad = found.bad.find((r) => kept[r]);
   if (bad === undefined) return column;
   const cell = body.cells[bad][i].trim();
