@@ -527,10 +527,91 @@ def test_columns_of_inputs_that_are_exchanged_in_one_file_are_asked_about() -> N
     one = next(e for e in bench.experiments if e.name == "08_heartbeat_5kV")
     swapped = {"pressure": one.inputs["voltage"] * 133.322e-3, "voltage": one.inputs["pressure"] * 1e3 / 133.322}
     units = {"pressure": "mmHg", "voltage": "kV"}
-    wrong = dataclasses.replace(one, inputs=swapped, source=SimpleNamespace(units=units))
+    source = SimpleNamespace(units=units, columns=("pressure", "voltage", "radius"))
+    wrong = dataclasses.replace(one, inputs=swapped, source=source)
     others = [wrong if e is one else e for e in bench.experiments]
-    (said,) = signs.wrong_signs(dataclasses.replace(bench, experiments=others))
-    assert said.startswith(f"{one.name}: are pressure and voltage exchanged there? As they are, the declared Tubular")
+    (said,) = scales.findings(dataclasses.replace(bench, experiments=others))
+    assert said.startswith(f"{one.name}: are the columns of pressure and voltage exchanged there? As it is, the declar")
+    weaker = [dataclasses.replace(e, outputs={n: 0.7 * v for n, v in e.outputs.items()}) for e in [one]]
+    bent = [weaker[0] if e is one else e for e in bench.experiments]
+    assert not scales.findings(dataclasses.replace(bench, experiments=bent))
+
+
+@pytest.mark.parametrize(
+    ("signal", "factor", "words"),
+    [
+        ("pressure", 10.0, "is pressure 10 times too large (mbar labelled kPa) there?"),
+        ("pressure", 0.1, "is pressure 10 times too small"),
+        ("voltage", 1e-3, "is voltage 1000 times too small"),
+        ("radius", 2.0, "is radius 2 times too large (a diameter for a radius) there?"),
+        ("", 1.0, ""),
+    ],
+)
+def test_a_unit_that_is_wrong_in_one_file_is_asked_about(signal: str, factor: float, words: str) -> None:
+    """A pressure in mbar under [kPa] in one file of six was not asked about."""
+    bench = read_folder(EXAMPLE, PLANT)
+    one = next(e for e in bench.experiments if e.name == "03_step_6kV")
+    inputs = {n: v * factor if n == signal else v for n, v in one.inputs.items()}
+    outputs = {n: (v + 0.015) * (factor if signal == "radius" else 1) - 0.015 for n, v in one.outputs.items()}
+    source = dataclasses.replace(one.source, units=dict(one.source.units) | {"pressure": "kPa"}) if one.source else None
+    wrong = dataclasses.replace(one, inputs=inputs, outputs=outputs, source=source)
+    said = scales.findings(
+        dataclasses.replace(bench, experiments=[wrong if e is one else e for e in bench.experiments])
+    )
+    if words:
+        assert len(said) == 1 and said[0].startswith(f"{one.name}: ") and words in said[0], said
+    else:
+        assert not said
+
+
+def test_a_distance_that_falls_is_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A laser's 42 mm less the displacement, given as the radius, was taken for 27 mm of displacement."""
+    table = headed()
+    table["Laser distance [um]"] = 1e6 * (0.042 - (table.pop("radius [m]") - 0.015))
+    folder = written(tmp_path / "data", table).parent
+    with pytest.raises(
+        DataError, match=r"the middle reading of 'Laser distance', .* um, is neither that of r_o \(15000"
+    ):
+        read_folder(folder, PLANT)
+    assert main(["identify", str(folder), "--dry-run", "--columns", "radius=4"]) == 0
+    said = capsys.readouterr().out
+    assert "is radius a distance from elsewhere, which falls as the displacement grows" in said
+    advice = re.search(r"say --columns '(displacement=COLUMN\[-1 um from (\d+)\])'", said)
+    assert advice and abs(float(advice[2]) - 42000) < 200
+    counted = read_folder(folder, PLANT, ["displacement=4[-1 um from 42000]"])
+    np.testing.assert_allclose(counted.experiments[0].outputs[OUTPUT], headed()["radius [m]"] - 0.015, atol=1e-9)
+    with pytest.raises(
+        DataError, match=r'displacement = "COLUMN \[-1 um from READING_AT_REST\]" below \[columns\] there'
+    ):
+        read_folder(folder, PLANT, ["displacement=4[-1 um]"])
+
+
+def test_two_columns_that_may_be_a_signal_are_told(tmp_path: Path) -> None:
+    table = headed()
+    table["Druck Soll [mbar]"] = table["Druck Ist [mbar]"] = table.pop("pressure [Pa]") / 100
+    with pytest.raises(
+        DataError, match=r"it may be Druck Soll \[mbar\] \(column 4\) or Druck Ist \[mbar\] \(column 5\)"
+    ):
+        read_experiment(written(tmp_path, table), PLANT)
+    without = {h: v for h, v in headed().items() if "pressure" not in h}
+    with pytest.raises(DataError, match=r"if there was none, add a column 'pressure \[Pa\]' of zeros"):
+        read_experiment(written(tmp_path, without, "b.csv"), PLANT)
+
+
+@pytest.mark.parametrize(
+    ("label", "times", "words"),
+    [
+        ("mbar", 1e2, "the largest value is 8077.5 mbar; expected at most 1000 mbar: Pa labelled mbar?"),
+        ("psi", 1.0, "80.775 psi; expected at most 14.5038 psi: mmHg, mbar or kPa labelled psi?"),
+    ],
+)
+def test_a_label_is_doubted_in_the_unit_of_the_file(tmp_path: Path, label: str, times: float, words: str) -> None:
+    """Every wrong pressure was "Pa labelled mmHg or kPa?", whatever the heading said."""
+    table = headed()
+    table[f"pressure [{label}]"] = times * table.pop("pressure [Pa]") / 100
+    with pytest.raises(DataError) as refusal:
+        read_experiment(written(tmp_path, table), PLANT)
+    assert words in str(refusal.value)
 
 
 def test_columns_of_inputs_that_are_exchanged_in_all_files_are_asked_about() -> None:

@@ -39,7 +39,7 @@ def vocabulary() -> dict[str, Any]:
         "whole": sampling.WHOLE,
         "labels": {
             "usual": {si: list(names) for si, names in labels.USUAL.items()},
-            "told": labels.TOLD,
+            "told": labels.MOST_TOLD,
             "fromUsual": labels.FROM_USUAL,
         },
         "first": start.FIRST_SAMPLES,

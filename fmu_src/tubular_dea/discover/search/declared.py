@@ -7,19 +7,22 @@ a coil behind a diode was twenty times too large at all of them. From there no f
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
+from ...identify.fitting.compiled import Ids
+from ...identify.fitting.fit import Fit, FitError
 from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ..options.acceptance import clean, far
 from ..options.options import Option, fitted_option
-from ..options.refit import start_values
+from ..options.refit import FIRST_STEPS, ROUGH_PRECISION, fit_effects, start_values
 from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
-from .rounds import ALL_REFITS, FAINT_SCORE, Progress, Round, decided
+from .rounds import ALL_REFITS, FAINT_SCORE, REFITS, Progress, Round, decided
 from .settle import as_read, fit_as_declared, iterated
 
 
@@ -51,7 +54,8 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
 
 def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study, Option]]:
     """The `known` candidates and those that score best at the declared values, with records' own numbers as these make
-    them likely, begun where their scores say they are; each with its study."""
+    them likely, begun where their scores say they are; each with its study. The best few after some steps are fitted
+    until they converge."""
     values = declared_values(study.plant, base.fitted)
     anew = adjusted(as_read(study, ()), (), values, base.fitted.free, started=False)
     there = fit_as_declared(anew, base.fitted)
@@ -62,10 +66,17 @@ def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study
     best = [s for i, s in enumerate(ranked) if s.id in known or (i < ALL_REFITS and s.statistic > least)]
     study.compiled.gather((), [s.id for s in best])
 
-    def begin(score: bank.Score) -> tuple[Study, Option] | None:
-        start = start_values(there, score)
-        own = adjusted(anew, (score.id,), start, base.fitted.free, started=False)
-        one = fitted_option(own, (score.id,), start, ())
+    def begin(score: bank.Score) -> tuple[Study, Ids, Fit] | None:
+        start, ids = start_values(there, score), (score.id,)
+        own = adjusted(anew, ids, start, base.fitted.free, started=False)
+        with suppress(FitError):
+            return own, ids, fit_effects(own, ids, start, FIRST_STEPS, (), ROUGH_PRECISION)
+        return None
+
+    def finish(begun: tuple[Study, Ids, Fit]) -> tuple[Study, Option] | None:
+        own, ids, fitted = begun
+        one = fitted_option(own, ids, fitted.values, ())
         return None if one is None else iterated(own, one)
 
-    return [s for s in side_by_side(begin, best) if s is not None]
+    first = sorted((b for b in side_by_side(begin, best) if b is not None), key=lambda b: b[-1].cost)
+    return [one for one in side_by_side(finish, first[:REFITS]) if one is not None]

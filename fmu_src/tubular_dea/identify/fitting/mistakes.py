@@ -18,7 +18,7 @@ ACROSS = {2.0: "a diameter for a radius"}  # [1] the same for that
 TIME = "time"
 TIMES = {60.0: "s labelled min", 1e3: "ms labelled s"}  # [1] the same for the times of all records
 OTHERWISE = {10.0: "", 1e3: ""}  # [1] the same for units that are not usual
-INVERSE = {  # the same, so many times too small
+INVERSE = {  # [1] the same, so many times too small
     "a diameter for a radius": "a radius for a diameter",
     PEAKS[2.0]: "half the voltage (an amplitude, or one output of two)",
 }
@@ -36,8 +36,8 @@ class Mislabelling:
 
     @property
     def of_one_file(self) -> bool:
-        """Whether its size tells it where it was made in one file: a factor of a signal (for others: `signs`)."""
-        return self.factor > 0 and not self.other and self.signal != TIME
+        """Whether it may be told where it was made in one file: not a sign (see `signs`) or a clock."""
+        return self.factor > 0 and self.signal != TIME
 
 
 def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling]:

@@ -47,15 +47,15 @@ FACTOR_ALIKE = 2.0  # [1] times the misfit of the best factor: another one expla
 # Set by measurement: with a pressure 7 or 10 times too large or too small, or a voltage a thousand times too small in
 # one file the declared tube misses 21 % of it and more, put right as much as of the others (4 to 12 %). Check:
 # `pytest tests/test_reading.py -k in_one_file`
-FOLLOWED = 2  # [files] that the declared plant follows, for one to be unlike them,
+ENOUGH_FOLLOWED = 2  # [files] that the declared plant follows, for one to be unlike them,
 PER_ODD = 2  # [1] and as many for each one that it does not
 LEFT_ALONE = 0.4  # [1] share of what is missed of one file that another factor may leave: the others speak for it
 # Set by judgement. Check: `pytest tests/test_reading.py -k distance`
-ELSEWHERE = 20.0  # [1] times its usual zero by which an output is off that counts from another place
+ANOTHER_PLACE = 20.0  # [1] times its usual zero by which an output is off that counts from another place
 
 
 @dataclass(frozen=True)
-class Record:
+class Thinned:
     """One experiment, thinned: what drove the plant, and at which times what was `seen` (n,) of its output.
 
     `units` are those of the file's columns, `zero` was subtracted from the numbers in the output's.
@@ -69,7 +69,7 @@ class Record:
     zero: float
 
 
-class Declared:
+class DeclaredAnswers:
     """What the declared plant answers, beside what was read of its first output in all experiments that have it."""
 
     def __init__(self, recordings: Recordings) -> None:
@@ -79,13 +79,13 @@ class Declared:
         self.kernel = Compiled(self.plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's: one build
         self.experiments = [e for e in there if self.output.name in e.outputs]
 
-    def record(self, experiment: Experiment) -> Record:
+    def record(self, experiment: Experiment) -> Thinned:
         """An experiment, thinned."""
         driven, times, seen = coarse_record(experiment, self.output.name)
         units = experiment.source.units if experiment.source else {}
-        return Record(experiment.name, driven, times, seen, units, _zero(self.plant, experiment, self.known))
+        return Thinned(experiment.name, driven, times, seen, units, _zero(self.plant, experiment, self.known))
 
-    def answer(self, record: Record, wrong: Mislabelling | None = None) -> np.ndarray:
+    def answer(self, record: Thinned, wrong: Mislabelling | None = None) -> np.ndarray:
         """The answer (n,) to what drove the plant under this mistake; `KernelError` where there is none."""
         driven, times = corrected(self.plant, record.driven, record.units, wrong), record.times / clock(wrong)
 
@@ -95,14 +95,14 @@ class Declared:
 
         return from_best_start(self.plant, at, self.put_right(record, wrong))
 
-    def put_right(self, record: Record, wrong: Mislabelling | None) -> np.ndarray:
+    def put_right(self, record: Thinned, wrong: Mislabelling | None) -> np.ndarray:
         """What was seen, as it is if this mistake was made."""
         if wrong is None or wrong.signal != self.output.name:
             return record.seen
         rest = record.zero if wrong.factor > 0 else 0.0  # a laser that counts the other way does so from rest
         return (record.seen + rest) / wrong.factor - rest
 
-    def missed(self, records: Sequence[Record], wrong: Mislabelling | None = None) -> float:
+    def missed(self, records: Sequence[Thinned], wrong: Mislabelling | None = None) -> float:
         """The relative error (rms) of the records under this mistake; infinite where the plant cannot be solved."""
         try:
             answers = [self.answer(record, wrong) for record in records]
@@ -117,18 +117,18 @@ class Declared:
         return float(np.sqrt(left / size)) if size > 0 else float("inf")
 
     def likely(
-        self, records: Sequence[Record], tried: Iterable[Mislabelling], most: float
+        self, records: Sequence[Thinned], tried: Iterable[Mislabelling], most: float
     ) -> list[tuple[float, Mislabelling]]:
         """The mistakes that leave less than `most` of the records, and about as much as the best one."""
         shares = sorted(((self.missed(records, w), w) for w in tried), key=lambda pair: pair[0])
         return [(share, w) for share, w in shares if share < min(most, MOST_LEFT, FACTOR_ALIKE * shares[0][0])]
 
-    def label(self, record: Record, signal: str) -> str:
+    def label(self, record: Thinned, signal: str) -> str:
         """The unit of a signal in the file; "" where it is not known."""
         names = self.output.headings if signal == self.output.name else (signal,)
         return next((record.units[n] for n in names if n in record.units), "")
 
-    def told(self, record: Record, likely: Sequence[Mislabelling]) -> str:
+    def told(self, record: Thinned, likely: Sequence[Mislabelling]) -> str:
         """The question which of likely mistakes was made, without those that the file's labels contradict."""
         fitting = [(w, matching(w.words, self.label(record, w.signal))) for w in likely]
         agreed = [replace(w, words=words) for w, words in fitting if words or " labelled " not in w.words]
@@ -145,7 +145,7 @@ class Declared:
 
 def findings(recordings: Recordings) -> list[str]:
     """Signals whose scale contradicts the declared plant, in words."""
-    declared = Declared(recordings)
+    declared = DeclaredAnswers(recordings)
     plant, heading = declared.plant, declared.output.headings[0]
     records = [declared.record(e) for e in _informative(declared.experiments)]
     base = declared.missed(records)
@@ -163,16 +163,16 @@ def findings(recordings: Recordings) -> list[str]:
     ]
 
 
-def _single_files(declared: Declared) -> Iterator[str]:
+def _single_files(declared: DeclaredAnswers) -> Iterator[str]:
     """A sentence for every file alone in which a factor is wrong, where the declared plant follows the others."""
     records = [declared.record(e) for e in declared.experiments]
-    if len(records) <= FOLLOWED:
+    if len(records) <= ENOUGH_FOLLOWED:
         return
     missed = {record.name: declared.missed([record]) for record in records}
     followed = [share for share in missed.values() if share < MOST_LEFT]
     odd = [record for record in records if missed[record.name] > max(MISSED, min(followed, default=0.0) / LEFT_ALONE)]
     others = [missed[record.name] for record in records if record not in odd]
-    if len(others) < max(FOLLOWED, PER_ODD * len(odd)) or max(others) > MOST_LEFT:
+    if len(others) < max(ENOUGH_FOLLOWED, PER_ODD * len(odd)) or max(others) > MOST_LEFT:
         return
     tried = [w for w in mislabellings(declared.plant, [declared.output.name]) if w.of_one_file]
     for record in odd:
@@ -185,7 +185,7 @@ def _single_files(declared: Declared) -> Iterator[str]:
             )
 
 
-def _counted_from_elsewhere(declared: Declared, records: Sequence[Record], base: float) -> Iterator[str]:
+def _counted_from_elsewhere(declared: DeclaredAnswers, records: Sequence[Thinned], base: float) -> Iterator[str]:
     """A sentence where all that is wrong with an output is from where it counts, and perhaps in which direction."""
     try:
         answers = [declared.answer(record) for record in records]
@@ -196,13 +196,13 @@ def _counted_from_elsewhere(declared: Declared, records: Sequence[Record], base:
     for sign, grows in ((-1.0, "falls"), (1.0, "grows")):
         at_rest = float(np.mean(seen - sign * answered))
         left = float(np.sqrt(np.mean((seen - at_rest - sign * answered) ** 2)) / np.std(answered))
-        usual = ELSEWHERE * output.zero if output.zero else float(np.ptp(answered))
+        usual = ANOTHER_PLACE * output.zero if output.zero else float(np.ptp(answered))
         if left < min(LEFT * base, MOST_LEFT) and abs(at_rest) > usual:
             yield _from_elsewhere(declared, record, at_rest + record.zero, sign, grows, (base, left))
 
 
 def _from_elsewhere(
-    declared: Declared, record: Record, at_rest: float, sign: float, grows: str, missed: tuple[float, float]
+    declared: DeclaredAnswers, record: Thinned, at_rest: float, sign: float, grows: str, missed: tuple[float, float]
 ) -> str:
     """The question whether an output is a distance, say, that reads so much `at_rest` (SI)."""
     output, si = declared.output, declared.plant.quantity(declared.output.name).unit

@@ -1,10 +1,8 @@
-"""Detection of single files in which a signal counts the other way, or two inputs are exchanged: a transducer upside
-down, swapped cables.
+"""Detection of single files in which a signal counts the other way: a transducer upside down.
 
 The declared plant answers every file by itself. Its values may be rough, so only the shape counts: what is missed is
 what a positive gain and an offset of each output leave. Where that is most of one file, little of the others, and
-little of this one with the sign of one signal changed, or the columns of two inputs exchanged, that is asked about.
-Nothing is changed.
+little of this one with the sign of one signal changed, that is asked about. Nothing is changed.
 """
 
 from __future__ import annotations
@@ -12,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
@@ -24,33 +21,29 @@ from ..records.experiment import Experiment, Recordings
 from ..signals.monitors import noise_level
 from .cases import Case, Reading
 from .compiled import Compiled
-from .mistakes import exchanged
 from .scales import ROUGHLY, SCALE_STEPS, coarse_record, from_best_start
 
 # Set by measurement: of the laboratory's tubes, a house, a servo, a motor and an inverter the declared plants miss 0 to
 # 74 % of a file so, with a sign changed nearly all of it, and put right as before; files of which a model misses all (a
-# melt) no sign puts right. With two inputs exchanged 8 to 74 % are missed, and next to nothing once they are put right.
-# Check: `pytest tests/test_reading.py -k other_way`, `pytest tests/test_reading.py -k no_sign_is_asked`,
-# `pytest tests/test_reading.py -k exchanged`
+# melt) no sign puts right. Check: `pytest tests/test_reading.py -k other_way`,
+# `pytest tests/test_reading.py -k no_sign_is_asked`
 WRONG_WAY = 0.7  # [1] share of a file's worst output that is missed before anything is said
 RIGHT_WAY = 0.25  # [1] share that may be missed with the sign changed, and in the other files
-SWAPPED = 0.1  # [1] share of a file that is missed, and share of that which two inputs exchanged may leave
 OTHER_FILES = 2  # [files] that the declared plant follows, for one to be unlike them
 FOLLOWED_PER_WRONG = 2  # [1] files that it follows for each one that is missed, for a sign to be asked about
 
 
 @dataclass(frozen=True)
 class _File:
-    """What drove one experiment, in which `units` the file has it, and by output the times and the values read."""
+    """What drove one experiment, and by output the times and the values read."""
 
     name: str
     driven: Protocol
-    units: Mapping[str, str]
     read: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 def wrong_signs(recordings: Recordings) -> list[str]:
-    """Signals of single files that seem to count the other way, or inputs to be exchanged, in words."""
+    """Signals of single files that seem to count the other way, in words."""
     outputs = [o.name for o in recordings.fitted_outputs]
     files = [file for file in (_file(e, outputs) for e in recordings.experiments) if file.read]
     if len(files) <= OTHER_FILES:
@@ -58,12 +51,10 @@ def wrong_signs(recordings: Recordings) -> list[str]:
     missed = partial(_missed, recordings, Compiled(recordings.plant, outputs).kernel())
     left = {file.name: missed(file) for file in files}
     followed = [name for name, share in left.items() if share < RIGHT_WAY]
-    odd = [file for file in files if left[file.name] > SWAPPED]
-    wrong = [file for file in odd if left[file.name] > WRONG_WAY]
+    wrong = [file for file in files if left[file.name] > WRONG_WAY]
     if len(followed) < max(OTHER_FILES, FOLLOWED_PER_WRONG * len(wrong)):
         return []
-    swapped = [said for file in odd for said in _swapped(recordings.plant, file, missed, left[file.name])]
-    return [*_asked(recordings.plant, wrong, missed), *swapped]
+    return list(_asked(recordings.plant, wrong, missed))
 
 
 def _asked(plant: Plant, wrong: list[_File], missed: Callable[[_File], float]) -> Iterator[str]:
@@ -78,24 +69,13 @@ def _asked(plant: Plant, wrong: list[_File], missed: Callable[[_File], float]) -
             )
 
 
-def _swapped(plant: Plant, file: _File, missed: Callable[[_File], float], left: float) -> Iterator[str]:
-    """A sentence for every two inputs that, exchanged, explain nearly all of what is `left` of the file."""
-    for one, other in combinations([s.name for s in plant.inputs], 2):
-        if missed(_exchanged(plant, file, one, other)) < SWAPPED * left:
-            yield (
-                f"{file.name}: are {one} and {other} exchanged there? As they are, the declared {plant.name} does not "
-                "follow this file as it does the others; if so, correct it"
-            )
-
-
 def _file(experiment: Experiment, outputs: Sequence[str]) -> _File:
     """An experiment with those of its `outputs` that move; thinned, with their noise."""
     moving = {n: experiment.outputs[n][experiment.seen(n)] for n in outputs if experiment.seen(n).any()}
     names = [n for n, v in moving.items() if v.size > 1 and np.ptp(v) > STRUCTURE * noise_level(v)]
     records = {name: record for name in names if np.ptp((record := coarse_record(experiment, name))[-1]) > 0}
     driven = next((driven for driven, *_ in records.values()), Protocol(experiment.time, experiment.inputs))
-    units = experiment.source.units if experiment.source else {}
-    return _File(experiment.name, driven, units, {name: (times, seen) for name, (_, times, seen) in records.items()})
+    return _File(experiment.name, driven, {name: (times, seen) for name, (_, times, seen) in records.items()})
 
 
 def _turned(file: _File, name: str) -> _File:
@@ -103,11 +83,6 @@ def _turned(file: _File, name: str) -> _File:
     inputs = {n: -v if n == name else v for n, v in file.driven.inputs.items()}
     read = {n: (times, -v if n == name else v) for n, (times, v) in file.read.items()}
     return replace(file, driven=Protocol(file.driven.time, inputs), read=read)
-
-
-def _exchanged(plant: Plant, file: _File, one: str, other: str) -> _File:
-    """The file with the numbers of two inputs' columns exchanged."""
-    return replace(file, driven=exchanged(plant, file.driven, file.units, one, other))
 
 
 def _missed(recordings: Recordings, kernel: Kernel, file: _File) -> float:

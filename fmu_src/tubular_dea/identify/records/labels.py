@@ -19,7 +19,7 @@ USUAL: Mapping[str, tuple[str, ...]] = {
     "m3/s": ("mL/min", "mL/s", "L/min", "L/s"),
 }
 # Set by judgement. Check: `pytest tests/test_reading.py -k label`
-TOLD = 3  # [1] units of which numbers may be that are told, those that make the most usual size first
+MOST_TOLD = 3  # [1] units of which numbers may be that are told, those that make the most usual size first
 CLEAR = 1.9  # [1] times that two units differ at least for one to be seen to stand for the other
 FROM_USUAL = 50.0  # [1] times its usual size by which an output differs from that at most
 
@@ -58,7 +58,7 @@ def likely(largest: float, least: float, most: float, usual: float, si: str, lab
     low, high = max(least, usual / FROM_USUAL), most if least else min(most, usual * FROM_USUAL)
     possible = [u for u, size in sizes.items() if low <= size <= high]
     units = sorted(possible, key=lambda u: abs(math.log(sizes[u] / usual)))
-    return f"{listed(units[:TOLD])} labelled {label}" if units else ""
+    return f"{listed(units[:MOST_TOLD])} labelled {label}" if units else ""
 
 
 def listed(names: Sequence[str], last: str = "or") -> str:
