@@ -14,6 +14,7 @@ from ..discover.answer import between_files, outcome
 from ..errors import list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
+from ..identify.records.start import loosened
 from ..identify.study.study import Piece
 from ..model.declare import Model
 from ..plants.saved import as_json
@@ -138,6 +139,7 @@ class DiscoveryResult:
         called = {"model": str(out / "model.json"), "data": folder_of(recordings)}
         pieces = reversed(found.named_study.pieces)  # of parts of a recording, the first tells where it begins
         begins = {p.source: _begun_alone(p, found.study.plant.model) for p in pieces}
+        shown_model = loosened(self.model) if found.study.compiled.loose else self.model
 
         def built() -> bytes:
             with working_folder("the FMU") as folder:
@@ -145,7 +147,7 @@ class DiscoveryResult:
 
         with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
             compiled = pool.submit(built)
-            shown = pool.submit(lambda: page(closed_loop(recordings, self.model, before, called, begins)))
+            shown = pool.submit(lambda: page(closed_loop(recordings, shown_model, before, called, begins)))
             covariance = uncertainty(found.named.fitted, self.model)
             written = close_loop.report(found, self.to_dict())
             lab, fmu = shown.result(), compiled.result()

@@ -16,6 +16,7 @@ from ...identify.study.remembered import NOISE_OF
 from ...identify.study.study import Piece, Study
 from ...kernel import KernelError
 from ...model.declare import Model, Quantity
+from ...model.effect import with_effects
 from ...recordings.table import either
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
@@ -246,12 +247,13 @@ def _by_effect(found: Discovery) -> bool:
 
 
 def final_model(found: Discovery) -> Model:
-    """The model with the effects that are named and the identified values as its defaults."""
+    """The plant's model with the effects that are named and the identified values as its defaults: as another plant
+    starts, wherever these recordings did."""
     chosen, catalogue = found.named, found.study.catalogue
     values = found.study.geometry | chosen.fitted.values
     for name in chosen.ids:
         values = switched_on(catalogue[name]) | values
-    model = found.study.compiled.model(chosen.ids)
+    model = with_effects(found.recordings.plant.model, chosen.ids, catalogue)
     names = set(model.parameter_values())
     return model.with_values({n: float(v) for n, v in values.items() if n in names})
 

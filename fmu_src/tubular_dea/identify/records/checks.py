@@ -116,7 +116,10 @@ def mislabelled(values: np.ndarray, signal: Input | Output, quantity: Quantity, 
     if np.count_nonzero(np.diff(values)) >= STANDSTILL or _flickers(values):  # a monitor, no steps of a set point
         noise = max(noise, resolution(values))
     what = f"the largest value is {as_written(largest, unit, label)}; expected"
-    wrong = likely(largest, signal.least, signal.most, quantity.nominal, unit, label) or "is this its unit"
+    wrong = (
+        likely(largest, signal.least, signal.most, quantity.nominal, unit, label)
+        or "another unit, or a divider or gain left out"
+    )
     if top > signal.most:
         absolute = unit == "Pa" and AIR[0] < float(values.min()) < AIR[1]
         wrong = "an absolute pressure, with the air's" if absolute else wrong

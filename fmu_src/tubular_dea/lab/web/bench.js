@@ -315,7 +315,7 @@ function likelyUnits(size, signal, label) {
   const low = Math.max(signal.least, signal.usual / fromUsual), high = Math.min(signal.most ?? Infinity, signal.least ? Infinity : signal.usual * fromUsual);
   const possible = (usual[signal.unit] ?? []).filter((unit) => unit !== label && low <= at(unit) && at(unit) <= high);
   const units = possible.sort((a, b) => Math.abs(Math.log(at(a) / signal.usual)) - Math.abs(Math.log(at(b) / signal.usual))).slice(0, told);
-  return units.length ? `${listed(units)} labelled ${label}` : "is this its unit";
+  return units.length ? `${listed(units)} labelled ${label}` : "another unit, or a divider or gain left out";
 }
 
 function wrongUnit(values, name, signal, lines, label) {
