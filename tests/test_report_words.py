@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 import pytest
 
 import made_up
+import tubular_dea as td
 from tubular_dea import add_effects
 from tubular_dea.api import identify, simulate
 from tubular_dea.cosim import course
@@ -29,6 +30,7 @@ from tubular_dea.plants.tube import PLANT
 from tubular_dea.protocol import Protocol
 from tubular_dea.recordings.table import either
 from tubular_dea.report import assist, close_loop, effects, in_short
+from tubular_dea.report import residuals as drawn_residuals
 from tubular_dea.report.page import Page
 from tubular_dea.report.parts import parameter_row
 
@@ -756,3 +758,26 @@ def test_where_nothing_explains_the_records_what_was_not_fitted_is_said(monkeypa
         assert bool(said) == (is_far and verdict == "unexplained")
         if said:
             assert "and not fitted: l_o = 24.5 mm, r_o = 15 mm, h_o = 2 mm" in said[0] and "C_1" not in said[0]
+
+
+def test_a_report_is_written_where_the_base_has_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tube that softens: the base refitted without it had no equilibrium to start at, after a search of 7 minutes."""
+    aorta = td.load_plant("aorta")
+    probe = replace(aorta, places=aorta.places[:1], own={})
+    late = td.add_effects(probe, ["flow_delay"], flow_delay="30 ms", p_C_start="75 mmHg")
+    noise, tables = np.random.default_rng(3), {}
+    for name, peak in {"low": 2e-4, "middle": 3e-4, "high": 4e-4}.items():
+        flow = [0, peak, 0, 0, 1.5 * peak, 0, 0, peak, 0, 0]
+        run = td.simulate(late, td.Protocol.of([0, 0.1, 0.3, 0.9, 1.0, 1.3, 1.7, 1.8, 2.0, 3.0], flow=flow))
+        read = run["pressure"] + 30 * noise.standard_normal(run.time.size)
+        tables[name] = {"time [s]": run.time, "flow [m3/s]": run["flow"], "pressure [Pa]": read}
+    found = td.discover(td.read_recordings(tables, probe))
+    assert [e.id for e in found.effects] == ["flow_delay"]
+    whole = close_loop.report(found.discovery, found.to_dict()).document()
+    answers = drawn_residuals._answers
+    monkeypatch.setattr(
+        drawn_residuals, "_answers", lambda study, ids, values: answers(study, ids, values) if ids else None
+    )
+    assert {name for one in drawn_residuals.answered(found.discovery) for name in one.models} == {"after"}
+    without = close_loop.report(found.discovery, found.to_dict()).document()
+    assert "flow_delay: the residual" in whole and "flow_delay: the residual" not in without

@@ -16,6 +16,7 @@ from tubular_dea.plants.tube import PLANT
 
 def loaded(folder: Path) -> Path:
     """Four recordings of the declared tube, held at 6 kPa for long before three of them begin."""
+    folder.mkdir()
     random, time = np.random.default_rng(5), np.arange(0, 4, 0.004)
     for name, begins, rises, volts in (
         ("a", 0, 9e3, 0),

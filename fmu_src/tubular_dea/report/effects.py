@@ -73,7 +73,9 @@ def _pictures(
     """An effect's own curve, and the residual over what it depends on."""
     curve = own_curve(isolated, excitations)
     drawn = [] if curve is None else [_own(effect, curve)]
-    page.drawings([*drawn, _over(isolated, excitations, records)])
+    if all({"before", "after"} <= r.models.keys() for r in records):
+        drawn.append(_over(isolated, excitations, records))
+    page.drawings(drawn)
     if curve is None:
         page.text(_constant(isolated, excitations))
 

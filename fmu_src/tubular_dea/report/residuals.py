@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..discover.engine import Discovery
+from ..identify.fitting.compiled import Ids
 from ..identify.study.nuisances import with_nuisances
-from ..identify.study.study import Piece
+from ..identify.study.study import Piece, Study
 from ..kernel import KernelError
 from ..model.declare import Quantity
 from .colours import COLOURS
@@ -39,21 +40,29 @@ class Answered:
 
 
 def answered(found: Discovery) -> Iterator[Answered]:
-    """Every output of every piece beside the base model ("before") and the one with the named effects ("after")."""
+    """Every output of every piece beside the base model ("before") and the one with the named effects ("after"), where
+    these have an answer."""
     study, base = found.study, found.search.base_study  # a record's own numbers are those that suit each model
-    before = base.response((), base.pieces).outputs(found.base.fitted.values)
-    try:
-        after = study.response(found.named.ids, study.pieces).outputs(found.named.fitted.values)
-    except KernelError:
-        after = before
-    for first, piece, y0, y1 in zip(base.pieces, study.pieces, before, after, strict=True):
-        own0, own1 = with_nuisances(base, first, y0), with_nuisances(study, piece, y1)
+    answers = {"before": _answers(base, (), found.base.fitted.values)}
+    if found.named.ids:
+        answers["after"] = _answers(study, found.named.ids, found.named.fitted.values)
+    for k, piece in enumerate(study.pieces):
+        own = {name: answer[k] for name, answer in answers.items() if answer is not None}
         for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             q = study.plant.quantity(reading.output)
             scale, unit = shown_unit(q)
-            models = {"before": own0[part] / scale} | ({"after": own1[part] / scale} if found.named.ids else {})
+            models = {name: answer[part] / scale for name, answer in own.items()}
             label = reading.output.replace("_", " ")  # the heading in the files may be that of another quantity
             yield Answered(piece, reading.times, piece.record[part] / scale, models, label, unit, q, piece.weight[part])
+
+
+def _answers(study: Study, ids: Ids, values: Mapping[str, float]) -> list[np.ndarray] | None:
+    """The answers of a model to every piece, with the records' own numbers that suit it; None where it has none."""
+    try:
+        answers = study.response(ids, study.pieces).outputs(values)
+    except KernelError:
+        return None
+    return [with_nuisances(study, piece, y) for piece, y in zip(study.pieces, answers, strict=True)]
 
 
 def residuals(found: Discovery, figure: Figure | None = None) -> Figure:
