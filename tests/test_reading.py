@@ -439,7 +439,7 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
     assert words in said[0] and "=COLUMN[0.5 mm]" in said[0] if words else not said, said
 
 
-@pytest.mark.parametrize("heading", ["Diameter (mm)", "Durchmesser [mm]", "tube_diameter_mm"])
+@pytest.mark.parametrize("heading", ["Diameter (mm)", "Durchmesser [mm]", "tube_diameter_mm", "Diamètre [mm]"])
 def test_half_of_a_diameter_is_a_radius(tmp_path: Path, heading: str) -> None:
     table = headed()
     table[heading] = 2e3 * table.pop("radius [m]")
@@ -471,8 +471,9 @@ def test_a_size_that_may_be_anything_is_asked_about(tmp_path: Path) -> None:
     table = headed()
     table["Weg [mm]"] = 2e3 * table.pop("radius [m]")
     path = written(tmp_path / "data", table)
-    with pytest.raises(DataError, match=r"but found .*Weg \[mm\]; .*columns=\{\"radius\": 4\}"):
+    with pytest.raises(DataError, match=r"but found .*Weg \[mm\]; .*columns=\{\"radius\": 4\}") as refusal:
         read_experiment(path, PLANT)
+    assert "(15 mm) nor of its change, but may be a diameter: [0.5 mm] halves it" in str(refusal.value)
     halved = read_folder(tmp_path / "data", PLANT, ["radius=4[0.5 mm]"]).experiments[0]
     np.testing.assert_allclose(halved.outputs[OUTPUT], headed()["radius [m]"] - 0.015, atol=1e-10)
 

@@ -95,6 +95,7 @@ PRESSURE = {
     "resonance.damping": "line_damping",
     "resonance.share": "line_share",
 }
+DIAMETER = ("diameter", "durchmesser", "diamètre", "diametre", "diametro", "diámetro")  # as laboratories head it
 RADIUS = {
     "offset": "radius_offset",
     "delay": "sensor_delay",
@@ -158,7 +159,7 @@ PLANT = Plant(
         Output(
             "measured_displacement",
             {"radius": "r_o", "displacement": "", "radial_displacement": ""},
-            multiples={"diameter": ("radius", 2.0), "durchmesser": ("radius", 2.0)},
+            multiples={name: ("radius", 2.0) for name in DIAMETER},
             most=0.2,
             zero=30e-6,
             rest=0.0,

@@ -15,7 +15,7 @@ from ...model.units import NUMBER, UnitError, converted, is_unit
 from ...plants.plant import Output, Plant
 from ...recordings import Column, ReadError, Table
 from ...recordings.heading import name as plain
-from .labels import as_written, listed
+from .labels import listed
 
 TRIGGER = "trigger"
 ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
@@ -319,7 +319,7 @@ def _unclear(
     several = sum(o.required for o in plant.outputs) > 1 and not there
     alone = f" what some files lack is declared as Output({output.name!r}, required=False);" if several else ""
     only = None if there else _only(table, units[output.headings[0]], columns)
-    size = f" {_no_size(only, output, plant)};" if only and output.columns else ""
+    size = f" {said};" if only and (said := _no_size(only, output, plant)) else ""
     problem = f"{table.heading_place}: expected one column {wanted} but found {table.headings};{alone}{size}"
     renamed = f"{problem} write that heading where it belongs, and nowhere else"
     which: str | int = only.number if only else ANY
@@ -327,12 +327,18 @@ def _unclear(
 
 
 def _no_size(column: Column, output: Output, plant: Plant) -> str:
-    """Why the only column that an output may be was not taken for it."""
-    middle = f"{float(np.nanmedian(column.values)):.4g} {column.unit}"
+    """Why the only column that an output may be was not taken for it; "" where its size says nothing."""
     rest = next((p for p in output.columns.values() if p), "")
-    size = plant.quantity(rest)
-    what = f"{size.name} ({as_written(float(size.value or 0.0), size.unit, column.unit)}) or its change" if rest else ""
-    return f"the middle reading of {column.shown}, {middle}, is neither that of {what}" if rest else ""
+    if not rest:
+        return ""
+    size, middle = plant.quantity(rest), float(np.nanmedian(column.values))
+    whole = converted(float(size.value or 0.0), size.unit, column.unit)
+    many = next((n for n, (_, times) in output.multiples.items() if AT_REST < middle / whole / times < GROWN), "")
+    half = f", but may be a {many}: [{1 / output.multiples[many][1]:g} {column.unit}] halves it" if many else ""
+    return (
+        f"the middle reading of {column.shown}, {middle:.4g} {column.unit}, is neither that of {rest} ({whole:g} "
+        f"{column.unit}) nor of its change{half}"
+    )
 
 
 def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:

@@ -103,7 +103,10 @@ function noSize(column, o) {
   const rest = Object.values(o.columns).find(Boolean);
   if (!rest) return "";
   const size = facts.tube.parameters.find((p) => p.name === rest), whole = convertedUnit([size.value], size.unit, column.unit)[0];
-  return ` the middle reading of ${column.shown}, ${g(median(finite(column.values)), 4)} ${column.unit}, is neither that of ${rest} (${g(whole)} ${column.unit}) or its change;`;
+  const middle = median(finite(column.values)), { atRest, grown } = facts.vocabulary.sizes;
+  const many = Object.entries(o.multiples).find(([, [, m]]) => atRest < middle / whole / m && middle / whole / m < grown);
+  const share = many ? `, but may be a ${many[0]}: [${g(1 / many[1][1])} ${column.unit}] halves it` : "";
+  return ` the middle reading of ${column.shown}, ${g(middle, 4)} ${column.unit}, is neither that of ${rest} (${g(whole)} ${column.unit}) nor of its change${share};`;
 }
 
 function headed(table, name) {
