@@ -125,6 +125,18 @@ def test_short_quiet_stretches_do_not_tell_that_no_noise_is_slow() -> None:
     assert estimate([(time, output, often) for time, output, _ in records(coloured(0.0))]).slow_known
 
 
+def test_few_samples_at_rest_do_not_tell_that_no_noise_is_slow() -> None:
+    """A third of a second at 500 Hz before each first step: 9 um with a memory of 12 ms and 7 um of white noise were
+    read as 10 um with hardly any, and a perfect tube was "unexplained"."""
+    time, random, few = np.arange(2250) * 0.002, np.random.default_rng(2), []
+    for _ in range(2):
+        noise = coloured(np.exp(-2 / 12), 0.4)(time.size, random)
+        few.append((time, noise, np.append(0.0, np.arange(0.32, 4.5, 0.015))))
+    assert not estimate(few).slow_known
+    rested = [(time, y, np.append(0.0, np.arange(2.0, 4.5, 0.015))) for time, y, _ in few]
+    assert estimate(rested).rms == pytest.approx(RMS, rel=0.15)
+
+
 def test_a_filtered_colour_whitens_its_own_noise() -> None:
     noise = Noise(RMS, 0.3, white=0.5, step=0.004, slower=(0.97, 0.9))
     colour = noise.colour(0.004)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,7 @@ from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
 from tubular_dea.api.recordings import read_recordings
-from tubular_dea.identify.records.data import read_experiment
+from tubular_dea.identify.records.data import read_experiment, read_folder
 from tubular_dea.identify.records.experiment import DataError
 from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
@@ -205,6 +207,18 @@ def test_the_nearest_of_several_head_lines_is_not_always_the_heading(tmp_path: P
     table = read(saved(tmp_path, text), NAMES)
     assert [(c.name, c.unit) for c in table.columns] == list(zip(NAMES, ["s", "Pa", "V", "m"], strict=True))
     assert table.heading_line == 1
+
+
+def test_files_that_are_no_recordings_are_named(tmp_path: Path) -> None:
+    """A protocol as a document and a picture lay beside the recordings, and nothing said that they were left out."""
+    folder = tmp_path / "data"
+    shutil.copytree(Path(__file__).resolve().parents[1] / "cosim_examples" / "data" / "bench", folder)
+    for name in ("protocol.docx", "rig.jpg", ".~lock.a.csv#"):
+        (folder / name).write_bytes(b"?")
+    assert read_folder(folder, PLANT).left_out == ("protocol.docx", "rig.jpg")
+    assert "not used: protocol.docx, rig.jpg, which hold no table" in read_recordings(folder).remarks()
+    with pytest.raises(DataError, match=f"there is a file; give the folder that it lies in, {re.escape(str(folder))}"):
+        read_folder(folder / "01_ramp_4kV.csv", PLANT)
 
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from ..kernel.checks import doubles
 from ..protocol import Protocol
 from ..recordings import Column, Table
 from ..recordings.heading import parts
+from ..recordings.table import some
 from . import tables, unusual
 from .given import Amount, AnyPlant, brief, items, parameters_of, path_of, plant_of
 
@@ -237,7 +238,9 @@ def not_used(recordings: Recordings) -> list[str]:
     said = [
         f"not used: column {heading!r} in {n} of {len(recordings.experiments)} files" for heading, n in columns.items()
     ]
-    said += [f"not used: {name}, which holds no table" for name in recordings.left_out]
+    if recordings.left_out:
+        hold = "holds" if len(recordings.left_out) == 1 else "hold"
+        said.append(f"not used: {some(recordings.left_out)}, which {hold} no table")
     said += [f"not used: {name}, in which nothing moves" for name in recordings.still]
     remarks: dict[str, list[str]] = {}
     for source in [e.source for e in recordings.experiments if e.source]:

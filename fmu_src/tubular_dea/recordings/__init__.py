@@ -5,7 +5,7 @@ Text with any delimiter, decimal mark, encoding and head; MATLAB (both formats),
 """
 
 from ..errors import ReadError
-from .files import is_recording, is_spreadsheet, read
+from .files import is_no_recording, is_recording, is_spreadsheet, read
 from .table import Column, NoTableError, Table
 
-__all__ = ["Column", "NoTableError", "ReadError", "Table", "is_recording", "is_spreadsheet", "read"]
+__all__ = ["Column", "NoTableError", "ReadError", "Table", "is_no_recording", "is_recording", "is_spreadsheet", "read"]

@@ -57,6 +57,11 @@ def is_spreadsheet(path: Path) -> bool:
     return path.suffix.lower() in SPREADSHEETS and not path.name.startswith((".", "~"))
 
 
+def is_no_recording(path: Path) -> bool:
+    """Whether something in a folder is a file that is neither, such as a document, and not hidden."""
+    return path.is_file() and not (is_recording(path) or is_spreadsheet(path) or path.name.startswith("."))
+
+
 def read(path: Path, names: Collection[str] = (), pipe: bool = True) -> Table:
     """The table in a file, or of a `pipe` if that will do; `ReadError` says what was expected, and where.
 

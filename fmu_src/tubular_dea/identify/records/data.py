@@ -16,7 +16,7 @@ import numpy as np
 
 from ...model.units import converted
 from ...plants.plant import Input, Plant
-from ...recordings import NoTableError, Table, is_recording, is_spreadsheet, read
+from ...recordings import NoTableError, Table, is_no_recording, is_recording, is_spreadsheet, read
 from ...recordings.heading import name as plain
 from ...recordings.table import some
 from ..signals.sampling import sampling, usual_step
@@ -29,6 +29,7 @@ from .spikes import lapses, spikes
 from .start import detected
 from .updates import repeated_readings
 
+BENCH_FILE = "bench.toml"
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
 
 # Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
@@ -45,7 +46,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     `columns` say which column is which signal where headings do not, as in "radius=laser_2[um]".
     """
     files = _files(folder, plant)
-    said = read_bench(folder / "bench.toml", plant, [path.stem for path in files])
+    said = read_bench(folder / BENCH_FILE, plant, [path.stem for path in files])
     chosen = said.columns | choices(columns, plant)
     experiments, left_out, still = [], [], {}
     for path in files:
@@ -69,6 +70,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
         )
     ordered = _ordered(experiments)
     plant = _fitted_first(plant, experiments)
+    left_out += sorted(path.name for path in folder.iterdir() if is_no_recording(path) and path.name != BENCH_FILE)
     return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
 
 
@@ -129,9 +131,8 @@ def _ordered(experiments: Sequence[Experiment]) -> list[Experiment]:
 def _files(folder: Path, plant: Plant) -> list[Path]:
     """The files of a folder that may be recordings; each name once."""
     if not folder.is_dir():
-        raise DataError(
-            f"{folder}: expected a folder of recordings but there is {'a file' if folder.exists() else 'nothing'}"
-        )
+        there = f"a file; give the folder that it lies in, {folder.parent}" if folder.exists() else "nothing"
+        raise DataError(f"{folder}: expected a folder of recordings but there is {there}")
     files = sorted(path for path in folder.iterdir() if is_recording(path))
     stems = {path.stem for path in files}  # the recording itself, where somebody has saved the sheet beside it
     unread = sorted(path.name for path in folder.iterdir() if is_spreadsheet(path) and path.stem not in stems)

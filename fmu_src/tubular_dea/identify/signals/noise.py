@@ -386,7 +386,10 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, p
         slower=(colour.pole, colour.zero) if quiet else (0.0, 0.0),
         slow_known=quiet
         and not colour.pole
-        and (one_colour or _longest(chosen) >= max(SLOW_STRETCH * plant.pace, SLOW_SAMPLES * step)),
+        and (
+            (one_colour and found.freedom >= SOME_FREEDOM)
+            or _longest(chosen) >= max(SLOW_STRETCH * plant.pace, SLOW_SAMPLES * step)
+        ),
     ).of(plant)
 
 
