@@ -22,7 +22,7 @@ from ..options.refit import FIRST_STEPS, ROUGH_PRECISION, fit_effects, start_val
 from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
-from .rounds import ALL_REFITS, FAINT_SCORE, REFITS, Progress, Round, decided
+from .rounds import FAINT_SCORE, MOST_REFITS, REFITS, Progress, Round, decided
 from .settle import as_read, fit_as_declared, iterated
 
 
@@ -37,7 +37,7 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
         return step
     tell("the same from the declared values")
     try:
-        tried = _begun(study, base, [o.ids[0] for o in step.options])
+        tried = _begun(study, base, [o.ids[0] for o in step.options[:REFITS]])
     except KernelError:  # the model has no answer at its declared values
         return step
     best = {o.ids: (study, o) for o in step.options}
@@ -48,7 +48,8 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     if both[0][0] is study:
         return step
     again = decided(both[0][0], base, found.chosen, replace(step, options=[o for _, o in both]))
-    found.study = best[again.options[0].ids][0]
+    if again.accepted:
+        found.study = best[again.options[0].ids][0]
     return replace(again, reason=f"{again.reason}, begun at the declared values with starts of its own")
 
 
@@ -63,7 +64,7 @@ def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study
         return []
     ranked = bank.best_of_each(bank.scores(bank.candidates(anew, there), there.residual, there.jacobian))
     least = FAINT_SCORE * ranked[0].statistic
-    best = [s for i, s in enumerate(ranked) if s.id in known or (i < ALL_REFITS and s.statistic > least)]
+    best = [s for i, s in enumerate(ranked) if s.id in known or (i < MOST_REFITS and s.statistic > least)]
     study.compiled.gather((), [s.id for s in best])
 
     def begin(score: bank.Score) -> tuple[Study, Ids, Fit] | None:
