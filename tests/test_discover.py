@@ -194,11 +194,13 @@ def test_an_oscillation_that_no_input_drives_is_told(tmp_path: Path) -> None:
         for row in rows:
             row[place] += height * np.sin(2 * np.pi * frequency * row[0])
         file.write_text("\n".join([head, *(",".join(f"{v:.9g}" for v in row) for row in rows)]))
-    work = study(read_folder(folder, PLANT), [], PRIOR)
+    recordings = read_folder(folder, PLANT)
+    work = study(recordings, [], PRIOR)
     fitted = base.recalibrate(work, 1)
     work = adjusted(work, (), fitted.values)
-    found = SimpleNamespace(study=work, named=SimpleNamespace(ids=(), fitted=fitted))
+    found = SimpleNamespace(study=work, named=SimpleNamespace(ids=(), fitted=fitted), recordings=recordings)
     (wave,) = oscillations(found)
+    assert not wave.recorded
     assert wave.output == OUTPUT
     assert wave.frequency == pytest.approx(frequency, abs=0.01)
     assert set(wave.amplitudes) == set(FEW)

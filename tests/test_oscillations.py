@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from tubular_dea.discover.answer import oscillations
+from tubular_dea.discover.engine import Discovery
 from tubular_dea.identify.signals.noise import Noise
 
 TIME = np.arange(0, 4000, 1.0)
@@ -37,18 +39,34 @@ THIRD_OF_IT = np.sin(2 * np.pi * 0.2 / 3 * TIME)  # friction makes waves of thre
 def test_a_line_that_lasts_is_told_once_and_what_a_model_misses_otherwise_is_none(
     monkeypatch: pytest.MonkeyPatch, left: np.ndarray, driven: np.ndarray, told: int, force: np.ndarray
 ) -> None:
+    monkeypatch.setattr(oscillations, "with_nuisances", lambda study, piece, answer: answer)
+    waves = oscillations.oscillations(found(left, driven, force, force))
+    assert [w.frequency for w in waves] == pytest.approx([0.2] * told, abs=3e-3)
+    assert not any(w.recorded for w in waves)
+
+
+def found(left: np.ndarray, driven: np.ndarray, force: np.ndarray, recorded: np.ndarray) -> Discovery:
+    """A model that leaves so much beside what it is `driven` to by a force, of which there is a record."""
     record = driven + left + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
     case = SimpleNamespace(
         readings=[SimpleNamespace(output="voltage", times=TIME)],
         parts=[slice(None)],
-        protocol=SimpleNamespace(at=lambda times: {"force": force}),
+        protocol=SimpleNamespace(at=lambda times: {"force": force}, time=TIME),
     )
     plant = SimpleNamespace(inputs=[SimpleNamespace(name="force")])
-    piece = SimpleNamespace(name="a", record=record, case=case)
+    piece = SimpleNamespace(name="a", source="a", record=record, case=case)
+    noisy = recorded + 2e-3 * np.random.default_rng(1).standard_normal(TIME.size)
+    experiment = SimpleNamespace(name="a", time=TIME, inputs={"force": noisy})
     noise = {"voltage": Noise(1e-4, 0.0, lines=(0.18, 0.2, 0.21), step=1.0)}
     answers = SimpleNamespace(outputs=lambda values: [driven])
     study = SimpleNamespace(plant=plant, noise=noise, pieces=[piece], response=lambda ids, pieces: answers)
     named = SimpleNamespace(ids=(), fitted=SimpleNamespace(values={}))
+    recordings = SimpleNamespace(experiments=[experiment])
+    return cast(Discovery, SimpleNamespace(study=study, named=named, recordings=recordings))
+
+
+def test_a_wave_that_an_input_s_record_has_too_is_told_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A syringe pump's ripple of 26 Pa at 19 Hz beside noise of 35 Pa was something "that nobody recorded"."""
     monkeypatch.setattr(oscillations, "with_nuisances", lambda study, piece, answer: answer)
-    waves = oscillations.oscillations(SimpleNamespace(study=study, named=named))
-    assert [w.frequency for w in waves] == pytest.approx([0.2] * told, abs=3e-3)
+    (wave,) = oscillations.oscillations(found(STEADY, NOTHING, STEPS, STEPS + STEADY))
+    assert wave.recorded == ("force",)

@@ -262,7 +262,8 @@ def _times_left(found: Discovery, name: str, other: str) -> float:
 
 def oscillating(outcome: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The oscillations of the readings that no recorded input drives."""
-    return [wave for sensor in outcome["noise"]["sensors"].values() for wave in sensor["oscillations"]]
+    sensors = outcome["noise"]["sensors"].values()
+    return [wave for sensor in sensors for wave in sensor["oscillations"] if not wave.get("recorded")]
 
 
 def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:

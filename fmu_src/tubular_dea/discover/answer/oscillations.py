@@ -7,13 +7,15 @@ with it, an input drives it, and the residual is what the model misses of that.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...identify.records.experiment import Experiment
 from ...identify.signals.sampling import usual_step
 from ...identify.study.nuisances import with_nuisances
-from ...identify.study.study import Study
+from ...identify.study.study import Piece, Study
 from ..engine import Discovery
 
 Record = tuple[str, np.ndarray, np.ndarray]  # a piece's name, its times [s] and residual, each (n,)
@@ -38,11 +40,15 @@ STEADY = 0.5  # [1] of its amplitude in the whole record that it has there at le
 
 @dataclass(frozen=True)
 class Oscillation:
-    """An oscillation of `frequency` [Hz] in the output `output`; its amplitude (SI) by the names of the pieces."""
+    """An oscillation of `frequency` [Hz] in the output `output`; its amplitude (SI) by the names of the pieces.
+
+    `recorded` are inputs that oscillate with it in their records, but by so little that it was taken for their noise.
+    """
 
     output: str
     frequency: float
     amplitudes: dict[str, float]
+    recorded: tuple[str, ...] = ()
 
     @property
     def largest(self) -> tuple[str, float]:
@@ -80,8 +86,23 @@ def oscillations(found: Discovery) -> list[Oscillation]:
             told_in = {n for n, e in errors.items() if amplitudes[n] > max(LINE_TOLD * e, follows[n])}
             seen = [r for r in records if r[0] in told_in and _by_itself(study, fine, amplitudes[r[0]], r)]
             if any(_steady(fine, times, residual) for _, times, residual in seen):
-                told.append(Oscillation(output, fine, amplitudes))
+                told.append(Oscillation(output, fine, amplitudes, _recorded(found, fine, [name for name, *_ in seen])))
     return told
+
+
+def _recorded(found: Discovery, frequency: float, names: Sequence[str]) -> tuple[str, ...]:
+    """The inputs whose records oscillate too, in all of the pieces with these names, beyond what drives the model."""
+    experiments = {e.name: e for e in found.recordings.experiments}
+    there = [(p, experiments[p.source]) for p in found.study.pieces if p.name in names and p.source in experiments]
+
+    def oscillates(name: str, piece: Piece, experiment: Experiment) -> bool:
+        inside = (experiment.time >= piece.case.protocol.time[0]) & (experiment.time <= piece.case.protocol.time[-1])
+        times = experiment.time[inside]
+        lost = experiment.inputs[name][inside] - piece.case.protocol.at(times)[name]
+        return abs(_wave(frequency, times, lost)) > LINE_TOLD * float(np.std(lost)) * np.sqrt(WINDOW / times.size)
+
+    inputs = [s.name for s in found.study.plant.inputs]
+    return tuple(n for n in inputs if there and all(oscillates(n, p, e) for p, e in there))
 
 
 def _by_itself(study: Study, frequency: float, amplitude: float, record: Record) -> bool:

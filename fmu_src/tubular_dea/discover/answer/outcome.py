@@ -113,7 +113,7 @@ def _noise(found: Discovery, waves: Sequence[Oscillation]) -> dict[str, Any]:
             "correlation": noise.neighbours,
             "hum_hz": list(noise.hum),
             "oscillations": [
-                {"hz": w.frequency, "amplitude": w.largest[1], "largest_in": w.largest[0]}
+                {"hz": w.frequency, "amplitude": w.largest[1], "largest_in": w.largest[0], "recorded": list(w.recorded)}
                 for w in waves
                 if w.output == name
             ],

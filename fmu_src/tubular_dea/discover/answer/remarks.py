@@ -11,6 +11,7 @@ from ...identify.study.remembered import at_corners
 from ...identify.study.study import Piece, Study
 from ...model.effect import Effect
 from ...model.units import in_words
+from ...recordings.table import either
 from ..engine import Discovery
 from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
@@ -230,6 +231,12 @@ def _unit(effect: Effect, parameter: str) -> str:
 def _swinging(found: Discovery, wave: Oscillation) -> str:
     q, (name, amplitude) = found.study.plant.quantity(wave.output), wave.largest
     reading = next(o.headings[0] for o in found.study.plant.outputs if o.name == wave.output)
+    if wave.recorded:
+        return (
+            f"The {reading} oscillates at {wave.frequency:.4g} Hz by up to {q.in_words(amplitude)}, most in {name}, as "
+            f"the record of {either(wave.recorded)} does, by so little that it was taken for noise there: that is in "
+            "no model's answer, and is no effect."
+        )
     return (
         f"The {reading} oscillates at {wave.frequency:.4g} Hz, which no recorded input does, by up to "
         f"{q.in_words(amplitude)}, most in {name}. Look for something that runs at this "
