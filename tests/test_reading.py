@@ -603,7 +603,7 @@ def test_two_columns_that_may_be_a_signal_are_told(tmp_path: Path) -> None:
     ("label", "times", "words"),
     [
         ("mbar", 1e2, "the largest value is 8077.5 mbar; expected at most 1000 mbar: Pa labelled mbar?"),
-        ("psi", 1.0, "80.775 psi; expected at most 14.5038 psi: mmHg, mbar or kPa labelled psi?"),
+        ("psi", 1.0, "80.775 psi; expected at most 14.5038 psi: mmHg or mbar or kPa labelled psi?"),
     ],
 )
 def test_a_label_is_doubted_in_the_unit_of_the_file(tmp_path: Path, label: str, times: float, words: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from ..identify.records import checks, columns, labels, start
 from ..identify.signals import monitors, sampling
 from ..model import units
-from ..recordings import cells, layout, text
+from ..recordings import cells, layout, table, text
 
 
 def vocabulary() -> dict[str, Any]:
@@ -26,6 +26,7 @@ def vocabulary() -> dict[str, Any]:
         "prose": text.PROSE,
         "quoted": text.QUOTED,
         "often": text.OFTEN,
+        "few": table.FEW,
         "standstill": checks.STANDSTILL,
         "air": list(checks.AIR),
         "lively": checks.LIVELY,

@@ -186,7 +186,10 @@ def _single_files(declared: DeclaredAnswers) -> Iterator[str]:
 
 
 def _counted_from_elsewhere(declared: DeclaredAnswers, records: Sequence[Thinned], base: float) -> Iterator[str]:
-    """A sentence where all that is wrong with an output is from where it counts, and perhaps in which direction."""
+    """A sentence where all that is wrong with an output that has a value at rest is from where it counts, and perhaps
+    in which direction."""
+    if declared.output.rest is None:
+        return
     try:
         answers = [declared.answer(record) for record in records]
     except KernelError:

@@ -15,7 +15,7 @@ from ...model.units import NUMBER, UnitError, converted, is_unit
 from ...plants.plant import Output, Plant
 from ...recordings import Column, ReadError, Table
 from ...recordings.heading import name as plain
-from .labels import listed
+from ...recordings.table import either
 
 TRIGGER = "trigger"
 ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
@@ -284,13 +284,13 @@ def _missing(
     also = [f"'{other} [{units[other]}]'" for other in others] + [_wanted(plant, o, units) for o in outputs]
     said = [f"column '{name} [{units[name]}]' is missing", f"found {table.headings}"]
     if len(alike) > 1:
-        said.append(f"it may be {listed([f'{c.heading} (column {c.number})' for c in alike])}")
+        said.append(f"it may be {either([f'{c.heading} (column {c.number})' for c in alike])}")
     if name == "time":
         said.append("if there are no times, give [sampling] rate in bench.toml")
     elif not alike:
         said.append(f"if there was none, add a column '{name} [{units[name]}]' of zeros")
     problem = f"{table.heading_place}: {'; '.join(said)};"
-    too = f" missing too: {listed(also, 'and')};" if also else ""
+    too = f" missing too: {' and '.join(also)};" if also else ""
     renamed = f"{problem}{too} if it has another heading, write '{name} [{units[name]}]' there"
     which = {n: _which(table, n, units, ANY if n == name else "COLUMN") for n in [*missing, *outputs]}
     return ColumnError(f"{problem} if it has another name, say", which, renamed)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from ...model.units import converted, factor, is_unit, parse
+from ...recordings.table import either
 
 # Set by convention: units that laboratories write, by SI unit. Check: `pytest tests/test_reading.py -k label`
 USUAL: Mapping[str, tuple[str, ...]] = {
@@ -58,12 +59,7 @@ def likely(largest: float, least: float, most: float, usual: float, si: str, lab
     low, high = max(least, usual / FROM_USUAL), most if least else min(most, usual * FROM_USUAL)
     possible = [u for u, size in sizes.items() if low <= size <= high]
     units = sorted(possible, key=lambda u: abs(math.log(sizes[u] / usual)))
-    return f"{listed(units[:MOST_TOLD])} labelled {label}" if units else ""
-
-
-def listed(names: Sequence[str], last: str = "or") -> str:
-    """`a, b or c`, with the `last` word or another one."""
-    return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+    return f"{either(units[:MOST_TOLD])} labelled {label}" if units else ""
 
 
 def as_written(value: float, si: str, label: str) -> str:

@@ -82,8 +82,9 @@ function wantedHeadings(o, units) {
   return Object.keys(o.columns).map((n) => `'${n} [${units[n]}]'`).join(" or ");
 }
 
-function listed(names, last = "or") {
-  return [names.slice(0, -1).join(", "), ...names.slice(-1)].filter(Boolean).join(` ${last} `);
+/* Alternatives for a message, cut where they are many (recordings/table.py). */
+function either(texts, most = words.few) {
+  return [...texts.slice(0, most), ...(texts.length > most ? [`one of ${texts.length - most} more`] : [])].join(" or ");
 }
 
 /* All that a file lacks at once, and how it can be given. */
@@ -91,10 +92,10 @@ function whatIsMissing(table, columns, units, [name, ...others]) {
   const lacking = bench.outputs.filter((o) => o.required && !Object.keys(o.columns).some((h) => columns[h]));
   const also = [...others.map((n) => `'${n} [${units[n]}]'`), ...lacking.map((o) => wantedHeadings(o, units))];
   const alike = allIn(table, units[name], columns), said = [`column '${name} [${units[name]}]' is missing`, `found ${table.headings}`];
-  if (alike.length > 1) said.push(`it may be ${listed(alike.map((c) => `${c.heading} (column ${c.number})`))}`);
+  if (alike.length > 1) said.push(`it may be ${either(alike.map((c) => `${c.heading} (column ${c.number})`))}`);
   if (name === "time") said.push("if there are no times, give [sampling] rate in bench.toml");
   else if (!alike.length) said.push(`if there was none, add a column '${name} [${units[name]}]' of zeros`);
-  if (also.length) said.push(`missing too: ${listed(also, "and")}`);
+  if (also.length) said.push(`missing too: ${also.join(" and ")}`);
   return `${table.headingPlace}: ${said.join("; ")}; if it has another heading, write '${name} [${units[name]}]' there`;
 }
 
@@ -318,7 +319,7 @@ function likelyUnits(size, signal, label) {
   const low = Math.max(signal.least, signal.usual / fromUsual), high = Math.min(signal.most ?? Infinity, signal.least ? Infinity : signal.usual * fromUsual);
   const possible = (usual[signal.unit] ?? []).filter((unit) => unit !== label && low <= at(unit) && at(unit) <= high);
   const units = possible.sort((a, b) => Math.abs(Math.log(at(a) / signal.usual)) - Math.abs(Math.log(at(b) / signal.usual))).slice(0, told);
-  return units.length ? `${listed(units)} labelled ${label}` : "another unit, or a divider or gain left out";
+  return units.length ? `${either(units)} labelled ${label}` : "another unit, or a divider or gain left out";
 }
 
 function wrongUnit(values, name, signal, lines, label) {
