@@ -209,6 +209,18 @@ def test_the_nearest_of_several_head_lines_is_not_always_the_heading(tmp_path: P
     assert table.heading_line == 1
 
 
+def test_a_file_of_one_input_among_files_of_another_is_not_unlike(tmp_path: Path) -> None:
+    """An inflation beside steps of the voltage at a pressure that was held: "is its unit in this file right?"."""
+    time, random, tables = np.arange(0, 4, 0.01), np.random.default_rng(2), {}
+    for name in "abcd":
+        pressure = 12e3 * np.minimum(time / 3, 1) if name == "a" else 12e3 + 100 * np.sin(3 * time)
+        voltage = np.where((time > 1) & (time < 3) & (name != "a"), 5e3, 0.0)
+        radius = 0.015 + 2.5e-7 * pressure + 1e-3 * (voltage > 0) + 1e-5 * random.standard_normal(time.size)
+        read = pressure + 20 * random.standard_normal(time.size)
+        tables[name] = {"time [s]": time, "pressure [Pa]": read, "voltage [V]": voltage, "radius [m]": radius}
+    assert not [said for said in unusual.findings(read_recordings(tables)) if "spans" in said]
+
+
 def test_files_that_are_no_recordings_are_named(tmp_path: Path) -> None:
     """A protocol as a document and a picture lay beside the recordings, and nothing said that they were left out."""
     folder = tmp_path / "data"

@@ -19,6 +19,7 @@ from ..recordings.table import moving
 # tests/test_recordings.py -k odd`
 FACTOR = 100.0  # [1] times its declared size that a signal is too large or too small for its unit
 UNLIKE = 10.0  # [1] times what it spans in the other files, and more than what answers it, that one signal spans
+HELD = 0.5  # [1] share of what another input spans in the other files, below which it is that which drives these
 TAILS = 0.005  # [1] share of the samples at either end of what it spans, of which a few may be spikes
 ELSEWHERE = 2.0  # [1] times what an input spans in all other files together, that it lies beyond them in one
 KELVIN = 273.15  # [K] that a temperature is off where degC and K are confused
@@ -154,8 +155,9 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
             beside = [r[a][file] for r in (ratios, rates) for a in answers if file in r.get(a, {})]
             larger = min(ratio, whole[name][file]) > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
             smaller = max(ratio, whole[name][file]) < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
-            driven = name in inputs and any(file in ratios[n] for n in inputs if n != name)  # by another, as it may be
-            if larger or (smaller and not driven):
+            others = [ratios[n].get(file, 0.0) for n in inputs if n != name] if name in inputs else []
+            driven = any(others)  # by another input, as it may be; or the other files are, that hold this one
+            if (larger and min(others, default=1.0) > HELD) or (smaller and not driven):
                 yield (
                     f"{file}: {name} spans {ratio:.2g} times what it spans in the other files, and "
                     f"{' and '.join(answers)} no such multiple: is its unit in this file right?"
