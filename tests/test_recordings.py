@@ -216,7 +216,7 @@ def test_a_file_of_one_input_among_files_of_another_is_not_unlike(tmp_path: Path
         pressure = 12e3 * np.minimum(time / 3, 1) if name == "a" else 12e3 + 100 * np.sin(3 * time)
         voltage = np.where((time > 1) & (time < 3) & (name != "a"), 5e3, 0.0)
         radius = 0.015 + 2.5e-7 * pressure + 1e-3 * (voltage > 0) + 1e-5 * random.standard_normal(time.size)
-        read = pressure + 20 * random.standard_normal(time.size)
+        read = pressure + 4 * random.standard_normal(time.size)
         tables[name] = {"time [s]": time, "pressure [Pa]": read, "voltage [V]": voltage, "radius [m]": radius}
     assert not [said for said in unusual.findings(read_recordings(tables)) if "spans" in said]
 
