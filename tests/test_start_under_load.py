@@ -50,6 +50,14 @@ def test_the_model_can_be_loaded_again(tmp_path: Path) -> None:
     described = read_model_description(str(next((out / "fmi2").glob("*.fmu"))))
     assert not [v.name for v in described.modelVariables if "off_at_start" in v.name]
     assert "off_at_start" in (out / "lab.html").read_text()  # where each recording is drawn from its own start
+    moved = {"start_at_equilibrium": 1.0, "sigma_vis1_off_at_start": -2e4}
+    off = td.simulate(model, pressure="8 kPa", voltage="0 V", parameters=moved)  # as the page copies it
+    settled = td.simulate(model, pressure="8 kPa", voltage="0 V", parameters={"start_at_equilibrium": 1.0})
+    assert off["measured_displacement"].max() > settled["measured_displacement"].max() + 1e-5
+    saved = json.loads((out / "model.json").read_text())
+    saved["parameters"]["sigma_vis1_off_at_start"] = {"value": -2e4, "unit": "Pa"}
+    (tmp_path / "from_the_page.json").write_text(json.dumps(saved))
+    assert td.load(tmp_path / "from_the_page.json").parameter_values()["sigma_vis1_off_at_start"] == -2e4
     run = td.simulate(model, pressure="8 kPa", voltage="0 V")
     published = td.simulate(PLANT, pressure="8 kPa", voltage="0 V")
     assert run["measured_displacement"][-1] == pytest.approx(published["measured_displacement"][-1], rel=0.02)

@@ -14,9 +14,9 @@ from ..discover.answer import between_files, outcome
 from ..errors import list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
-from ..identify.records.start import loosened
 from ..identify.study.study import Piece
 from ..model.declare import Model
+from ..model.starts import loosened
 from ..plants.saved import as_json
 from . import tables
 from .ended import recorded

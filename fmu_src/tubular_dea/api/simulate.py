@@ -15,6 +15,7 @@ from ..files import write_atomically
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
 from ..kernel.checks import check_protocol, doubles
 from ..model.declare import Model, Quantity, nearest
+from ..model.starts import started
 from ..model.units import factor, three
 from ..plants.load import shipped_of
 from ..plants.plant import Input, Plant
@@ -185,7 +186,7 @@ def simulate(
 
     Source: Rodas5P of G. Steinebach, BIT Numer. Math. 63 (2023) 27, the integrator that the FMUs have.
     """
-    chosen = model_of(model, plant)
+    chosen = started(model_of(model, plant), parameters if isinstance(parameters, Mapping) else ())
     named = {**inputs, **signals} if isinstance(inputs, Mapping) else signals
     timed = None if isinstance(inputs, Mapping) else inputs
     # What was given is judged before what was not: who mistyped a value should not be told of the next one first.

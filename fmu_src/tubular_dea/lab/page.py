@@ -28,6 +28,7 @@ from ..model.declare import Model
 from ..model.delays import undelayed
 from ..model.effect import Effect, with_effects
 from ..model.patients import PATIENTS
+from ..model.starts import started
 from ..model.windkessel import patient
 from ..plants.plant import Input, Output, Plant
 from ..plants.tube import PLANT
@@ -147,7 +148,8 @@ class _Models:
     def of(cls, content: Content) -> _Models:
         plant = content.plant
         missing = [name for name in plant.catalogue if name not in content.model.effects]
-        declared = with_effects(plant.model, content.model.effects, plant.catalogue)
+        plain = with_effects(plant.model, content.model.effects, plant.catalogue)
+        declared = started(plain, content.model.parameter_values())  # of the same parameters in the same order
         parts = heart_models(paced=True, tube=declared) if is_tube(declared) else {}
         shown = with_effects(content.model, missing, plant.catalogue)
         return cls(shown, declared, with_effects(declared, missing, plant.catalogue), parts)

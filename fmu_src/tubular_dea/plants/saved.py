@@ -21,6 +21,7 @@ from ..errors import UserError
 from ..files import read_whole
 from ..model.declare import DeclarationError, Model, nearest
 from ..model.effect import with_effects
+from ..model.starts import started
 from ..model.units import UnitError, factor
 from .load import PLANT, SHIPPED, shipped, shipped_of
 from .plant import Plant
@@ -72,7 +73,9 @@ def load(path: Path, plant: Plant | None = None) -> Model:
         model = with_effects(base.model, effects, base.catalogue)
     except DeclarationError as problem:
         raise ModelFileError(f"{path}: {problem}") from None
-    return model.with_values(_values(path, model, content.get("parameters", {})))
+    given = content.get("parameters", {})
+    model = started(model, given if isinstance(given, dict) else ())
+    return model.with_values(_values(path, model, given))
 
 
 def _base(path: Path, name: Any, file: str, plant: Plant | None) -> Plant:

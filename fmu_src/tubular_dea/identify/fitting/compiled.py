@@ -21,8 +21,8 @@ from ...errors import UserError
 from ...kernel import Kernel
 from ...model.declare import Model, unchecked
 from ...model.effect import Effect, added
+from ...model.starts import loosened, unknowns
 from ...plants.plant import Plant
-from ..records.start import loosened, unknowns
 from ..threads import side_by_side
 
 Ids = tuple[str, ...]

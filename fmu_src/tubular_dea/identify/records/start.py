@@ -15,7 +15,6 @@ seldom begins with the plant. When it began is one of the record's own numbers t
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -24,7 +23,7 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from ...laws.places import Path
-from ...model.declare import Model, Parameter, Quantity
+from ...model.starts import unknowns
 from ...plants.plant import Input, Plant
 from .experiment import RESTED, UNKNOWN, Experiment, Recordings
 
@@ -241,31 +240,6 @@ def _may_be_off(plant: Plant, name: str) -> bool:
     return any(isinstance(p, Path) and p.name == name and p.asks("offset") for p in plant.places)
 
 
-def loosened(model: Model) -> Model:
-    """The model with a parameter for every state by which it may be off at the start, 0 by default.
-
-    The unknown of an equilibrium curve has none: it follows from the first inputs; nor has a state whose start is an
-    unknown of every record anyway. States that have one keep it.
-    """
-    known, sought = {p.quantity.name for p in model.parameters}, unknowns(model)
-    states, parameters = [], []
-    for state in model.states:
-        q = state.quantity
-        if off_name(q.name) in known or off_name(q.name) not in sought:
-            states.append(state)
-            continue
-        off = Quantity(off_name(q.name), q.unit, f"By how much {q.name} is off at the start", 0.0, nominal=q.nominal)
-        parameters.append(Parameter(off))
-        settled = None if state.equilibrium is None else state.equilibrium + off.symbol
-        states.append(dataclasses.replace(state, start=state.start + off.symbol, equilibrium=settled))
-    return dataclasses.replace(model, states=tuple(states), parameters=(*model.parameters, *parameters))
-
-
-def off_name(state: str) -> str:
-    """The parameter by which a state is off at the start."""
-    return f"{state}_off_at_start"
-
-
 def anywhere(plant: Plant) -> bool:
     """Whether every state of a plant starts free in each record: then what effects add has no known start either."""
     return bool(plant.each_start) and not unknowns(plant.model)
@@ -276,11 +250,3 @@ def is_loose(recordings: Recordings, experiment: Experiment) -> bool:
     bench.toml does not say that it rested."""
     begun = recordings.begun_by(experiment)
     return begun.start == UNKNOWN or (not begun.start_said and anywhere(recordings.plant))
-
-
-def unknowns(model: Model) -> dict[str, float]:
-    """The parameters of an unknown start, with their usual sizes (SI)."""
-    curve = model.curve.unknown if model.curve else None
-    free = {p.quantity.symbol for p in model.parameters if p.start == "each"}
-    off = [s.quantity for s in model.states if s.quantity.name != curve and s.start not in free]
-    return {off_name(q.name): q.nominal for q in off}

@@ -11,6 +11,7 @@ from ...errors import ArgumentError, UserError
 from ...kernel import KernelError
 from ...model.declare import nearest
 from ...model.effect import Effect
+from ...model.starts import loosened
 from ...plants.plant import Input, Output, Plant
 from ...protocol import Protocol
 from ..fitting.cases import Case, Reading
@@ -23,7 +24,7 @@ from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.checks import at_limit
 from ..records.experiment import RESTED, Experiment, Recordings
-from ..records.start import MOVED, ZEROS, is_loose, loosened, may_be_filtered, zeroed
+from ..records.start import MOVED, ZEROS, is_loose, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.monitors import COLOURED
 from ..signals.noise import Noise

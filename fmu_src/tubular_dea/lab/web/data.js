@@ -206,17 +206,17 @@ function shownExperiment() {
 function dataCommand() {
   const e = shownExperiment();
   if (!e) return ["tubular-dea lab", ...plantOption(), ...modelOption(), "--data DATA --out lab.html"].join(" ");
-  const begins = Object.entries(ownStart(e)).map(([name, value]) => ` --set ${name}=${value}`).join("");
-  const atRest = (e.start === "equilibrium" && facts.all.curve ? ` --set ${facts.all.curve.switch}=true` : "") + begins;
+  const own = ownStart(e), atRest = e.start === "equilibrium" && facts.all.curve && !(facts.all.curve.switch in own) ? { [facts.all.curve.switch]: true } : {};
+  const begins = Object.entries({ ...atRest, ...own }).map(([name, value]) => ` --set ${name}=${value}`).join("");
   return [`cat > model.json <<'END'\n${modelFile()}END`, `cat > inputs.csv <<'END'\n${tableOf(e.drive)}\nEND`,
-    `tubular-dea simulate ${[...plantOption(), "--model model.json"].join(" ")} --inputs inputs.csv --interval ${Number(median(e.time.subarray(1).map((t, i) => t - e.time[i])).toPrecision(6))}${atRest} --out run`].join("\n");
+    `tubular-dea simulate ${[...plantOption(), "--model model.json"].join(" ")} --inputs inputs.csv --interval ${Number(median(e.time.subarray(1).map((t, i) => t - e.time[i])).toPrecision(6))}${begins} --out run`].join("\n");
 }
 
 function dataPython() {
   const e = shownExperiment(), effects = [...facts.tube.effects, ...state.data.on], values = dataValues();
   const own = new Set(facts.effects.filter((f) => !effects.includes(f.id)).flatMap((f) => f.parameters));
-  const added = new Set(facts.effects.filter((f) => state.data.on.includes(f.id)).flatMap((f) => f.parameters)); // else of usual size
-  const changed = Object.fromEntries(facts.all.parameters.filter((q) => added.has(q.name) || (!own.has(q.name) && values[q.name] !== (q.value ?? 0))).map((q) => [q.name, values[q.name]]));
+  const added = new Set(facts.effects.filter((f) => state.data.on.includes(f.id)).flatMap((f) => f.parameters)); // else of usual size; what was identified is in no plant
+  const changed = Object.fromEntries(facts.all.parameters.filter((q) => added.has(q.name) || (!own.has(q.name) && (facts.modelFile || values[q.name] !== (q.value ?? 0)))).map((q) => [q.name, values[q.name]]));
   Object.assign(changed, ownStart(e));
   if (e?.start === "equilibrium" && facts.all.curve) changed[facts.all.curve.switch] = 1;
   const plant = facts.plantFile ? `, ${JSON.stringify(facts.plantFile)}` : "", name = JSON.stringify(e?.name ?? "NAME");
