@@ -236,7 +236,7 @@ def test_a_flow_counts_where_it_covers_whole_beats(tmp_path: Path) -> None:
         np.savetxt(short, np.column_stack([time, flow / ML])[:part], "%.7g", ",", header="t [s],Q [mL/s]", comments="")
         beats.append(average(read_signals(whole, short), "p"))
     assert np.allclose(beats[0].flow, beats[1].flow, atol=ML)
-    assert beats[0].remarks == ("The pressure is read from 'druck', the only column in a unit of its kind.",)
+    assert beats[0].remarks == ("The pressure is read from 'Druck', the only column in a unit of its kind.",)
     assert beats[1].remarks[1:] == ("The flow covers 5 of these beats.",)
     np.savetxt(short, np.column_stack([time, flow / ML])[:60], "%.7g", ",", header="t [s],Q [mL/s]", comments="")
     with pytest.raises(PatientRecordError, match="the flow covers 0 whole beats of the pressure's .* or leave it out"):
