@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from lab_page import BENCH, BROWSER, DRIVER, Page
+from lab_page import BENCH, Page, opened
 
 from tubular_dea.cli import main
 
@@ -28,11 +28,7 @@ def downloads(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def chromium(lab_file: Path, downloads: Path) -> Iterator[Page]:
     """One browser for all tests."""
-    pytest.importorskip("selenium", reason="the test extra brings selenium")
-    if not BROWSER or not DRIVER:
-        pytest.skip("chromium and its driver are not installed (apt-get install chromium chromium-driver)")
-    page = Page(lab_file, downloads)
-    page.size(1280)
+    page = opened(lab_file, downloads)
     yield page
     page.driver.quit()
 

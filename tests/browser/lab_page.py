@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 BENCH = Path(__file__).parents[2] / "cosim_examples" / "data" / "bench"
 SHOTS = Path(os.environ.get("TUBULAR_DEA_SHOTS", Path(__file__).parents[2] / "build" / "screenshots"))
@@ -130,3 +131,13 @@ def table(path: Path) -> dict[str, np.ndarray]:
         rows = list(csv.reader(file))
     values = np.array(rows[1:], float)
     return {heading.partition(" [")[0]: values[:, i] for i, heading in enumerate(rows[0])}
+
+
+def opened(path: Path, downloads: Path) -> Page:
+    """The page of a file in a browser of its own; the test is skipped where there is none."""
+    pytest.importorskip("selenium", reason="the test extra brings selenium")
+    if not BROWSER or not DRIVER:
+        pytest.skip("chromium and its driver are not installed (apt-get install chromium chromium-driver)")
+    page = Page(path, downloads)
+    page.size(1280)
+    return page

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lab_page import BROWSER, DRIVER, Page, commands, python, table
+from lab_page import Page, commands, opened, python, table
 
 from test_start_under_load import loaded
 from tubular_dea.cli import main
@@ -15,13 +15,9 @@ from tubular_dea.cli import main
 @pytest.fixture(scope="module")
 def closed(tmp_path_factory: pytest.TempPathFactory) -> Page:
     """The page that `close-loop` writes, in a browser of its own."""
-    pytest.importorskip("selenium", reason="the test extra brings selenium")
-    if not BROWSER or not DRIVER:
-        pytest.skip("chromium and its driver are not installed (apt-get install chromium chromium-driver)")
     folder = tmp_path_factory.mktemp("loaded")
     assert main(["close-loop", str(loaded(folder / "data")), "--out", str(folder / "out")]) == 0
-    page = Page(folder / "out" / "lab.html", folder)
-    page.size(1280)
+    page = opened(folder / "out" / "lab.html", folder)
     yield page
     page.driver.quit()
 

@@ -125,6 +125,16 @@ class Output:
         """All names under which it may stand in a file, the usual one first."""
         return tuple(self.columns) or (self.name,)
 
+    @property
+    def change(self) -> str:
+        """The heading of its change, from whose numbers nothing is subtracted; the usual one where there is none."""
+        return next((h for h, parameter in self.columns.items() if not parameter), self.headings[0])
+
+    @property
+    def size_at_rest(self) -> str:
+        """The parameter that is subtracted under one of its headings; "" where there is none."""
+        return next((parameter for parameter in self.columns.values() if parameter), "")
+
 
 @dataclass(frozen=True)
 class Exchange:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...kernel import KernelError
 from ...model.units import converted, three
-from ...plants.plant import Output, Plant
+from ...plants.plant import Plant
 from ...protocol import Protocol
 from ..records.experiment import RESTED, Experiment, Recordings
 from ..records.labels import matching
@@ -210,8 +210,8 @@ def _from_elsewhere(
     """The question whether an output is a distance, say, that reads so much `at_rest` (SI)."""
     output, si = declared.output, declared.plant.quantity(declared.output.name).unit
     unit = declared.label(record, output.name) or si
-    number, without = f"{converted(at_rest, si, unit):.5g}", _without_zero(output)
-    size = next((parameter for parameter in output.columns.values() if parameter), "")
+    number, without = f"{converted(at_rest, si, unit):.5g}", output.change
+    size = output.size_at_rest
     hint = f"if that is its size, set {size} in bench.toml, or else" if sign > 0 and size else "if so,"
     return (
         f"is {declared.name(output.name)} a distance from elsewhere, which {grows} as the {without} grows and "
@@ -219,11 +219,6 @@ def _from_elsewhere(
         f"{_percent(missed[0])} of these records (rms), else {_percent(missed[1])}; {hint} say --columns "
         f"'{without}=COLUMN[{sign:g} {unit} from {number}]'"
     )
-
-
-def _without_zero(output: Output) -> str:
-    """The heading of an output from whose numbers nothing is subtracted."""
-    return next((h for h, parameter in output.columns.items() if not parameter), output.headings[0])
 
 
 def from_best_start(plant: Plant, at: Callable[[Mapping[str, float]], np.ndarray], seen: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def output(
         yield from constant(values, name, there, "the output moves")
     if not rests and not _may_stand_still(plant, signal):
         yield from _standstill(values, name, there)
-    parameter = next((p for p in signal.columns.values() if p), "")
+    parameter = signal.size_at_rest
     if signal.rest is not None and parameter:
         yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter), label)
 
@@ -252,7 +252,6 @@ def _below_rest(
 
 def _turned(signal: Output, unit: str, rest: float | None) -> str:
     """How to say that an output counts the other way, from what it reads at `rest` (None: not known)."""
-    change = next((heading for heading, parameter in signal.columns.items() if not parameter), signal.name)
     reading = "READING_AT_REST" if rest is None else f"{rest:g}"
     counted = f"-1 {unit} from {reading}" if rest != 0 else f"-1 {unit}"
-    return f'; if it counts the other way, write {change} = "COLUMN [{counted}]" below [columns] there'
+    return f'; if it counts the other way, write {signal.change} = "COLUMN [{counted}]" below [columns] there'

@@ -328,7 +328,7 @@ def _unclear(
 
 def _no_size(column: Column, output: Output, plant: Plant) -> str:
     """Why the only column that an output may be was not taken for it; "" where its size says nothing."""
-    rest = next((p for p in output.columns.values() if p), "")
+    rest = output.size_at_rest
     if not rest:
         return ""
     size, middle = plant.quantity(rest), float(np.nanmedian(column.values))

@@ -413,7 +413,7 @@ function belowRest(values, name, lines, rest, signal, parameter, label) {
   const lowest = smooth.indexOf(smallest(smooth));
   if (smooth[lowest] >= rest - 0.05 * q.value) return [];
   const wanted = Object.entries(signal.columns).slice(0, 2).map(([heading, p]) => `a ${repr(heading)} that starts at ${p ? q.name : 0}`).join(" or ");
-  const [low, high, zero] = convertedUnit([smooth[lowest], largest(smooth), rest], q.unit, label), change = Object.keys(signal.columns).find((h) => !signal.columns[h]) ?? signal.name;
+  const [low, high, zero] = convertedUnit([smooth[lowest], largest(smooth), rest], q.unit, label), change = Object.keys(signal.columns).find((h) => !signal.columns[h]) ?? Object.keys(signal.columns)[0];
   const from = zero - high >= high - low ? " from READING_AT_REST" : zero ? ` from ${g(zero)}` : "";
   const turned = zero - low > high - zero ? `; if it counts the other way, write ${change} = "COLUMN [-1 ${label}${from}]" below [columns] there` : "";
   return [`line ${lines[lowest + 4]}, column ${repr(name)}: ${g(low, 4)} ${label} is below the ${name} at rest, ${g(zero)} ${label}; expected ${wanted}, or set ${q.name} in bench.toml${turned}`];
