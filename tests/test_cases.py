@@ -104,8 +104,11 @@ class Parabola:
     def __init__(self, told: int) -> None:
         self.told = told
 
-    def residuals(self, x: np.ndarray) -> np.ndarray:
+    def residuals(self, x: np.ndarray, most_steps: float = np.inf) -> np.ndarray:
         return x**2 - 9.0
+
+    def most_steps(self) -> float:
+        return np.inf
 
     def linearised(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self.told -= 1

@@ -61,6 +61,11 @@ def test_simulate_warns_of_a_tube_that_runs_away(tmp_path: Path, capsys: pytest.
     assert "runs away" not in said.out
 
 
+def test_simulate_warns_of_a_field_that_no_elastomer_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("simulate", "--pressure", "95 mmHg", "--voltage", "7 kV", "--stop", "1", "--out", str(tmp_path)) == 0
+    assert "reaches 95.61 V/um: expected at most 80 V/um" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", ["simulate", "build", "atlas", "handbook", "lab", "identify", "close-loop"])
 def test_help_calls_the_plant_what_it_is(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):

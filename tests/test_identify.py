@@ -17,6 +17,7 @@ from blind import bench, coverage
 from tubular_dea.api import identify as estimates
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
+from tubular_dea.discover.scores.parameters import base_parameters
 from tubular_dea.identify.fitting.fit import Fit, fit, goodness, inverse
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
 from tubular_dea.identify.fitting.misfit import ResidualOverNoise, residual_over_noise
@@ -58,6 +59,17 @@ def test_jacobian_is_that_of_the_residuals(work: Study) -> None:
         step[i] = 3e-3
         slope = (problem.residuals(at + step) - problem.residuals(at - step)) / 6e-3
         assert np.linalg.norm(slope - jacobian[:, i]) < 0.02 * np.linalg.norm(jacobian[:, i])
+
+
+def test_a_model_that_rings_faster_than_is_sampled_is_not_followed(work: Study) -> None:
+    problem = work.problem((), base_parameters(work.plant), {})
+    usual = work.plant.model.parameter_values()
+    ringing = problem.scaled(usual | {"eta_o": 1e-4 * usual["eta_o"]})
+    problem.residuals(problem.scaled(usual))
+    assert problem.response.steps < 0.5 * problem.response.most_steps
+    assert np.all(np.isfinite(problem.residuals(ringing)))
+    assert problem.response.steps > problem.response.most_steps
+    assert np.all(np.isinf(problem.residuals(ringing, problem.response.most_steps)))
 
 
 def test_joint_fit_finds_the_tube_and_its_intervals_hold(work: Study, null: tuple[Path, bench.Tube]) -> None:
@@ -213,6 +225,7 @@ def test_a_model_file_that_means_nothing_is_refused(tmp_path: Path) -> None:
     for spoil, words in (
         ({"effects": ["friktion"]}, "friktion"),
         ({"parameters": {"C_9": 1.0}}, "C_9"),
+        ({"parameters": {}, "covariance": {"names": ["C_1"], "matrix": [[1.0]]}}, 'to have C_1, as "covariance"'),
         ({"parameters": {"C_1": {"value": 3.0, "unit": "V"}}}, "C_1"),
         ({"format": 7}, "format"),
     ):

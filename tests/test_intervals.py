@@ -25,7 +25,10 @@ class MadeUp(Problem):
     model: object = None
     record: np.ndarray = field(default_factory=lambda: np.empty(0))
 
-    def residuals(self, scaled):
+    def most_steps(self):
+        return np.inf
+
+    def residuals(self, scaled, most_steps=np.inf):
         return self.model(self.values(scaled)) - self.record
 
     def linearised(self, scaled, more=()):

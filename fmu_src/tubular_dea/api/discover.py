@@ -14,6 +14,7 @@ from ..discover.answer import between_files, outcome
 from ..errors import list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
+from ..identify.records.experiment import Recordings
 from ..identify.study.study import Piece
 from ..model.declare import Model
 from ..model.starts import loosened
@@ -22,7 +23,7 @@ from . import tables
 from .ended import recorded
 from .given import AnyPlant, whole
 from .identify import ParameterEstimate
-from .recordings import Data, asked, folder_of, recordings_of
+from .recordings import Data, findings_of, folder_of, recordings_of
 from .work import steps
 
 if TYPE_CHECKING:
@@ -226,8 +227,19 @@ def discover(
         found = engine.discover(recordings, tell, chosen, hold_out)
         tell("model and report")
         content = outcome.result(found)
-        content["remarks"] = [*(f"Asked before the search: {said}." for said in asked(recordings)), *content["remarks"]]
+        content["remarks"] = [*_asked_before(recordings), *content["remarks"]]
         return DiscoveryResult(outcome.final_model(found), found, content)
+
+
+MOST_TOLD = 6  # questions before the search that its result repeats
+
+
+def _asked_before(recordings: Recordings) -> list[str]:
+    """What was asked before the search, for whoever reads nothing but its result."""
+    questions = findings_of(recordings)
+    told = [f"Asked before the search: {said}." for said in questions[:MOST_TOLD]]
+    more = len(questions) - len(told)
+    return [*told, f"{more} more such questions: close-loop --dry-run lists them."] if more > 0 else told
 
 
 def _begun_alone(piece: Piece, model: Model) -> dict[str, float]:

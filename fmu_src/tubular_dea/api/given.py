@@ -87,7 +87,8 @@ def model_of(model: AnyModel, plant: AnyPlant | None = None, argument: str = "mo
 
 def tube_of(tube: AnyModel) -> Model:
     """The model of a tube; `ArgumentError` for another one."""
-    model, expected = model_of(tube, argument="tube"), named_plant("tube").name
+    plant = named_plant("tube")
+    model, expected = model_of(tube, plant, "tube"), plant.name
     if model.name != expected:
         where = f" {tube}" if isinstance(tube, str | Path) else ""
         raise ArgumentError("tube", f"{where}: expected a tube ({expected}) but it holds {model.name}")

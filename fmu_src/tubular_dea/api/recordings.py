@@ -94,7 +94,7 @@ class RecordingSet(Recordings):
 
     def findings(self) -> list[str]:
         """Units and signs that may be wrong, spikes, gaps, and files that are copies of others, as text."""
-        return [*asked(self), *unusual.findings(self)]
+        return [*self._asked, *unusual.findings(self)]
 
     def to_pandas(self) -> pandas.DataFrame:
         """All samples as a DataFrame over experiment and time [s]: inputs, and outputs as the model puts them out.
@@ -201,11 +201,10 @@ def recordings_of(data: Data, plant: AnyPlant) -> Recordings:
     return data if isinstance(data, Recordings) else read_recordings(data, plant)
 
 
-def asked(recordings: Recordings) -> list[str]:
-    """Questions about units, signs and exchanged columns, which the declared plant's answers raise, as text."""
-    if isinstance(recordings, RecordingSet):
-        return recordings._asked
-    return [*scales.findings(recordings), *signs.wrong_signs(recordings)]
+def findings_of(recordings: Recordings) -> list[str]:
+    """The findings in recordings, with what was computed before where they are a set."""
+    known = recordings if isinstance(recordings, RecordingSet) else recording_set(recordings)
+    return known.findings()
 
 
 def folder_of(recordings: Recordings) -> str:

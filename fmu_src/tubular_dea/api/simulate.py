@@ -15,6 +15,7 @@ from ..files import write_atomically
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
 from ..kernel.checks import check_protocol, doubles
 from ..model.declare import Model, Quantity, nearest
+from ..model.scheduler import FIELD_LIMIT
 from ..model.starts import started
 from ..model.units import factor, three
 from ..plants.load import shipped_of
@@ -207,7 +208,7 @@ def simulate(
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
-    remarks += tuple(_runs_away(found))
+    remarks += tuple(_runs_away(found) or _breaks_down(found))
     return SimulationResult(
         found.time,
         found.values,
@@ -316,6 +317,17 @@ def _runs_away(found: Trajectory) -> list[str]:
     if not beyond.any():
         return []
     return [f"the pressure passes the snap-through fold at {found.time[beyond][0]:.3g} s: the tube runs away there"]
+
+
+def _breaks_down(found: Trajectory) -> list[str]:
+    """Where a tube's field is more than the scheduler would allow it."""
+    largest = float(np.max(found.values.get("electric_field", np.zeros(1))))
+    if not largest > FIELD_LIMIT:
+        return []
+    return [
+        f"the electric field reaches {1e-6 * largest:.4g} V/um: expected at most {1e-6 * FIELD_LIMIT:g} "
+        "V/um, as the scheduler allows (field_limit), as elastomers break down"
+    ]
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

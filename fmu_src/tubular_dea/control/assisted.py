@@ -23,7 +23,11 @@ from ..sweep.models import assisted_heart
 # Beats until the last one is taken as the steady one: two more change the gain of a pulse by less than 0.05 %
 # (`pytest tests/test_optimum.py -k steady`).
 BEATS = 10
-TOLERANCE = 1e-6
+
+# Of 3000 random pulses the index of the best one errs by 5e-5 at most. With 1e-6, a step across the opening of a valve
+# is now and then accepted that should not be, and errs by 7e-3: a search for the best pulse is drawn to just these
+# (`pytest tests/test_optimum.py -k spike`).
+TOLERANCE = 1e-7
 ROWS = 64  # of a piece of work for one thread
 OPEN = 5e-6  # m3/s: aortic flow of ejection, as in cosim.beats
 

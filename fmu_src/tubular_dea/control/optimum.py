@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import UserError
 from ..model.declare import Model
+from ..model.scheduler import FIELD_LIMIT
 from .assisted import TOLERANCE, AssistedHeart, Pulses
 
 Figures = dict[str, np.ndarray]
@@ -60,7 +61,7 @@ class Limits:
     """Of the tube: largest field [V/m], smallest margin to snap-through [Pa]. Of the amplifier: largest voltage [V],
     slew rate [V/s], current [A] into its load [F]. Of a pulse: longest one [s]."""
 
-    field: float = 80e6
+    field: float = FIELD_LIMIT
     margin: float = 10 * 133.322
     voltage: float = 10e3
     slew_rate: float = 1e6

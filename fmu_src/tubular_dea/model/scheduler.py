@@ -67,6 +67,7 @@ MARGIN = Quantity(
     "snap_through_margin", "Pa", "Pressure left before the tube snaps through", 1e5, nominal=1e4, display_unit="mmHg"
 )
 INPUTS = (R_WAVE, PRESSURE, FIELD, MARGIN)
+FIELD_LIMIT = 80e6  # V/m, beyond which no pulse begins
 
 
 QUANTITIES = (
@@ -83,7 +84,7 @@ QUANTITIES = (
     sized("dropout_factor", "1", "Predicted beats without R after which the rhythm is lost", 1.5, "", 1.05, 5.0),
     sized("premature_factor", "1", "Shorter intervals, in predicted beats, are premature", 0.8, "", 0.0, 1.0),
     sized("shortened", "1", "Length of the pulse of a premature beat, of a whole one", 0.5, "", 0.0, 1.0),
-    sized("field_limit", "V/m", "Largest field", 80e6, "", 1e5, 1e9, "V/um"),
+    sized("field_limit", "V/m", "Largest field", FIELD_LIMIT, "", 1e5, 1e9, "V/um"),
     sized("field_hysteresis", "V/m", "Below the limit by this the field is safe again", 10e6, "", 0.0, 1e9, "V/um"),
     sized("margin_limit", "Pa", "Smallest distance to the snap-through fold", 10 * MMHG, "", -1e5, 1e5, "mmHg"),
     sized(

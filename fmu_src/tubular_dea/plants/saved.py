@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,9 @@ def load(path: Path, plant: Plant | None = None) -> Model:
         raise ModelFileError(f"{path}: {problem}") from None
     given = content.get("parameters", {})
     model = started(model, given if isinstance(given, dict) else ())
-    return model.with_values(_values(path, model, given))
+    values = _values(path, model, given)
+    _check_covariance(path, content.get("covariance"), values)
+    return model.with_values(values)
 
 
 def _base(path: Path, name: Any, file: str, plant: Plant | None) -> Plant:
@@ -85,6 +88,10 @@ def _base(path: Path, name: Any, file: str, plant: Plant | None) -> Plant:
     found = shipped_of(name) if isinstance(name, str) and not file else None
     if found is not None:
         return found
+    if plant is not None and file:
+        raise ModelFileError(
+            f"{path}: expected a model of {plant.name} but found one of {name!r}, which is declared in {file}"
+        )
     if file:
         where = _beside(path, file)
         raise ModelFileError(
@@ -105,6 +112,17 @@ def _beside(path: Path, file: str) -> str:
         if found.is_file():
             return f"{found}:{name}" if name else str(found)
     return file
+
+
+def _check_covariance(path: Path, covariance: Any, values: Mapping[str, float]) -> None:
+    """Refuse a covariance of parameters whose values the file lacks: they were found together."""
+    names = covariance.get("names") if isinstance(covariance, dict) else None
+    missing = [n for n in names if n not in values] if isinstance(names, list) else []
+    if missing:
+        raise ModelFileError(
+            f'{path}: expected "parameters" to have {missing[0]}, as "covariance" has it: these values were found '
+            "together"
+        )
 
 
 def _values(path: Path, model: Model, given: Any) -> dict[str, float]:

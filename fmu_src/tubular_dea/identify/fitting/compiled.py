@@ -1,9 +1,9 @@
 """Models with effects, compiled: each combination once, several at a time.
 
 Compiling one model takes as long as several hundred thousand steps of the integrator. So for short records the
-candidates of a round share a few kernels, all off except the requested ones. Long records have a kernel for every
-combination. Effects with switching states, which shorten the integrator's steps, are kept from the others, and so are
-delays, which add points to the inputs.
+candidates of a round share a few kernels, all off except the requested ones. Where refits of long ones ask for
+sensitivities again and again, every combination has a kernel. Effects with switching states, which shorten the
+integrator's steps, are kept from the others, and so are delays, which add points to the inputs.
 """
 
 from __future__ import annotations
@@ -36,10 +36,15 @@ SHARED = 6  # [1] effects in one library for scores
 # Check: `python tests/benchmarks/first_run.py`
 SWITCHING = 3  # [1] effects that switch, in one library for scores on short records
 
+# Set by measurement: of a tube under load (14 000 samples) residuals and their derivatives take 150 to 170 ms where six
+# effects with dynamics share a kernel and 50 to 100 where those without share one, 15 to 25 in one each, and a refit
+# needs 20 to 40; to compile one takes a second, once. Check: `python tests/benchmarks/first_run.py`
+SHORT_POINTS = 5_000  # [1] samples (or points of inputs) up to which refits share kernels
+
 # Set by measurement: of the tanks a trajectory of 1023 steps takes 0.4 ms with one law in the kernel and 0.8 with all
 # 32 that have no dynamics, its sensitivities 0.7 and 2.6; to compile either takes 0.5 s. With all 38 of the silverbox,
 # the 344 000 points of one record took 3.2 s and not 0.05. Check: `python -m measured.table`
-FEW_POINTS = 20_000  # [1] samples (or points of inputs) up to which the candidates of a round share kernels
+FEW_POINTS = 20_000  # [1] the same up to which scores do so by kind
 MANY_POINTS = 100_000  # [1] the same from which on laws that switch are scored alone
 
 # Own dynamics of an effect: none, linear, a delay, else.
@@ -60,6 +65,7 @@ class Compiled:
         self.base = plant.model
         self.catalogue = plant.catalogue
         self._place = {name: i for i, name in enumerate(self.catalogue)}
+        self._short = points <= SHORT_POINTS
         self._few, self._many = points <= FEW_POINTS, points >= MANY_POINTS
         self._kernels: dict[Ids, Kernel] = {}
         self._gathered: list[Ids] = []
@@ -79,7 +85,7 @@ class Compiled:
 
     def gather(self, present: Ids, names: Iterable[str]) -> None:
         """Let models with one of `names` beside `present` share kernels from now on, where records are short."""
-        if not self._few:
+        if not self._short:
             return
         wanted = {*names}
         still, calm = (tuple(n for n in self._of(kind) if n in wanted) for kind in (STILL, CALM))
@@ -116,7 +122,7 @@ class Compiled:
             return {effect.id: kernel for effect, kernel in zip(effects, made, strict=True)}
         groups = self._groups(present)
         named = [self._ordered((*present, *group)) for group in groups]
-        if self._few and self._of(STILL):
+        if self._short and self._of(STILL):
             self._gathered.append(named[0])  # it has all without dynamics beside those present
         kernels = side_by_side(self._scorer, named)
         return {name: kernel for group, kernel in zip(groups, kernels, strict=True) for name in group}

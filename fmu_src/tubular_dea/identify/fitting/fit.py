@@ -137,6 +137,7 @@ def search(
     first = problem.residuals(start)
     if not np.all(np.isfinite(first)):
         return None
+    most = problem.most_steps()
     last: OptimizeResult | None = None
 
     def jacobian(x: np.ndarray) -> np.ndarray:
@@ -148,7 +149,7 @@ def search(
     try:
         with np.errstate(over="ignore"):  # an infinite cost is that of a step to be refused
             return least_squares(
-                lambda x: first if np.array_equal(x, start) else problem.residuals(x),
+                lambda x: first if np.array_equal(x, start) else problem.residuals(x, most),
                 start,
                 jac=jacobian,
                 bounds=problem.bounds(),

@@ -30,6 +30,12 @@ COLUMNS_TOGETHER = 4  # [1] columns of sensitivities that the kernel works on at
 # Set by judgement. Check: `python -m blind.score --singles 2 --seed 1000`
 LEAST_STEPS = 100_000  # [1] internal steps after which a search gives a trajectory up, at least
 
+# Set by measurement: models of tubes, tanks, drives and flows that others measured take 0.3 to 1.6. A lag that stands
+# for a viscosity leaves a ten-thousandth of that and takes 4.6: the model rings faster than is sampled.
+# Check: `python -m measured.table`, `pytest tests/test_identify.py -k rings`
+STEPS_SHOWN = 2.5  # [1] steps for every sample and point of inputs beyond which a model moves faster than these show
+CHEAP_STEPS = 20_000  # [1] steps that are always allowed: few samples may follow many a switch
+
 # Set by theory: squares of it are still numbers. Check: `pytest tests/test_plant_files.py -k runs_away`
 RUN_AWAY = 1e100  # [SI] that no plant reaches
 STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its inputs
@@ -52,6 +58,17 @@ class Response:
         self.shared = shared_trajectories(self.cases)
         self._driven: dict[int, Driven] = {}
         self._meshes: dict[int, tuple[dict[str, float], np.ndarray]] = {}
+
+    @property
+    def steps(self) -> int:
+        """The steps in which the integrator computed the last outputs."""
+        return sum(mesh.size for _, mesh in self._meshes.values())
+
+    @property
+    def most_steps(self) -> float:
+        """The steps of a model that moves as fast as the records can show, or that costs little."""
+        points = sum(s.times.size + s.case.protocol.time.size for s in self.shared)
+        return max(STEPS_SHOWN * points, CHEAP_STEPS)
 
     def of(self, cases: Sequence[Case]) -> Response:
         """The same model on other cases."""
