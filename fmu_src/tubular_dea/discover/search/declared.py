@@ -22,18 +22,19 @@ from ..options.refit import FIRST_STEPS, ROUGH_PRECISION, fit_effects, start_val
 from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
-from .rounds import FAINT_SCORE, MOST_REFITS, REFITS, Progress, Round, decided
+from .rounds import FAINT_SCORE, MOST_REFITS, REFITS, Progress, Round, decided, reach
 from .settle import as_read, fit_as_declared, iterated
 
 
 def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     """The first round with what scores best at the declared values begun there, if its base is far from the plant and
-    from these, starts were estimated with it, and nothing that begins there leaves noise alone. The search goes on with
-    the best one's own numbers."""
+    from these, starts were estimated with it, and nothing that begins there leaves noise alone, not even with the
+    records' own numbers taken anew. The search goes on with the best one's own numbers."""
     base, study = found.base, found.study
     started = any(study.unknown((), p) for p in study.pieces)
-    explained = not step.options or clean(step.options[0].lack_of_fit)
-    if explained or not (started and far(base) and lost(study.plant, base.fitted)):
+    if not (step.options and started and far(base) and lost(study.plant, base.fitted)):
+        return step
+    if clean(step.options[0].lack_of_fit) or clean(iterated(study, step.options[0])[1].lack_of_fit):
         return step
     tell("the same from the declared values")
     try:
@@ -80,4 +81,5 @@ def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study
         return None if one is None else iterated(own, one)
 
     first = sorted((b for b in side_by_side(begin, best) if b is not None), key=lambda b: b[-1].cost)
-    return [one for one in side_by_side(finish, first[:REFITS]) if one is not None]
+    near = [b for b in first[:REFITS] if b[-1].cost < reach(base.cost, first[0][-1].cost)]
+    return [one for one in side_by_side(finish, near) if one is not None]

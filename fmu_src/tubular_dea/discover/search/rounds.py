@@ -269,12 +269,11 @@ def _refits(
         return min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
 
     begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
-    best = min((f.cost for f in begun.values()), default=0.0)
-    reach = best + max(LEAST_REACH, REACH_SHARE * (chosen.fitted.cost - best))
+    most = reach(chosen.fitted.cost, min((f.cost for f in begun.values()), default=0.0))
 
     def finish(name: str) -> Option:
         together, fitted = (*chosen.ids, name), begun[name]
-        if fitted.cost < reach:
+        if fitted.cost < most:
             tell(f"refit with {name}")
             fitted = further(study, together, fitted, FULL_STEPS, chosen.refined)
         return option(study, together, fitted, chosen.refined)
@@ -285,6 +284,11 @@ def _refits(
     options = [*again, *(o for o in options if not any(o is w for w in shortlist))]
     first = max(options, key=lambda o: o.evidence, default=None)
     return sorted(side_by_side(lambda o: _from_best(study, o, first), options), key=lambda o: -o.evidence)
+
+
+def reach(before: float, best: float) -> float:
+    """The cost up to which refits that have begun go on, where the best one of them costs `best`."""
+    return best + max(LEAST_REACH, REACH_SHARE * (before - best))
 
 
 def _near(one: Option, best: Option) -> bool:

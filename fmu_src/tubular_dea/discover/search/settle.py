@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from ...identify.fitting.compiled import Ids
-from ...identify.fitting.fit import AGREE, Fit, described
+from ...identify.fitting.fit import AGREE, Fit, described, may_be_better
 from ...identify.study.adjust import MOST_SETTLES, adjusted
 from ...identify.study.study import Study, carried
 from ...kernel import KernelError
@@ -29,7 +28,9 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
     tried = [iterated(study, one)]
     study, one = tried[0]
     if not clean(one.lack_of_fit) and study.plant.restart:
-        tried += _begun(study, one, study.plant.restarts)
+        again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
+        if again is not None and may_be_better(again.fitted, one.fitted):
+            tried.append(iterated(study, again))
     if lost(study.plant, one.fitted):
         tried += _begun_as_declared(study, one)
     return min(tried, key=lambda settled: settled[1].misfit)
@@ -55,19 +56,13 @@ def fit_as_declared(study: Study, fitted: Fit) -> Fit | None:
 def _begun_as_declared(study: Study, one: Option) -> list[tuple[Study, Option]]:
     """The option fitted once more from the declared values, with nuisance parameters as these make them likely; nothing
     where a model with both those and the effects has no answer."""
-    declared = declared_values(study.plant, one.fitted)
-    values = one.fitted.values | declared
+    values = one.fitted.values | declared_values(study.plant, one.fitted)
     try:
         begun = adjusted(as_read(study, one.ids), one.ids, values, one.fitted.free, started=False)
     except KernelError:
         return []
-    return _begun(begun, one, declared)
-
-
-def _begun(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:
-    """The option fitted once more from other `values` (SI) of some parameters; nothing where that fails."""
-    again = fitted_option(study, one.ids, one.fitted.values | dict(values), one.refined)
-    return [] if again is None else [iterated(study, again)]
+    again = fitted_option(begun, one.ids, values, one.refined)
+    return [] if again is None else [iterated(begun, again)]
 
 
 def iterated(study: Study, one: Option) -> tuple[Study, Option]:
