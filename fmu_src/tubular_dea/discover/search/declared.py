@@ -22,7 +22,7 @@ from ..options.refit import FIRST_STEPS, ROUGH_PRECISION, fit_effects, start_val
 from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
-from .rounds import FAINT_SCORE, MOST_REFITS, REFITS, Progress, Round, decided, reach
+from .rounds import FAINT_SCORE, MOST_REFITS, REFITS, Progress, Round, decided, worth_finishing
 from .settle import as_read, fit_as_declared, iterated
 
 
@@ -81,5 +81,5 @@ def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study
         return None if one is None else iterated(own, one)
 
     first = sorted((b for b in side_by_side(begin, best) if b is not None), key=lambda b: b[-1].cost)
-    near = [b for b in first[:REFITS] if b[-1].cost < reach(base.cost, first[0][-1].cost)]
+    near = [b for b in first[:REFITS] if b[-1].cost < worth_finishing(base.cost, first[0][-1].cost)]
     return [one for one in side_by_side(finish, near) if one is not None]

@@ -269,7 +269,7 @@ def _refits(
         return min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
 
     begun = {name: fitted for name, fitted in zip(ids, side_by_side(begin, ids), strict=True) if fitted is not None}
-    most = reach(chosen.fitted.cost, min((f.cost for f in begun.values()), default=0.0))
+    most = worth_finishing(chosen.fitted.cost, min((f.cost for f in begun.values()), default=0.0))
 
     def finish(name: str) -> Option:
         together, fitted = (*chosen.ids, name), begun[name]
@@ -286,7 +286,7 @@ def _refits(
     return sorted(side_by_side(lambda o: _from_best(study, o, first), options), key=lambda o: -o.evidence)
 
 
-def reach(before: float, best: float) -> float:
+def worth_finishing(before: float, best: float) -> float:
     """The cost up to which refits that have begun go on, where the best one of them costs `best`."""
     return best + max(LEAST_REACH, REACH_SHARE * (before - best))
 
