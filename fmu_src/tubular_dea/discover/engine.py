@@ -19,7 +19,7 @@ from .alternatives.settled_start import started_at_equilibrium
 from .alternatives.unlike_files import Unlike, unlike_files
 from .experiments import next_experiment
 from .experiments.next_experiment import Proposal
-from .judgement import competitors, held_ratio, judge
+from .judgement import Judgement, competitors, held_ratio, judge
 from .options import acceptance, base, residuals
 from .options.options import Option, option
 from .recalibration import base_settled, recalibrated
@@ -28,6 +28,7 @@ from .scores.channels import Isolation
 from .scores.held_out import with_held_out
 from .scores.power import Sizes, detection_limits, needed
 from .search import second_output, selection
+from .search.restored import restored
 from .search.revision import Search, with_usual_sizes
 from .search.rounds import take_round
 
@@ -57,7 +58,8 @@ class Discovery:
     `repeated` is True where all records repeat one course at one operating point. `limits` are detection limits.
     `strained` are parameters of the plant that are implausible with the chosen effects, though they were not without
     them, or their declared values are good ones, where that is all that speaks against these; beside effects a gain
-    that no monitor has in some file, in words, is one of them. `turned` are outputs that seem to be counted the other
+    that no monitor has in some file, in words, is one of them; `restoring` are effects with which they would be
+    plausible where none was found. `turned` are outputs that seem to be counted the other
     way.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
@@ -82,6 +84,7 @@ class Discovery:
     limits: dict[str, Sizes] = field(default_factory=dict)
     held_at_first: tuple[str, ...] = ()
     strained: tuple[str, ...] = ()
+    restoring: dict[str, list[str]] = field(default_factory=dict)
     turned: Backwards | None = None
 
     @property
@@ -169,6 +172,7 @@ def discover(
         limits=_limits(found),
         held_at_first=() if other is None else tuple(p.name for p in prepared.held_out),
         strained=judged.strained,
+        restoring=_restoring(found, judged, tell),
         turned=turned,
     )
 
@@ -190,6 +194,14 @@ def _begun(
         pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
         work, fitted = recalibrated(replace(work, pieces=pieces), seed, False)
     return prepared, work, fitted
+
+
+def _restoring(found: Search, judged: Judgement, tell: Progress) -> dict[str, list[str]]:
+    """The effects with which parameters would be plausible that are not without any, and which."""
+    if judged.word != "no_effect" or not judged.strained:
+        return {}
+    tell(f"with which effect would {' and '.join(judged.strained)} be plausible?")
+    return restored(found.base_study, found.base, judged.strained)
 
 
 def _limits(found: Search) -> dict[str, Sizes]:

@@ -252,7 +252,15 @@ def _implausible(found: Discovery) -> list[str]:
         lacks = "unless that was a first guess, it compensates for something that the model lacks"
         why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
         said.append(f"{name} was fitted to {q.in_words(value)} (declared: {q.in_words(usual)}): {why}.")
-    return said
+    return [*said, *(_restoring(found, name, plausible) for name, plausible in found.restoring.items())]
+
+
+def _restoring(found: Discovery, name: str, plausible: Sequence[str]) -> str:
+    """That an effect may hide in parameters, which would be plausible with it."""
+    return (
+        f"With {name} ({found.study.catalogue[name].summary}), {' and '.join(plausible)} would be plausible, and as "
+        "much would be explained: these recordings do not tell whether it is there."
+    )
 
 
 def _as_declared(found: Discovery) -> list[str]:

@@ -38,7 +38,7 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
         return step
     tell("the same from the declared values")
     try:
-        tried = _begun(study, base, [o.ids[0] for o in step.options[:REFITS]])
+        tried = begun_as_declared(study, base, [o.ids[0] for o in step.options[:REFITS]])
     except KernelError:  # the model has no answer at its declared values
         return step
     best = {o.ids: (study, o) for o in step.options}
@@ -54,7 +54,7 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
     return replace(again, reason=f"{again.reason}, begun at the declared values with starts of its own")
 
 
-def _begun(study: Study, base: Option, known: Sequence[str]) -> list[tuple[Study, Option]]:
+def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> list[tuple[Study, Option]]:
     """The `known` candidates and those that score best at the declared values, with records' own numbers as these make
     them likely, begun where their scores say they are; each with its study. The best few after some steps are fitted
     until they converge."""
