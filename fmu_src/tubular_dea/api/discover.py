@@ -231,13 +231,13 @@ def discover(
         return DiscoveryResult(outcome.final_model(found), found, content)
 
 
-MOST_TOLD = 6  # questions before the search that its result repeats
+MOST_ASKED = 6  # questions before the search that its result repeats
 
 
 def _asked_before(recordings: Recordings) -> list[str]:
     """What was asked before the search, for whoever reads nothing but its result."""
     questions = findings_of(recordings)
-    told = [f"Asked before the search: {said}." for said in questions[:MOST_TOLD]]
+    told = [f"Asked before the search: {said}." for said in questions[:MOST_ASKED]]
     more = len(questions) - len(told)
     return [*told, f"{more} more such questions: close-loop --dry-run lists them."] if more > 0 else told
 

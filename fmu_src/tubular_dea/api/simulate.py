@@ -325,8 +325,8 @@ def _breaks_down(found: Trajectory) -> list[str]:
     if not largest > FIELD_LIMIT:
         return []
     return [
-        f"the electric field reaches {1e-6 * largest:.4g} V/um: expected at most {1e-6 * FIELD_LIMIT:g} "
-        "V/um, as the scheduler allows (field_limit), as elastomers break down"
+        f"the electric field reaches {1e-6 * largest:.4g} V/um: expected at most {1e-6 * FIELD_LIMIT:g} V/um, which is "
+        "what the scheduler allows (field_limit), lest the elastomer break down"
     ]
 
 

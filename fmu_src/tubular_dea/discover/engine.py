@@ -59,8 +59,7 @@ class Discovery:
     `strained` are parameters of the plant that are implausible with the chosen effects, though they were not without
     them, or their declared values are good ones, where that is all that speaks against these; beside effects a gain
     that no monitor has in some file, in words, is one of them; `restoring` are effects with which they would be
-    plausible where none was found. `turned` are outputs that seem to be counted the other
-    way.
+    plausible where none was found. `turned` are outputs that seem to be counted the other way.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 

@@ -18,7 +18,8 @@ from .marginal import Marginal
 from .response import Response
 
 # Set by measurement: a tube without pressure rings where it is not stretched, and takes 51 000 steps for 6000 samples
-# where a search starts, 82 000 where it ends. Check: `pytest tests/test_unusual_recordings.py -k without_pressure`
+# and points of inputs where a search starts, 82 000 where it ends.
+# Check: `pytest tests/test_unusual_recordings.py -k without_pressure`
 MORE_STEPS = 2.0  # [1] times the integrator's steps at its start that a search may take, where these are many
 
 # Set by judgement: 20 000 times the usual size, or a part of it. Check: `pytest tests/test_identify.py`
