@@ -47,6 +47,7 @@ def signals_beyond_noise(monkeypatch: pytest.MonkeyPatch) -> None:
 NEAR = made_up.option()
 FOUND = SimpleNamespace(study=SimpleNamespace(catalogue=PLANT.catalogue), verdict="no_effect", base=NEAR, named=NEAR)
 WHITE = {"blocks": 100.0, "limit": 0.2, "whiteness": 0.3}
+NO_FILES: dict[str, object] = {"unit": "m", "per_experiment": {}}
 
 
 def hidden(invisible: dict[str, dict[str, float | None]]) -> str:
@@ -238,7 +239,8 @@ def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(
     said = reservations.loud(found)
     assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
     assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
-    assert (in_short._nothing(found) == in_short.NOTHING) == quiet and said in in_short._nothing(found)
+    nothing = in_short._nothing(found, {"error": {"after": NO_FILES}})
+    assert (nothing == in_short.NOTHING) == quiet and said in nothing
 
 
 @pytest.mark.parametrize(("weight", "said"), [(1.0, False), (0.1, True)])
@@ -288,7 +290,7 @@ def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
         in_short._confidence(SimpleNamespace(verdict="no_effect", strained=("C_3",), chosen=made_up.option()))
         == in_short.HIDING
     )
-    outcome = {"effects": [], "verdict": "no_effect", "noise": {"sensors": {}}}
+    outcome = {"effects": [], "verdict": "no_effect", "noise": {"sensors": {}}, "error": {"after": NO_FILES}}
     (one,) = in_short._found(SimpleNamespace(strained=("C_3",)), outcome)
     assert "seen to be missing, but C_3 would be implausible" in one
 
@@ -541,7 +543,7 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
                 wandering=None,
                 strained=strained,
             ),
-            {"noise": {"sensors": {}}},
+            {"noise": {"sensors": {}}, "error": {"after": NO_FILES}},
         )
 
     two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
@@ -579,7 +581,9 @@ def test_nothing_is_missing_only_where_nothing_else_is_told(
         strained=(),
     )
     found.search = SimpleNamespace(withdrawn={}, rounds=[])
-    told = close_loop.headline(found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}})
+    told = close_loop.headline(
+        found, {"noise": {"sensors": {"flow": {"oscillations": waves}}}, "error": {"after": NO_FILES}}
+    )
     assert said in told and ("nothing is missing" in told) == (not waves and wandering is None and not little)
 
 
@@ -781,3 +785,18 @@ def test_a_report_is_written_where_the_base_has_no_answer(monkeypatch: pytest.Mo
     assert {name for one in drawn_residuals.answered(found.discovery) for name in one.models} == {"after"}
     without = close_loop.report(found.discovery, found.to_dict()).document()
     assert "flow_delay: the residual" in whole and "flow_delay: the residual" not in without
+
+
+@pytest.mark.parametrize(
+    ("slow", "errors", "said"),
+    [(11.8, (8.1, 8.0, 7.9, 20.2), True), (1.0, (8.1, 8.0, 7.9, 20.2), False), (11.8, (8.1, 8.0, 7.9, 9.0), False)],
+)
+def test_slow_noise_that_one_file_has_alone_is_not_called_nothing(
+    slow: float, errors: tuple[float, ...], said: bool
+) -> None:
+    """Electrodes that lose contact showed in the pulses of 5 kV alone, and the page said that nothing is missing."""
+    each = {f"rec{n}": {"rmse": 1e-6 * rms} for n, rms in enumerate(errors)}
+    state = SimpleNamespace(z_slow=slow, z_total=0.5)
+    found = SimpleNamespace(verdict="no_effect", strained=(), named=SimpleNamespace(lack_of_fit=state))
+    why = between_files.in_few_files(found, {"unit": "m", "per_experiment": each})
+    assert why == ("rec3 has an error of 20.2 um, the others of 8.05 um" if said else "")

@@ -7,7 +7,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from ..discover.answer.between_files import disagree, implausible_zero
+from ..discover.answer.between_files import disagree, implausible_zero, in_few_files
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
 from ..discover.answer.remarks import counted_backwards, unexplained_output
 from ..discover.answer.reservations import loud, still, thin
@@ -87,15 +87,8 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     others = ", or ".join(f"{other} in place of {'it' if one else name}" for name, other in alike.items())
     left = remainder(found)
     what = "" if left is None else _left_words(found, left)
-    if found.verdict == "no_effect" and found.wandering:
-        return "no effect is certain: a slowly drifting zero of the sensor explains what the model does not."
-    waves = oscillating(outcome)
-    if found.verdict == "no_effect" and waves:
-        lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
-        return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
-    little = found.verdict == "no_effect" and (thin(found) or loud(found))
-    if little:
-        return f"nothing is seen to be missing, but these recordings prove little: {little}."
+    if found.verdict == "no_effect" and (reserved := _reserved(found, outcome)):
+        return reserved
     if found.strained:
         return (STRAINED if found.chosen.ids else HIDING).format(names=names, strained=" and ".join(found.strained))
     if disagree(found) and found.unlike:
@@ -103,6 +96,19 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
     lacks = "seems to lack" if may_be_louder(found) else "lacks"
     words = WORDS[found.verdict]
     return words.format(names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks)
+
+
+def _reserved(found: Discovery, outcome: Mapping[str, Any]) -> str:
+    """What is said in place of that nothing is missing, where that is not certain; "" where it is."""
+    if found.wandering:
+        return "no effect is certain: a slowly drifting zero of the sensor explains what the model does not."
+    if waves := oscillating(outcome):
+        lines = " and ".join(f"{wave['hz']:.4g} Hz" for wave in waves)
+        return f"no effect of the catalogue is missing, but something that nobody recorded oscillates at {lines}."
+    if little := thin(found) or loud(found):
+        return f"nothing is seen to be missing, but these recordings prove little: {little}."
+    odd = in_few_files(found, outcome["error"]["after"])
+    return f"no effect of the catalogue is seen to be missing, but {odd}." if odd else ""
 
 
 def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:

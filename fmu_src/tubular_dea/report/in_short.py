@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..discover.answer.between_files import disagree
+from ..discover.answer import between_files
 from ..discover.answer.outcome import beyond_noise
 from ..discover.answer.remarks import not_named
 from ..discover.answer.reservations import hidden_by_noise, loud
@@ -61,6 +61,10 @@ DROWNED = (
     "show: a model is hardly tested by them. If an input is known better than that, state its noise under [noise] in "
     "bench.toml."
 )
+APART = (
+    "The residual is no larger than slow noise may be, but a few files have most of it, as noise would not. Something "
+    "may be missing that shows in these alone."
+)
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
@@ -88,6 +92,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("Summary")
     page.answers([("What was found?", list(_found(found, outcome)))])
     page.drawings([_errors(found, outcome)])
+    odd = between_files.in_few_files(found, outcome["error"]["after"])
     files = sorted({p.source for p in found.study.pieces})
     held = ", ".join(outcome["held_out"])
     apart = (
@@ -96,7 +101,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     questions = [
         (
             "How certain is it?",
-            [_confidence(found), *_driven(found, outcome), *_left(found, outcome), *_rivals(outcome)],
+            [APART if odd else _confidence(found), *_driven(found, outcome), *_left(found, outcome), *_rivals(outcome)],
         ),
         ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
@@ -108,7 +113,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _unknown(found: Discovery) -> str:
     """That something is missing, or seems to be."""
-    if disagree(found):
+    if between_files.disagree(found):
         return NO_ONE_MODEL
     return UNKNOWN.format(is_="seems to be" if may_be_louder(found) else "is")
 
@@ -120,7 +125,7 @@ def may_be_louder(found: Discovery) -> bool:
 
 def _confidence(found: Discovery) -> str:
     """How certain the verdict is."""
-    if disagree(found):
+    if between_files.disagree(found):
         return NO_MONITOR
     if found.verdict == "unexplained" and not _noise_known(found):
         return LOUDER if may_be_louder(found) else FAR_ABOVE.format(ratio=found.named.lack_of_fit.ratio)
@@ -214,8 +219,9 @@ def not_seen(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
 
 def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     """What is missing in the model, effect by effect."""
-    said = [] if outcome["effects"] else [_nothing(found) if outcome["verdict"] == "no_effect" else _unknown(found)]
-    for entry in outcome["effects"]:
+    named = outcome["effects"]
+    said = [] if named else [_nothing(found, outcome) if outcome["verdict"] == "no_effect" else _unknown(found)]
+    for entry in named:
         effect = found.study.catalogue[entry["id"]]
         sizes = size_words(effect, entry, found.study.plant.model)
         said.append(f"{effect.id}: {effect.summary[0].lower()}{effect.summary[1:]}; {sizes}.")
@@ -227,9 +233,11 @@ def _found(found: Discovery, outcome: dict[str, Any]) -> list[str]:
     return said
 
 
-def _nothing(found: Discovery) -> str:
-    """That no effect is missing, or why something may hide: implausible parameters, or noise that nothing tells."""
+def _nothing(found: Discovery, outcome: Mapping[str, Any]) -> str:
+    """That no effect is missing, or why something may hide: implausible parameters, noise that nothing tells, files
+    that are unlike the others."""
     but = f"{' and '.join(found.strained)} would be implausible" if found.strained else loud(found)
+    but = but or between_files.in_few_files(found, outcome["error"]["after"])
     return NOT_SEEN.format(but=but) if but else NOTHING
 
 

@@ -12,7 +12,7 @@ from ...identify.study.nuisances import GAIN, zero_spread
 from ...identify.study.spreads import most_spread
 from ...model.units import in_units_of
 from ..engine import Discovery
-from ..options.acceptance import noise_alone
+from ..options.acceptance import clean, noise_alone
 
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 AT_MOST = 0.99  # [1] of the largest spread that zeros may have: from there on it is a bound, no estimate
@@ -23,10 +23,8 @@ FEW_ODD = 1 / 3  # [1] share of the files that are odd at most; with more, they 
 def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
     """A few files with a far larger error than the others: something may have happened in these alone; `after` are the
     errors of the first output as `outcome.errors` gives them."""
-    each = {name: e["rmse"] for name, e in after["per_experiment"].items() if e["rmse"] is not None}
-    usual = float(np.median([*each.values()])) if each else 0.0
-    odd = {name: rms for name, rms in each.items() if rms > ODD * usual}
-    if not usual or not 0 < len(odd) <= FEW_ODD * len(each):
+    usual, odd = _odd(after)
+    if not odd:
         return []
     most = max(odd, key=lambda name: odd[name])
     rest = f"in {' and '.join(odd)} it is up to" if len(odd) > 1 else f"in {most} it is"
@@ -34,6 +32,28 @@ def odd_files(found: Discovery, after: Mapping[str, Any]) -> list[str]:
         f"The error is {in_units_of(usual, after)} in most files, and {rest} "
         f"{in_units_of(odd[most], after)}: look there for something that happened in no other file."
     ]
+
+
+def in_few_files(found: Discovery, after: Mapping[str, Any]) -> str:
+    """Why no effect may be seen though one is there: the residual is clean with slow noise alone, and a few files have
+    most of it, as noise would not. "" where it is not so, and where implausible parameters say it; `after` as in
+    `odd_files`."""
+    if found.strained or found.verdict != "no_effect" or clean(found.named.lack_of_fit):
+        return ""
+    usual, odd = _odd(after)
+    if not odd:
+        return ""
+    has = "has" if len(odd) == 1 else "have"
+    most = in_units_of(max(odd.values()), after)
+    return f"{' and '.join(odd)} {has} an error of {most}, the others of {in_units_of(usual, after)}"
+
+
+def _odd(after: Mapping[str, Any]) -> tuple[float, dict[str, float]]:
+    """The usual error of a file, and the errors of the few that are odd, by name (SI)."""
+    each = {name: e["rmse"] for name, e in after["per_experiment"].items() if e["rmse"] is not None}
+    usual = float(np.median([*each.values()])) if each else 0.0
+    odd = {name: rms for name, rms in each.items() if rms > ODD * usual}
+    return usual, odd if usual and len(odd) <= FEW_ODD * len(each) else {}
 
 
 def unlike(found: Discovery) -> list[str]:

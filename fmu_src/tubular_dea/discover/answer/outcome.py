@@ -78,7 +78,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "invisible": found.limits,
         "invisible_at": _shapes(found),
         "remarks": [*remarks.remarks(found, waves), *between_files.odd_files(found, after)],
-        "next_experiment": advice(found),
+        "next_experiment": advice(found, between_files.in_few_files(found, after)),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
         "undetermined": chosen.fitted.undetermined(),
         "noise": _noise(found, waves),
@@ -319,16 +319,17 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
     ]
 
 
-def advice(found: Discovery) -> str:
-    """One sentence: what to measure next, and why."""
+def advice(found: Discovery, odd: str = "") -> str:
+    """One sentence: what to measure next, and why; `odd` says which files have most of a residual."""
     why, proposal = IMPLAUSIBLE if found.strained else WHY[found.verdict], found.proposal
     little = found.verdict == "no_effect" and (reservations.thin(found) or reservations.still(found))
     if little:
         words = proposal.words if proposal else "an experiment of another kind"
         return f"{why}, but {little}: record {words}, to see what these recordings cannot show."
-    unsure = reservations.loud(found)
-    if unsure:
-        return f"{why}, but {unsure}: record some rest in each file, or state the noise under [noise] in bench.toml."
+    unsure, rest = reservations.loud(found), "record some rest in each file, or state the noise under [noise]"
+    if unsure or odd:
+        do = f"{rest} in bench.toml" if unsure else "record again what is in it, to see whether that shows again"
+        return f"{why}, but {unsure or odd}: {do}."
     if found.verdict == "no_effect" and found.strained:
         return f"{why}: look at the geometry and at the units, and record an experiment of another kind."
     if found.verdict == "no_effect":
