@@ -650,3 +650,13 @@ def test_a_monitor_s_noise_beside_that_of_the_sensor(noise: Noise) -> None:
     varies = float(np.mean(residuals.block_means(left, [piece]) ** 2))
     expected = float(np.mean(residuals._block_variance(study, [piece]) - weight[0] ** 2))
     assert expected == pytest.approx(varies, rel=0.35)
+
+
+def test_where_the_base_has_no_answer_a_gain_is_that_in_training() -> None:
+    """A laser's filter: without one of two effects a held-out file had no answer, every rival was "an equivalent" of an
+    effect that gained infinitely, and a search of two minutes ended in an OverflowError."""
+    with_it, without = option("lag", excess=0.0), option(excess=900.0)
+    assert with_it.gain_over(without) == pytest.approx(without.misfit - with_it.misfit)
+    nowhere = replace(without, unseen=np.array([np.inf]))
+    assert with_it.gain_over(nowhere) == pytest.approx(without.cost - with_it.cost)
+    assert nowhere.gain_over(with_it) == pytest.approx(with_it.cost - without.cost)

@@ -241,6 +241,7 @@ class Piece:
 
     record: np.ndarray
     held_out: bool = False
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -248,6 +249,10 @@ class Pieces:
     """A study that has nothing but pieces."""
 
     pieces: list[Piece]
+
+    @property
+    def held_out(self) -> list[Piece]:
+        return [p for p in self.pieces if p.held_out]
 
 
 @pytest.mark.parametrize(
@@ -269,6 +274,20 @@ def test_long_experiments_are_kept_for_fits(
     study = Pieces([Piece(np.zeros(n)) for n in sizes])
     chosen = held_out.with_held_out(study)
     assert [i for i, p in enumerate(chosen.pieces) if p.held_out] == held
+
+
+@pytest.mark.parametrize(("count", "held"), [(5, [3]), (2, [0])])
+def test_others_are_held_out_in_place_of_those_that_are_needed(
+    monkeypatch: pytest.MonkeyPatch, count: int, held: list[int]
+) -> None:
+    """Of five files of a laser behind a filter four were held out, and parameters came from the beats alone."""
+    wanted = [0.1, 0.5, 0.2, 0.3, 0.0]
+    information = SimpleNamespace(
+        worth=lambda chosen: sum(wanted[i] for i in chosen), confirmed=lambda chosen: 0.0, dear=lambda chosen: 0.0
+    )
+    monkeypatch.setattr(held_out, "_information", lambda study, effects: information)
+    study = Pieces([Piece(np.zeros(100), i == 1, f"file {i}") for i in range(count)])
+    assert [i for i, p in enumerate(engine._exchanged(study).pieces) if p.held_out] == held
 
 
 def test_of_experiments_that_are_as_good_the_one_that_shows_most_is_held_out(monkeypatch: pytest.MonkeyPatch) -> None:

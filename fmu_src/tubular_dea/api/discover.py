@@ -37,14 +37,15 @@ if TYPE_CHECKING:
 class FoundEffect:
     """An effect that the model lacks: where it acts (`channel`), and the effects equivalent to it (`equivalent`).
 
-    `evidence` is the log evidence relative to the model without it, `explained` its share of the misfit beyond noise,
+    `evidence` is the log evidence relative to the model without it (None where that has no answer in some recording),
+    `explained` its share of the misfit beyond noise,
     `parameters` are its own.
     """
 
     id: str
     channel: str
     equivalent: tuple[str, ...]
-    evidence: float
+    evidence: float | None
     explained: float
     parameters: Mapping[str, ParameterEstimate]
 

@@ -189,9 +189,8 @@ def _begun(
     prepared = work
     work, fitted = recalibrated(work, seed, held_out is None)
     if held_out is None and _seen_elsewhere(work, fitted):
-        tell("what the base lacks shows in the held-out experiments alone: these take part now, and the others not")
-        pieces = [replace(p, held_out=not p.held_out) for p in work.pieces]
-        work, fitted = recalibrated(replace(work, pieces=pieces), seed, False)
+        tell("what the base lacks shows in the held-out experiments alone: these take part now, and others not")
+        work, fitted = recalibrated(_exchanged(work), seed, True)
     return prepared, work, fitted
 
 
@@ -370,6 +369,14 @@ def _explains_more(found: Search, again: Search, by_chance: float) -> bool:
     if found.chosen.ids:
         return after < before + by_chance
     return after < before and acceptance.confirmed(again.base, again.chosen)
+
+
+def _exchanged(work: Study) -> Study:
+    """The study in which the pieces held out so far take part, and others are held out: as many as usual, all where
+    none of them alone would do."""
+    other = with_held_out(work, needed=[p.name for p in work.held_out])
+    same = [p.held_out for p in other.pieces] == [p.held_out for p in work.pieces]
+    return replace(work, pieces=[replace(p, held_out=not p.held_out) for p in work.pieces]) if same else other
 
 
 def _seen_elsewhere(work: Study, fitted: Fit) -> bool:

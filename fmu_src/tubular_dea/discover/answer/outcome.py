@@ -396,7 +396,7 @@ def _effect(found: Discovery, name: str) -> dict[str, Any]:
         "id": name,
         "channel": effect.channel,
         "equivalent": found.equivalent.get(name, []),
-        "evidence": evidence(found, name),
+        "evidence": _finite(evidence(found, name)),
         "explained": _explained(found, name),
         "parameters": {n: _parameter(fitted, n, units[n], size_interval(effect, fitted, n)) for n in names},
     }
@@ -409,8 +409,11 @@ def _explained(found: Discovery, name: str) -> float:
 
 
 def _unexplained(study: Study, option: Option) -> float:
-    """The misfit of all recordings, held-out ones too, beyond what noise leaves."""
-    return max(option.squares - residuals.expected_squares(study, study.pieces), 0.0)
+    """The misfit of all recordings, held-out ones too, beyond what noise leaves; in training alone where the option has
+    no answer in one that is held out."""
+    everywhere = math.isfinite(option.squares)
+    squares, pieces = (option.squares, study.pieces) if everywhere else (option.fitted.cost, study.training)
+    return max(squares - residuals.expected_squares(study, pieces), 0.0)
 
 
 def _at_first(found: Discovery) -> float:

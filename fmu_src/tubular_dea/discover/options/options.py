@@ -86,6 +86,12 @@ class Option:
         """The sum of squares of all experiments, in units of the noise."""
         return self.fitted.cost + self.unseen_squares
 
+    def gain_over(self, before: Option) -> float:
+        """By how much the misfit falls from that of `before`; in training alone where one of them has no answer in a
+        held-out experiment, which tells no size of a gain."""
+        gained = before.misfit - self.misfit
+        return gained if np.isfinite(gained) else before.cost - self.cost
+
     @property
     def evidence(self) -> float:
         """Log evidence by BIC: minus half of the misfit and of the penalty, log(samples) for each parameter."""

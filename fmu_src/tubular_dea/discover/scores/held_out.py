@@ -8,7 +8,7 @@ little.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,9 +61,12 @@ class _Information:
         return 0.5 * np.log(np.diag(np.linalg.inv(total)))
 
 
-def with_held_out(study: Study, shown: Ids = ()) -> Study:
+def with_held_out(study: Study, shown: Ids = (), needed: Collection[str] = ()) -> Study:
     """The study with held-out pieces chosen by their information, so that they confirm the effects `shown` (all of the
-    catalogue without any); unchanged where the model cannot be solved yet."""
+    catalogue without any); unchanged where the model cannot be solved yet, and where no piece is long or short enough.
+
+    The pieces `needed` take part in fits.
+    """
     if len(study.pieces) < FEWEST_HELD_FROM:
         return study
     try:
@@ -74,7 +77,8 @@ def with_held_out(study: Study, shown: Ids = ()) -> Study:
     sizes = [p.record.size for p in study.pieces]
     for _ in range(max(1, len(study.pieces) // HELD_SHARE)):
         room = HELD_MOST * sum(sizes) - sum(sizes[i] for i in chosen)
-        rest = [i for i in range(len(sizes)) if i not in chosen and sizes[i] <= min(room, HELD_LONG * sum(sizes))]
+        most = min(room, HELD_LONG * sum(sizes))
+        rest = [i for i, p in enumerate(study.pieces) if sizes[i] <= most and i not in chosen and p.name not in needed]
         if not rest:
             break
         worth = {i: information.worth([*chosen, i]) for i in rest}

@@ -132,9 +132,9 @@ def _drop(found: Search) -> None:
         rest = tuple(i for i in found.chosen.ids if i != name)
         without = fitted_option(found.study, rest, found.chosen.fitted.values, found.chosen.refined)
         if without is None:
-            found.gains[name] = found.base.misfit - found.chosen.misfit
+            found.gains[name] = found.chosen.gain_over(found.base)
             continue
-        found.gains[name] = without.misfit - found.chosen.misfit
+        found.gains[name] = found.chosen.gain_over(without)
         if without.cost - found.chosen.cost < CHANCE:
             found.chosen = without
 
@@ -194,7 +194,7 @@ def with_usual_sizes(found: Search) -> None:
             continue
         name, other = (found.study.catalogue[i] for i in pair)
         if unusual(name, found.chosen.fitted) > TOO_UNUSUAL * max(1.0, unusual(other, rival.fitted)):
-            gained = found.gains.pop(pair[0]) + found.chosen.misfit - rival.misfit
+            gained = found.gains.pop(pair[0]) + rival.gain_over(found.chosen)
             found.gains[pair[1]] = gained
             rest = [found.chosen, *(r for r in found.rivals if r is not rival)]
             found.chosen, found.rivals = rival, sorted(rest, key=lambda o: -o.evidence)

@@ -78,7 +78,7 @@ def forward_selection(
         without = found.chosen
         found.chosen = _converged(found.study, step.options[0], tell)
         found.rivals = step.options[1:]
-        found.gains = {found.chosen.ids[-1]: base.misfit - found.chosen.misfit}
+        found.gains = {found.chosen.ids[-1]: found.chosen.gain_over(base)}
         if len(found.chosen.ids) == 2 and far(found.chosen):
             _begun_elsewhere(found, tell)
         revise(found, tell)
@@ -119,7 +119,7 @@ def _begun_elsewhere(found: Search, tell: Progress) -> None:
     if best.evidence > found.chosen.evidence:
         study, best = own_nuisances(found.base_study, best)
         found.rivals = sorted([found.chosen, *found.rivals], key=lambda o: -o.evidence)
-        found.study, found.chosen, found.gains = study, best, {best.ids[-1]: found.base.misfit - best.misfit}
+        found.study, found.chosen, found.gains = study, best, {best.ids[-1]: best.gain_over(found.base)}
 
 
 def _one_instead(found: Search, tell: Progress) -> None:
@@ -129,7 +129,7 @@ def _one_instead(found: Search, tell: Progress) -> None:
     up for the rest. Those of the pair are near enough for that effect to settle from.
     """
     best, *others = found.rounds[0].options
-    reach = best.misfit + BEHIND * (found.base.misfit - best.misfit)
+    reach = best.misfit + BEHIND * best.gain_over(found.base)
     near = [o for o in others if o.misfit < reach and not o.impossible][:SETTLED_RIVALS]
     if not near:
         return
@@ -143,7 +143,7 @@ def _one_instead(found: Search, tell: Progress) -> None:
     study, one = max(settled, key=lambda s: s[1].evidence, default=(found.study, found.chosen))
     if one.evidence > found.chosen.evidence:
         found.rivals = sorted([found.chosen, *found.rivals], key=lambda o: -o.evidence)
-        found.study, found.chosen, found.gains = study, one, {one.ids[0]: found.base.misfit - one.misfit}
+        found.study, found.chosen, found.gains = study, one, {one.ids[0]: one.gain_over(found.base)}
 
 
 def _pairs_with(study: Study, first: Option, tell: Progress) -> list[Option]:
@@ -170,7 +170,7 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     tell("switching instants and zeros")
     before, name = found.chosen, found.chosen.ids[-1]
     found.study, found.chosen = own_nuisances(found.study, before)
-    gained = before.misfit - found.chosen.misfit
+    gained = found.chosen.gain_over(before)
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
     stuck = [r for r in alike if _promised_more(found, without, r)]
     near = [r for r in alike if _may_pass(found, before, r, gained) and not any(r is s for s in stuck)]
@@ -184,7 +184,7 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     everyone = sorted([(found.study, found.chosen), *settled], key=lambda s: -s[1].evidence)
     study, best = everyone[0]
     if 2 * (best.evidence - found.chosen.evidence) > max(CHANCE, error_reach(found.chosen)):
-        found.gains[best.ids[-1]] = found.gains.pop(name) + found.chosen.misfit - best.misfit
+        found.gains[best.ids[-1]] = found.gains.pop(name) + best.gain_over(found.chosen)
         found.study, found.chosen = study, best
     rest = [o for _, o in everyone if o is not found.chosen]
     found.rivals = sorted([*rest, *others], key=lambda o: -o.evidence)
@@ -202,7 +202,7 @@ def _may_pass(found: Search, before: Option, rival: Option, gained: float) -> bo
     share = ABSORBED if clean(before.lack_of_fit) else 0.0
     if not clean(found.chosen.lack_of_fit) and len(rival.fitted.names) < len(before.fitted.names):
         share = max(share, BEHIND)
-    reach = max(gained, share * (found.base.misfit - before.misfit))
+    reach = max(gained, share * before.gain_over(found.base))
     fitted = max(before.cost - found.chosen.cost, ABSORBED * (found.base.cost - before.cost))
     return reach >= AGREE and rival.misfit - before.misfit < reach and rival.cost - before.cost < fitted
 

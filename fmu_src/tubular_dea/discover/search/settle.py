@@ -78,7 +78,7 @@ def iterated(study: Study, one: Option) -> tuple[Study, Option]:
         again = fitted_option(moved, one.ids, one.fitted.values, one.refined)
         if again is None:
             break
-        gained = one.misfit - again.misfit
+        gained = again.gain_over(one)
         if gained < 0 and (turn or (complete and not _closer(study, moved))):
             break
         study, one = moved, again
