@@ -41,7 +41,7 @@ from .edges import MATTERS, Edge, Rise, located
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
 from .line_checks import check_sampling, line_error
-from .transitions import Transitions, transitions
+from .transitions import Transitions, few, transitions
 from .trigger import triggered
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -500,9 +500,10 @@ def _only_steps(experiment: Experiment, name: str, noise: float) -> bool:
     sample before a step to the first behind it would be half a sample early."""
     time, values = experiment.time, experiment.inputs[name]
     found = transitions(time, values, noise)
-    if not len(found) or np.any(found.on_the_way > 0):
+    if not len(found) or not few(found).all():
         return False
-    levels = np.split(values, found.after)
+    begins, ends = [0, *found.after], [*(found.before + 1), values.size]
+    levels = [values[a:b] for a, b in zip(begins, ends, strict=True)]
     off = np.concatenate([level - level.mean() for level in levels])
     return _written(values, found) or bool(np.std(off) <= LEVEL_ALONE * noise)
 
