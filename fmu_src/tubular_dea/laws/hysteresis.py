@@ -11,7 +11,8 @@ Equations: of a signal, d(follower)/dt = ([signal - follower - width]+ - [follow
 signal' = signal - part (signal - follower): play of half width `width` in a part of it, which comes later; one that
 is negative comes first, as friction does in the force of what is moved. In a balance, der(velocity) -=
 force z, travel dz/dt = v - (z^2 + SMALL)^((sharpness - 1) / 2) (|v| z + skew v |z|) / 2. With a skew of 1 the force
-ends at its largest value, as dry friction does; below -1 it stiffens, and its loop is narrow near zero.
+ends at its largest value, as dry friction does (with another one, at (2 / (1 + skew))^(1 / sharpness) times `force`);
+below -1 it stiffens, and its loop is narrow near zero.
 
 Source: M. A. Krasnosel'skii, A. V. Pokrovskii, "Systems with Hysteresis", Springer 1989 (play); Y. K. Wen, "Method for
 random vibration of hysteretic systems", J. Eng. Mech. Div. 102 (1976) 249-263; the skew is delta over gamma of
@@ -75,7 +76,7 @@ def _force(at: BalanceSite) -> Effect:
     force = at.knob(
         "force",
         at.rate_unit,
-        f"Size of the hysteretic term on {at.words}",
+        f"Size of the hysteretic term on {at.words}; it yields at (2 / (1 + skew))^(1 / sharpness) times that",
         0.05 * at.rate_size,
         0.0,
         20 * at.rate_size,

@@ -22,6 +22,7 @@ from ...identify.signals.sampling import usual_step
 from ...identify.study.monitor_uncertainty import shifted
 from ...identify.study.nuisances import TURN, USUAL_DELAY
 from ...identify.study.study import Study
+from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ...laws.places import Balance, Coefficient
 from ...model.units import factor
@@ -59,25 +60,22 @@ def propose(study: Study, options: Sequence[Option]) -> Proposal | None:
         return None
     reading = study.pieces[0].case.readings[0]
 
-    def proposal(words: str, case: Case) -> Proposal | None:
+    def proposal(named: tuple[str, Case]) -> Proposal | None:
+        words, case = named
         try:
             told = _discrimination(study, options, case, study.plant.experiments is None)
         except KernelError:
             return None
         return None if told is None else Proposal(words, told)
 
-    cases = {
-        words: Case(p, (Reading(reading.output, np.arange(p.time[0], p.time[-1], reading.clock.step)),))
+    cases = [
+        (words, Case(p, (Reading(reading.output, np.arange(p.time[0], p.time[-1], reading.clock.step)),)))
         for words, p in feasible(study).items()
-    }
-    proposals = [p for words, case in cases.items() if (p := proposal(words, case)) is not None]
-    recorded = [
-        p
-        for piece in study.pieces
-        if (p := proposal(piece.name, replace(piece.case, readings=piece.case.readings[:1]))) is not None
     ]
-    best = max(proposals, key=lambda p: p.discrimination, default=None)
-    known = max((p.discrimination for p in recorded), default=0.0)
+    recorded = [(p.name, replace(p.case, readings=p.case.readings[:1])) for p in study.pieces]
+    told = side_by_side(proposal, [*cases, *recorded])
+    best = max((p for p in told[: len(cases)] if p), key=lambda p: p.discrimination, default=None)
+    known = max((p.discrimination for p in told[len(cases) :] if p), default=0.0)
     return best if best is not None and best.discrimination > known else None
 
 
@@ -94,10 +92,16 @@ def _discrimination(study: Study, options: Sequence[Option], case: Case, bounded
     if bounded and not _within(study, case.readings[0].output, answers):
         return None
     own = _own_numbers(study, options[0], case, answers[0])
+    white = whitened(case, np.hstack([np.column_stack(answers), *loose, own]), study.noise)
+    white = np.asarray(
+        np.linalg.qr(white, mode="r")
+    )  # distances are the same in the few directions that these columns span
+    sizes = [len(answers), *(columns.shape[1] for columns in loose), own.shape[1]]
+    answer, *each, own = np.split(white, np.cumsum(sizes)[:-1], axis=1)
     told = []
     for i, j in combinations(range(len(options)), 2):
-        beside = whitened(case, np.hstack([loose[i], loose[j], own]), study.noise)
-        apart = whitened(case, answers[i] - answers[j], study.noise)
+        beside = np.hstack([each[i], each[j], own])
+        apart = answer[:, i] - answer[:, j]
         told.append(float(np.sum(beside_windows((), beside, np.ones(beside.shape[1])).apply(apart) ** 2)) / 2)
     return min(told)
 
