@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import PRECISION, Fit, FitError, fit
-from ...identify.fitting.problem import Free
+from ...identify.fitting.problem import Free, Problem
 from ...identify.study.study import Study
 from ...model.effect import Effect
 from ..scores.bank import Score
@@ -39,15 +39,16 @@ def first_refit(study: Study, present: Ids, fitted: Fit, scored: Sequence[Score]
     """
     ids = (*present, scored[0].candidate.effect.id)
     starts = [start_values(fitted, score) for score in scored]
-    best = _best(study, ids, starts, refined)
+    best = best_of_starts(study, ids, starts, refined)
     if best is not None and fitted.cost - best.cost > PROMISED * scored[0].statistic:
         return best
     near = start_values(fitted, scored[0], NEARBY)  # the model without the effect costs as much as the present one
-    again = _best(study, ids, [starts[0] | moved(fitted, scored[0]), near], refined)
+    again = best_of_starts(study, ids, [starts[0] | moved(fitted, scored[0]), near], refined)
     return min((f for f in (best, again) if f is not None), key=lambda f: f.cost, default=None)
 
 
-def _best(study: Study, ids: Ids, starts: Sequence[dict[str, float]], refined: Ids) -> Fit | None:
+def best_of_starts(study: Study, ids: Ids, starts: Sequence[dict[str, float]], refined: Ids) -> Fit | None:
+    """The model with effects `ids` after a few steps from each of `starts` (SI), the best one; None where all fail."""
     found = []
     for start in starts:
         try:
@@ -74,6 +75,12 @@ def fit_effects(
     precision: float = PRECISION,
 ) -> Fit:
     """The model with effects `ids` fitted from `start` (SI); effects in `refined` with their finer form too."""
+    problem = problem_with(study, ids, refined)
+    return fit(problem, _inside_bounds(problem, start), 1, evaluations=evaluations, precision=precision)
+
+
+def problem_with(study: Study, ids: Ids, refined: Sequence[str] = ()) -> Problem:
+    """The problem of fitting the base and effects `ids`; those in `refined` with their finer form too."""
     free = [*base_parameters(study.plant)]
     fixed: dict[str, float] = {}
     for name in ids:
@@ -81,15 +88,22 @@ def fit_effects(
         free += effect_parameters(effect, name in refined)
         fixed |= switched_on(effect)
     names = [f.name for f in free]
-    fixed = {n: v for n, v in fixed.items() if n not in names}
-    problem = study.problem(ids, free, fixed)
-    return fit(
-        problem,
-        {f.name: clipped(f, start.get(f.name, fixed.get(f.name, 0.0))) for f in free},
-        1,
-        evaluations=evaluations,
-        precision=precision,
-    )
+    return study.problem(ids, free, {n: v for n, v in fixed.items() if n not in names})
+
+
+def _inside_bounds(problem: Problem, start: Mapping[str, float]) -> dict[str, float]:
+    """The free parameters (SI) at a start, inside their bounds; at nothing where it does not tell them."""
+    return {f.name: clipped(f, start.get(f.name, 0.0)) for f in problem.free}
+
+
+def likeliest(study: Study, ids: Ids, starts: Sequence[dict[str, float]], most: int) -> list[dict[str, float]]:
+    """At most so many of `starts` (SI): those at which the model with effects `ids` costs least."""
+    if len(starts) <= most:
+        return list(starts)
+    problem = problem_with(study, ids)
+    white = [problem.residuals(problem.scaled(_inside_bounds(problem, start))) for start in starts]
+    costs = [float(r @ r) for r in white]
+    return [starts[i] for i in sorted(range(len(starts)), key=costs.__getitem__)[:most]]
 
 
 def further(study: Study, ids: Ids, begun: Fit, evaluations: int, refined: Ids) -> Fit:
