@@ -4,18 +4,22 @@ too. A coil behind a diode, whose current the base lets run backwards."""
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import tubular_dea as td
+from tubular_dea.discover.options import refit
 from tubular_dea.discover.options.acceptance import clean
 from tubular_dea.discover.options.options import Option, fitted_option
 from tubular_dea.discover.scores.bootstrap import NullScores
 from tubular_dea.discover.scores.parameters import lost
+from tubular_dea.discover.search import declared
 from tubular_dea.discover.search.declared import begun_as_declared, with_declared_starts
 from tubular_dea.discover.search.revision import Search
 from tubular_dea.discover.search.rounds import Round
+from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.model.effect import with_effects
@@ -104,8 +108,27 @@ STIFF = {
 }
 
 
-def test_a_mass_is_begun_at_several_strengths(tmp_path: Path) -> None:
-    """The fluid in a tube, 28 g, which rings at 145 Hz: its score told 10 g, from where no fit came to it."""
+def test_of_several_strengths_those_that_cost_least_are_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a fluid of 28 g a score told 10, from where no fit came to it; 30 g is one of the strengths of a mass."""
+    tube = load_plant("tube")
+    work, score = SimpleNamespace(catalogue=tube.catalogue), SimpleNamespace(id="added_mass")
+    starts = [{"added_mass": 0.01}, *declared._of_other_strengths(work, score, {"added_mass": 0.01})]
+    assert len(starts) == 8
+
+    def misses(scaled: np.ndarray) -> np.ndarray:
+        return scaled - 0.028
+
+    problem = SimpleNamespace(
+        free=[Free("added_mass", 0.035)], scaled=lambda values: np.array([*values.values()]), residuals=misses
+    )
+    monkeypatch.setattr(refit, "problem_with", lambda study, ids: problem)
+    best = refit.likeliest(work, ("added_mass",), starts, 2)
+    assert [start["added_mass"] for start in best] == [0.03, 0.02]
+    assert refit.likeliest(work, ("added_mass",), starts[:2], 2) == starts[:2]
+
+
+def test_a_mass_is_found_where_the_base_ran_away(tmp_path: Path) -> None:
+    """The fluid in a tube, 28 g, with which it rings at 145 Hz."""
     tube, random = load_plant("tube"), np.random.default_rng(5)
     model = with_effects(tube.model, ["added_mass"], tube.catalogue)
     for name, volts in (("a", "5 kV"), ("b", "6.5 kV")):
