@@ -105,6 +105,9 @@ def test_nothing_is_missing_from_a_ringing_plant() -> None:
     found = td.discover(recordings())
     assert found.verdict == "no_effect"
     _, piston, pressure = found.lines()[:3]  # every output is told
+    asked = replace(found, content={**found.content, "remarks": ["Asked before the search: a in bar?", "All is well."]})
+    assert any("may be wrong" in line and "a in bar?" in line for line in asked.lines())
+    assert not any("may be wrong" in line for line in found.lines())
     assert piston.startswith("error ") and piston.endswith(" um")
     assert pressure.startswith("load_pressure: error ") and pressure.endswith(" kPa")
 

@@ -102,6 +102,10 @@ class DiscoveryResult:
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
         said += [*between_files.unlike(self.discovery), *between_files.assumed(self.discovery)]
+        asked = [r.removeprefix(ASKED) for r in self.content["remarks"] if r.startswith(ASKED)]
+        if asked:
+            more = f" (and {len(asked) - 1} more)" if len(asked) > 1 else ""
+            said.append(f"all this may be wrong: first see to what was asked before the search: {asked[0]}{more}")
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said
@@ -232,13 +236,14 @@ def discover(
         return DiscoveryResult(outcome.final_model(found), found, content)
 
 
+ASKED = "Asked before the search: "
 MOST_ASKED = 6  # questions before the search that its result repeats
 
 
 def _asked_before(recordings: Recordings) -> list[str]:
     """What was asked before the search, for whoever reads nothing but its result."""
     questions = findings_of(recordings)
-    told = [f"Asked before the search: {said}." for said in questions[:MOST_ASKED]]
+    told = [f"{ASKED}{said}." for said in questions[:MOST_ASKED]]
     more = len(questions) - len(told)
     return [*told, f"{more} more such questions: close-loop --dry-run lists them."] if more > 0 else told
 

@@ -127,10 +127,10 @@ class IdentificationResult:
             )
         if self.verdict == "misfit":
             said.append(
-                f"the model lacks something: the misfit is {self.content['residual_over_noise']:.2f} times what noise "
-                f"and sampling allow, and its slow part {self.content['residual_over_noise_slow']:.2f} times (the "
-                f"sensor's noise: {in_units_of(self.content['noise_floor'], self.content)}), so the intervals are "
-                "too narrow"
+                "the model lacks something: the slow part of the misfit is "
+                f"{self.content['residual_over_noise_slow']:.2f} times what noise and sampling allow, and all of it "
+                f"{self.content['residual_over_noise']:.2f} times (the sensor's noise: "
+                f"{in_units_of(self.content['noise_floor'], self.content)}), so the intervals are too narrow"
             )
         if self.content["slow_noise_unknown"]:
             said.append(

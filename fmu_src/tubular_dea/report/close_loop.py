@@ -158,7 +158,9 @@ def _moved_by_monitors(found: Discovery, after: Mapping[str, Any]) -> str:
     if largest < TOO_NOISY * noise:
         return ""
     ratio = found.named.lack_of_fit.ratio
-    if found.verdict == "unexplained" and ratio < 1:  # by its size alone it may be noise, and what tells is its course
+    if (
+        found.verdict in ("unexplained", "partly_explained") and ratio < 1
+    ):  # by its size alone it may be noise, and what tells is its course
         return ""
     weighted = f"weighted as in the fit, that is {ratio:.2f} times what all noise makes together"
     inputs = ", that of the inputs and of their edges too" if found.study.plant.inputs else ""
