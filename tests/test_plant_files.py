@@ -46,6 +46,11 @@ effect = Effect("leaking", "level", "It leaks", leaking, (leak,), off={{"leak": 
 PLANT = Plant(m.model(), [Input("pump")], [Output("reading")], own={{"leaking": effect}})
 """
 
+BESIDE = """
+    slow = Quantity("slow", "V", "A state of its own", nominal=1.0)
+    m = m.extend(states=[State(slow, m["k"] * (m["level"] - slow.symbol), m["k"])])
+    """
+
 
 def written(folder: Path, text: str) -> str:
     path = folder / "tank.py"
@@ -248,6 +253,11 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ),
         (HEAD + OWN.format(unit="1/s", body="k * m['lost']"), 9, "Tank has no quantity 'lost'"),
         (HEAD + OWN.format(unit="m", body="m['leak']"), None, "the effect leaking: reading: "),
+        (
+            HEAD + OWN.format(unit="1", body="m['leak'] * slow.symbol").replace("return", BESIDE + "return"),
+            None,
+            "the effect leaking: the start of slow: expected V but k is in 1/s",
+        ),
         (
             HEAD + OWN.format(unit="1", body="m['leak'] * m['level']").replace('"leak": 0.0', '"leak": 1.0'),
             None,

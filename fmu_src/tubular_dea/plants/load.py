@@ -138,6 +138,7 @@ def _unlike(before: Model, after: Model) -> str:
     known = {TIME: "s", **units} | {rate(q): per_second(q.unit) for q in after.inputs}
     made = [(d.quantity.name, d.expression, d.quantity.unit) for d in after.definitions]
     made += [(f"d({s.quantity.name})/dt", s.derivative, per_second(s.quantity.unit)) for s in after.states]
-    there = {d.expression for d in before.definitions} | {s.derivative for s in before.states}
+    made += [(f"the start of {s.quantity.name}", s.start, s.quantity.unit) for s in after.states]
+    there = {d.expression for d in before.definitions} | {e for s in before.states for e in (s.derivative, s.start)}
     found = (fault(name, expression, unit, known) for name, expression, unit in made if expression not in there)
     return next(filter(None, found), "")
