@@ -76,3 +76,12 @@ def test_a_file_says_what_was_assumed_between_its_rows(tmp_path: Path) -> None:
     run = td.simulate(inputs=straight, times=[0.05])
     assert run["voltage"] == pytest.approx([2500])
     assert not run.between
+
+
+@pytest.mark.parametrize(("step", "rows"), [(0.004, 0.004), (0.04, 0.01)])
+def test_the_response_has_the_rows_of_a_file_that_has_them_close(step: float, rows: float, tmp_path: Path) -> None:
+    file, time = tmp_path / "in.csv", step * np.arange(11)
+    table = np.column_stack([time, 50 * np.ones(11), time > 5 * step])
+    np.savetxt(file, table, "%.6g", ",", header="time [s],pressure [mmHg],voltage [kV]", comments="")
+    assert np.diff(td.simulate(inputs=file).time) == pytest.approx(rows)
+    assert np.diff(td.simulate(inputs=file, interval="2 ms").time) == pytest.approx(0.002)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 10_000_000
 PANELS = 4  # outputs in the picture
+ROUGHLY = 1.1  # times the usual interval that rows of a file are apart at most, for the result to have these rows
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,7 +133,7 @@ def simulate(
     inputs: Protocol | Mapping[str, Amount] | str | Path | None = None,
     *,
     stop: Amount | None = None,
-    interval: Amount = INTERVAL,
+    interval: Amount | None = None,
     times: Sequence[float] | np.ndarray | None = None,
     parameters: Mapping[str, Amount] | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
@@ -152,8 +153,8 @@ def simulate(
         or inputs by name as in `signals`.
     stop : float or str
         End of the run [s], where inputs are not given over a time of their own (default: 5 s).
-    interval : float or str
-        Time between samples of the result [s].
+    interval : float or str, optional
+        Time between samples of the result [s] (default: 10 ms, or the rows of a file that has them as close).
     times : array of shape (n,), optional
         Ascending times of the samples [s], in the place of `interval`.
     parameters : mapping of str to float or str
@@ -191,7 +192,10 @@ def simulate(
     named = {**inputs, **signals} if isinstance(inputs, Mapping) else signals
     timed = None if isinstance(inputs, Mapping) else inputs
     # What was given is judged before what was not: who mistyped a value should not be told of the next one first.
-    values, spacing = parameters_of(chosen, parameters), amount(interval, "s", "interval")
+    values, spacing = (
+        parameters_of(chosen, parameters),
+        amount(INTERVAL if interval is None else interval, "s", "interval"),
+    )
     tolerance, wanted = amount(tolerance, "1", "tolerance"), None if times is None else doubles("times", times)
     if wanted is not None and not wanted.size:
         raise ArgumentError("times", ": expected at least one time [s] but was given none")
@@ -201,6 +205,7 @@ def simulate(
     remarks: tuple[str, ...] = ()
     between = ""
     if isinstance(timed, str | Path):
+        wanted = _rows(protocol, spacing) if wanted is None and interval is None else wanted
         owner = _owner(model, chosen, plant)
         remarks = tuple(_odd(Path(timed), protocol, owner)) if owner is not None else ()
         protocol, between = _as_recorded(protocol, owner)
@@ -328,6 +333,13 @@ def _breaks_down(found: Trajectory) -> list[str]:
         f"the electric field reaches {1e-6 * largest:.4g} V/um: expected at most {1e-6 * FIELD_LIMIT:g} V/um, which is "
         "what the scheduler allows (field_limit), lest the elastomer break down"
     ]
+
+
+def _rows(protocol: Protocol, interval: float) -> np.ndarray | None:
+    """The times (n,) [s] of a file's rows, for a result beside what was recorded; None where they are farther apart
+    than `interval` [s]."""
+    rows = np.unique(protocol.time)
+    return rows if float(np.median(np.diff(rows))) < ROUGHLY * interval else None
 
 
 def _times(protocol: Protocol, interval: float) -> np.ndarray:

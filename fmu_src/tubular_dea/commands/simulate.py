@@ -18,7 +18,7 @@ import tubular_dea as td
 from ..emit.tables import shown
 from ..errors import MissingError, UserError
 from ..model.dea import tubular_dea
-from ..protocol import INTERVAL, STOP
+from ..protocol import STOP
 from .settings import add_plant, settings
 
 EXAMPLE = """example:
@@ -48,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--voltage", help='for example "step 0 5 kV at 1 until 2" or "pulses 0 5 kV every 0.8 from 0.1 for 0.3"'
     )
     parser.add_argument("--stop", help=f"end of the run for specifications, as in 2min (default: {STOP:g} s)")
-    parser.add_argument("--interval", default=INTERVAL, help="time between rows of the table (default: 10 ms)")
+    parser.add_argument(
+        "--interval",
+        help="time between rows of the table (default: 10 ms, or the rows of a file that has them as close)",
+    )
     parser.add_argument("--tolerance", type=float, default=1e-6, help="approximate relative error (default: 1e-6)")
     values = "; ".join(f"{p.quantity.name} = {shown(p.quantity)}" for p in tubular_dea().parameters)
     parser.add_argument(
