@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 
 from ..discover.answer.between_files import disagree, implausible_zero, in_few_files
@@ -25,7 +26,7 @@ from .in_short import LEFT, WHITE, about_held_out, in_short, least, may_be_loude
 from .latent_map import latent_map
 from .page import Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
-from .residuals import answered
+from .residuals import Answered, answered
 
 UNLIKE = (
     "the files do not agree with one model, unless the gain of {input} changed from file to file as no monitor's does."
@@ -51,6 +52,10 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     """The page for a discovery and its result.json."""
     page = Page("Close-loop report", f"{found.recordings.source}: {headline(found, outcome)}")
     in_short(page, found, outcome)
+    shown = list(answered(found))
+    most = max(shown, key=_missed)  # people look at a record before they believe a number
+    without = " without effects" if found.named.ids else ""
+    page.figure(*_record(most, f"{most.piece.name}, the recording that the model{without} misses most"))
     effects(page, found, outcome)
     page.heading("Statistical details")
     page.text("The rest of this page shows step by step how this was found, with the statistics by their usual names.")
@@ -64,8 +69,8 @@ def report(found: Discovery, outcome: dict[str, Any]) -> Page:
     if found.study.plant.inputs:
         page.figure(latent_map(found), "The residual over the model's output and over an input.")
     page.heading("The recordings", level=3)
-    for figure, caption in _records(found):
-        page.figure(figure, caption)
+    for one in shown:
+        page.figure(*_record(one, one.piece.name))
     return page
 
 
@@ -377,15 +382,19 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.text(f"Not determined by these recordings: {', '.join(outcome['undetermined'])}.")
 
 
-def _records(found: Discovery) -> list[tuple[go.Figure, str]]:
-    """One figure a piece: record and models above, residuals before and after below."""
-    figures = []
-    for one in answered(found):
-        label, left = f"{one.label} [{one.unit}]", (f"residual [{one.unit}]", 1.0)
-        drawn = record_and_residuals(one.time, one.record, one.models, label, left)
-        note = ", held out of every fit" if one.piece.held_out else ""
-        figures.append((drawn, f"{one.piece.name}{note}{_averaged(one.time.size)}."))
-    return figures
+def _record(one: Answered, named: str) -> tuple[go.Figure, str]:
+    """A recording: record and models above, residuals before and after below; and its caption."""
+    label, left = f"{one.label} [{one.unit}]", (f"residual [{one.unit}]", 1.0)
+    drawn = record_and_residuals(one.time, one.record, one.models, label, left)
+    note = ", held out of every fit" if one.piece.held_out else ""
+    return drawn, f"{named}{note}{_averaged(one.time.size)}."
+
+
+def _missed(one: Answered) -> float:
+    """The error of the model before, over what the record does; 0 where that model has no answer."""
+    if "before" not in one.models:
+        return 0.0
+    return float(np.std(one.record - one.models["before"]) / max(np.std(one.record), 1e-300))
 
 
 def _size(found: Discovery, value: float | None) -> str:
