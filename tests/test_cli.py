@@ -77,12 +77,18 @@ def test_help_says_which_files_of_inputs_are_read(tmp_path: Path, capsys: pytest
     with pytest.raises(SystemExit):
         run("simulate", "--help")
     said = " ".join(capsys.readouterr().out.split())
-    assert "Commas between columns, points before decimals, these very names, any usual unit" in said
+    assert "or a file of any kind that close-loop reads, whose header names quantity and unit" in said
     file = tmp_path / "in.csv"
     file.write_text("time [ms],remark,pressure [kPa],voltage [kV]\n0,a,0,0\n500,b,9.5,5\n", encoding="utf-8")
     assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 0
-    file.write_text("t (s);p (mmHg);U (kV)\n0;0;0\n0,5;9,5;5\n", encoding="utf-8")
+    file.write_text("t (s);p (mmHg);U (kV);AI3\n0;0;0;0\n0,5;9,5;5;4\n", encoding="utf-8")
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 0
+    assert "voltage 0 to 5 kV" in capsys.readouterr().out
+    words = ["simulate", "--inputs", str(file), "--columns", "voltage=AI3[kV]", "--out", str(tmp_path / "out")]
+    assert run(*words) == 0 and "voltage 0 to 4 kV" in capsys.readouterr().out
+    file.write_text("t (s);p (mmHg)\n0;0\n0,5;9,5\n", encoding="utf-8")
     assert run("simulate", "--inputs", str(file), "--out", str(tmp_path / "out")) == 2
+    assert "column 'voltage [V]' is missing" in capsys.readouterr().err
 
 
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
@@ -129,6 +135,7 @@ def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
         (["--pressure", "1", "--input", "voltage=0", "voltage=1"], "voltage=1 and another --input voltage=... give"),
         (["--pressure", "95 barn", "--voltage", "0"], "cannot read the unit 'barn'"),
         (["--inputs", "no.csv"], "no.csv: cannot be read"),
+        (["--voltage", "0", "--columns", "voltage=3"], "--columns: these are of a file of inputs, but none was given"),
         (
             ["--inputs", "no.csv", "--voltage", "0"],
             "--inputs and --voltage exclude each other: the file has all inputs",

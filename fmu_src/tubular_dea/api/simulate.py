@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import tabular
-from ..errors import ArgumentError, MissingError
+from ..errors import ArgumentError, MissingError, list_of_names
 from ..files import write_atomically
 from ..kernel import DEFAULT_TOLERANCE, Kernel, Trajectory
 from ..kernel.checks import check_protocol, doubles
@@ -20,7 +20,7 @@ from ..model.starts import started
 from ..model.units import factor, three
 from ..plants.load import shipped_of
 from ..plants.plant import Input, Plant
-from ..protocol import INTERVAL, STOP, Protocol, from_specifications, read_csv
+from ..protocol import INTERVAL, STOP, Protocol, from_specifications
 from . import tables
 from .given import Amount, AnyModel, AnyPlant, amount, brief, model_of, parameters_of, plant_of
 
@@ -138,6 +138,7 @@ def simulate(
     parameters: Mapping[str, Amount] | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
     plant: AnyPlant | None = None,
+    columns: Sequence[str] = (),
     **signals: Amount,
 ) -> SimulationResult:
     """The response of a model to its inputs over time.
@@ -148,9 +149,9 @@ def simulate(
         What is driven: ``td.tube()``, ``td.load("model.json")``, ``"tube"``, ``"aorta"``, ``"FILE.py[:NAME]"``, or a
         model.json.
     inputs : Protocol, mapping, str or Path, optional
-        Breakpoints of all inputs, straight in between; or a CSV file headed with quantities and units, between whose
-        rows inputs go on as the plant declares them (`held` or straight; straight up to a time that is listed twice);
-        or inputs by name as in `signals`.
+        Breakpoints of all inputs, straight in between; or a file as `read_recordings` reads them, between whose rows
+        inputs go on as the plant declares them (`held` or straight; straight up to a time that is listed twice); or
+        inputs by name as in `signals`.
     stop : float or str
         End of the run [s], where inputs are not given over a time of their own (default: 5 s).
     interval : float or str, optional
@@ -163,6 +164,8 @@ def simulate(
         Approximate relative error: 1e-12 to 1e-2.
     plant : Plant, str or Path, optional
         The plant of a model.json, if it is declared in a file of your own.
+    columns : sequence of str
+        Columns of the file by heading or number where these are no inputs' names: ``["voltage=AI3[kV]"]``.
     **signals : float or str
         The inputs by name: a number in SI, which is held, or ``"95 mmHg"``, ``"step 0 5 kV at 1 until 2"``,
         ``"ramp 0 95 mmHg from 0 to 1"``, ``"pulses 0 5 kV every 0.8 from 0.1 for 0.3"``.
@@ -201,7 +204,7 @@ def simulate(
         raise ArgumentError("times", ": expected at least one time [s] but was given none")
     if not 1e-12 <= tolerance <= 1e-2:
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
-    protocol = _protocol(chosen, timed, named, stop)
+    protocol = _protocol(chosen, timed, named, stop, list_of_names("columns", columns))
     remarks: tuple[str, ...] = ()
     between = ""
     if isinstance(timed, str | Path):
@@ -252,10 +255,16 @@ def _as_recorded(protocol: Protocol, plant: Plant | None) -> tuple[Protocol, str
 
 
 def _protocol(
-    model: Model, timed: Protocol | str | Path | None, named: Mapping[str, Amount], stop: Amount | None
+    model: Model,
+    timed: Protocol | str | Path | None,
+    named: Mapping[str, Amount],
+    stop: Amount | None,
+    columns: Sequence[str],
 ) -> Protocol:
     """The inputs over time: those that have times of their own, or each by its name."""
     units = {q.name: q.unit for q in model.inputs}
+    if columns and not isinstance(timed, str | Path):
+        raise ArgumentError("columns", ": these are of a file of inputs, but none was given; give one, as inputs")
     unknown = [name for name in named if name not in units]
     if unknown:
         raise ArgumentError("input", f" {unknown[0]}: {model.name} has no such input{nearest(unknown[0], units)}")
@@ -265,7 +274,7 @@ def _protocol(
             raise ArgumentError(
                 other, " and inputs exclude each other: these inputs have times of their own; give one of the two"
             )
-        return _given(model, timed, units)
+        return _given(model, timed, columns)
     end = STOP if stop is None else amount(stop, "s", "stop")
     texts = {n: v if isinstance(v, str) else f"{amount(v, units[n], n):.17g}" for n, v in named.items()}
     protocol = from_specifications(texts, units, end)
@@ -276,14 +285,16 @@ def _protocol(
     return protocol
 
 
-def _given(model: Model, timed: Protocol | str | Path, units: Mapping[str, str]) -> Protocol:
+def _given(model: Model, timed: Protocol | str | Path, columns: Sequence[str]) -> Protocol:
     """The inputs that are given over a time of their own, checked."""
     if isinstance(timed, Protocol):
         check_protocol(model, timed)
         return timed
     if not isinstance(timed, str | Path):
         raise ArgumentError("inputs", f": expected a Protocol, a file or inputs by name but was given {brief(timed)}")
-    return read_csv(Path(timed), units)
+    from ..identify.records.driven import read_inputs  # half a second, which a run without a file need not wait for
+
+    return read_inputs(Path(timed), model, columns)
 
 
 def _step_of(q: Quantity, stop: float) -> str:
@@ -295,7 +306,7 @@ def _step_of(q: Quantity, stop: float) -> str:
 
 def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
     """Columns that seem to have another unit; a small signal may be intended."""
-    from ..identify.records.checks import mislabelled  # half a second, which a run without a file need not wait for
+    from ..identify.records.checks import mislabelled  # as in `_given`
 
     said = []
     for signal in plant.inputs:

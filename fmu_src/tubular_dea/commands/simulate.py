@@ -1,10 +1,9 @@
 """Drive the tube (or any plant) by its inputs, and write the response as a table (CSV) and a picture (PNG).
 
-Inputs are short specifications, or a CSV file whose header names quantity and unit:
+Inputs are short specifications, or a file of any kind that close-loop reads, whose header names quantity and unit:
   time [s],pressure [mmHg],voltage [kV]
-Commas between columns, points before decimals, these very names, any usual unit; other columns are left alone. Between
-rows an input that the plant declares held (the tube's voltage) keeps its value, and the others are straight. A time
-listed twice is a jump; up to it all are straight.
+Other columns are left alone. Between rows an input that the plant declares held (the tube's voltage) keeps its value,
+and the others are straight. A time listed twice is a jump; up to it all are straight.
 """
 
 from __future__ import annotations
@@ -35,6 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, help="a model.json of close-loop, instead of the plant's own model")
     add_plant(parser)
     parser.add_argument("--inputs", type=Path, help="file of all inputs over time, as described above")
+    parser.add_argument(
+        "--columns",
+        nargs="+",
+        default=[],
+        metavar="SIGNAL=COLUMN",
+        help="columns of that file by heading or number, as in voltage=AI3[kV]",
+    )
     parser.add_argument(
         "--input",
         action="extend",
@@ -111,4 +117,5 @@ def _response(options: argparse.Namespace, given: dict[str, str]) -> td.Simulati
         parameters=settings(options.set, "parameters"),
         tolerance=options.tolerance,
         plant=options.plant,
+        columns=options.columns,
     )
