@@ -122,9 +122,9 @@ def test_of_several_strengths_those_that_cost_least_are_begun(monkeypatch: pytes
         free=[Free("added_mass", 0.035)], scaled=lambda values: np.array([*values.values()]), residuals=misses
     )
     monkeypatch.setattr(refit, "problem_with", lambda study, ids: problem)
-    best = refit.likeliest(work, ("added_mass",), starts, 2)
+    best = refit.cheapest_starts(work, ("added_mass",), starts, 2)
     assert [start["added_mass"] for start in best] == [0.03, 0.02]
-    assert refit.likeliest(work, ("added_mass",), starts[:2], 2) == starts[:2]
+    assert refit.cheapest_starts(work, ("added_mass",), starts[:2], 2) == starts[:2]
 
 
 def test_a_mass_is_found_where_the_base_ran_away(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def _inside_bounds(problem: Problem, start: Mapping[str, float]) -> dict[str, fl
     return {f.name: clipped(f, start.get(f.name, 0.0)) for f in problem.free}
 
 
-def likeliest(study: Study, ids: Ids, starts: Sequence[dict[str, float]], most: int) -> list[dict[str, float]]:
+def cheapest_starts(study: Study, ids: Ids, starts: Sequence[dict[str, float]], most: int) -> list[dict[str, float]]:
     """At most so many of `starts` (SI): those at which the model with effects `ids` costs least."""
     if len(starts) <= most:
         return list(starts)

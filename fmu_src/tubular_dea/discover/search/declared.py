@@ -17,7 +17,7 @@ from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ..options.acceptance import clean, far
 from ..options.options import Option, fitted_option
-from ..options.refit import best_of_starts, likeliest, start_values
+from ..options.refit import best_of_starts, cheapest_starts, start_values
 from ..scores import bank
 from ..scores.parameters import declared_values, lost
 from .revision import Search
@@ -81,7 +81,7 @@ def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> 
     def begin(score: bank.Score) -> tuple[Study, Ids, Fit] | None:
         start, ids = start_values(there, score), (score.id,)
         own = adjusted(anew, ids, start, base.fitted.free, started=False)
-        starts = likeliest(own, ids, [start, *_of_other_strengths(study, score, start)], STARTS_BEGUN)
+        starts = cheapest_starts(own, ids, [start, *_of_other_strengths(study, score, start)], STARTS_BEGUN)
         begun = best_of_starts(own, ids, starts, ())
         return None if begun is None else (own, ids, begun)
 
