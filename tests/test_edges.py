@@ -72,12 +72,16 @@ def test_a_continuous_input_that_only_steps_has_edges(noise: float, wandering: f
     assert np.all(np.diff(driven.corners["voltage"]) > 0)
 
 
-@pytest.mark.parametrize(("rise", "few"), [(50e-6, True), (1.5e-3, True), (10e-3, True), (50e-3, False)])
-def test_a_sample_on_its_way_makes_no_ramp_of_a_step(rise: float, few: bool) -> None:
-    """Of 16 edges of an amplifier two had a sample on their way: all were lines then, and a null "lacked" something."""
-    experiment, centroids = switched(250.0, rise)
+@pytest.mark.parametrize(
+    ("rise", "exponential", "steps"),
+    [(50e-6, False, True), (1.5e-3, False, True), (10e-3, False, True), (50e-3, False, False), (4e-3, True, True)],
+)
+def test_a_sample_on_its_way_makes_no_ramp_of_a_step(rise: float, exponential: bool, steps: bool) -> None:
+    """Of 16 edges of an amplifier two had a sample on their way: all were lines then, and a null "lacked" something. Of
+    an exponential with a time constant of one sample, seven are on the way: no line follows it, and it was refused."""
+    experiment, centroids = switched(250.0, rise, exponential)
     driven = drive(experiment, [Input("voltage", least=1.0)])
-    assert len(driven.edges) == (centroids.size if few else 0)
+    assert len(driven.edges) == (centroids.size if steps else 0)
     error = np.array([e.time for e in driven.edges]) - centroids[: len(driven.edges)]
     assert np.all(np.abs(error) < 3e-3)
 

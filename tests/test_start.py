@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from tubular_dea.identify.inputs.drive import Drive, drives
-from tubular_dea.identify.records.experiment import Experiment
-from tubular_dea.identify.records.start import _begins_off, zeroed
+from tubular_dea.identify.records.bench_file import read_bench
+from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, Experiment
+from tubular_dea.identify.records.start import _begins_off, detected, zeroed
+from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.recordings import ReadError
 
 TIME = 0.004 * np.arange(100)
 LATER = np.where(np.arange(100) < 12, 0.0, 100.0)  # what comes after the first samples
@@ -37,6 +41,43 @@ def test_a_load_stands_out_of_the_noise(errors: float, off: bool) -> None:
 
 def test_a_few_samples_tell_nothing() -> None:
     assert not _begins_off(TIME[:11], np.full(11, 50.0), zero=1.0)
+
+
+def heater(start: float | str) -> Plant:
+    """A block that a heater warms, without an equilibrium of its own; its thermometer reads half of the warming."""
+    m = Build("Block")
+    power = m.input("power", "W", nominal=5)
+    warming = m.state("warming", "K", start=start, nominal=20)
+    m.derivative(warming, (power * m.parameter("R", "K/W", 4.0, minimum=0) - warming) / m.parameter("tau", "s", 8.0))
+    m.output("reading", "K", warming / 2)
+    return Plant(m.model(), [Input("power")], [Output("reading")])
+
+
+@pytest.mark.parametrize(
+    ("start", "power", "reading", "kind"),
+    [
+        (0.0, 2.0, 4.0, UNKNOWN),  # it stood under load
+        (0.0, 2.0, 0.0, RESTED),  # it was switched on before the first sample
+        (0.0, 0.0, 4.0, RESTED),  # a zero of the sensor, for all that is known
+        (8.0, 2.0, 4.0, RESTED),  # as declared
+        ("free", 2.0, 4.0, RESTED),  # which fits find in any case
+    ],
+)
+def test_a_plant_without_an_equilibrium_may_have_stood_under_load(
+    start: float | str, power: float, reading: float, kind: str
+) -> None:
+    """A voice coil at 2 V was computed from rest: a null was "unexplained", 25 times the noise."""
+    plant, noise = heater(start), 0.01 * np.random.default_rng(1).standard_normal(100)
+    inputs, outputs = {"power": power + LATER / 50 + noise}, {"reading": reading + LATER / 10 + noise}
+    assert detected(Experiment("one", TIME, inputs, outputs, np.arange(100)), plant) == kind
+
+
+def test_a_plant_without_an_equilibrium_starts_at_none(tmp_path: Path) -> None:
+    file = tmp_path / "bench.toml"
+    file.write_text('[start]\none = "equilibrium"\n')
+    with pytest.raises(ReadError, match='Block declares no equilibrium .* expected "unknown", or "rested"'):
+        read_bench(file, heater(0.0), ["one"])
+    assert read_bench(file, PLANT, ["one"]).start == {"one": "equilibrium"}
 
 
 def at_rest(zeros: list[float], voltage: float = 0.0) -> tuple[list[Experiment], list[Drive]]:

@@ -236,16 +236,16 @@ def discover(
         return DiscoveryResult(outcome.final_model(found), found, content)
 
 
-ASKED = "Asked before the search: "
+ASKED, TOLD = "Asked before the search: ", "Told before the search: "
 MOST_ASKED = 6  # questions before the search that its result repeats
 
 
 def _asked_before(recordings: Recordings) -> list[str]:
-    """What was asked before the search, for whoever reads nothing but its result."""
+    """What was asked and told before the search, for whoever reads nothing but its result."""
     questions = findings_of(recordings)
-    told = [f"{ASKED}{said}." for said in questions[:MOST_ASKED]]
+    told = [f"{ASKED if '?' in said else TOLD}{said}." for said in questions[:MOST_ASKED]]
     more = len(questions) - len(told)
-    return [*told, f"{more} more such questions: close-loop --dry-run lists them."] if more > 0 else told
+    return [*told, f"{more} more of these: close-loop --dry-run lists them."] if more > 0 else told
 
 
 def _begun_alone(piece: Piece, model: Model) -> dict[str, float]:

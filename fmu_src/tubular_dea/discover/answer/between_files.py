@@ -149,10 +149,14 @@ def starts(found: Discovery) -> list[str]:
             "the plant is under the inputs with which the next one begins."
         )
     if free:
+        settled_there = (
+            " If a file began at rest under its first load, say so in bench.toml ([start] and NAME = "
+            '"equilibrium"): smaller effects can then be seen in it.'
+        )
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
-            "estimated from the record, and a slow effect may hide in them. If a file began at rest under its first "
-            'load, say so in bench.toml ([start] and NAME = "equilibrium"): smaller effects can then be seen in it.'
+            f"estimated from the record, and a slow effect may hide in them."
+            f"{settled_there if found.study.plant.model.curve else ''}"
         )
     if settled:
         effects = " and ".join(found.search.chosen.ids) or "an effect"

@@ -41,7 +41,7 @@ from .edges import MATTERS, Edge, Rise, located
 from .edges import rise as rise_of
 from .held import HeldLine, held_line
 from .line_checks import check_sampling, line_error
-from .transitions import Transitions, few, transitions
+from .transitions import Transitions, transitions
 from .trigger import triggered
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -500,7 +500,7 @@ def _only_steps(experiment: Experiment, name: str, noise: float) -> bool:
     sample before a step to the first behind it would be half a sample early."""
     time, values = experiment.time, experiment.inputs[name]
     found = transitions(time, values, noise)
-    if not len(found) or not few(found).all():
+    if not len(found):
         return False
     begins, ends = [0, *found.after], [*(found.before + 1), values.size]
     levels = [values[a:b] for a, b in zip(begins, ends, strict=True)]

@@ -40,7 +40,7 @@ from ...model.units import UnitError, quantity
 from ...plants.plant import Plant
 from ...recordings import ReadError
 from .columns import TRIGGER, Choice, choices, signals
-from .experiment import STARTS, commanded
+from .experiment import EQUILIBRIUM, RESTED, STARTS, UNKNOWN, commanded
 
 
 @dataclass(frozen=True)
@@ -96,19 +96,24 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
         if q.type == "Integer" and value != int(value):
             raise ReadError(f"{path}: [geometry] {name}: expected a whole number but found {value:g}")
     noise = {k: _noise(f"{path}: [noise]", k, v, known, plant) for k, v in text.get("noise", {}).items()}
-    start = {k: _start(path, k, v, experiments) for k, v in text.get("start", {}).items()}
+    start = {k: _start(path, k, v, experiments, plant) for k, v in text.get("start", {}).items()}
     order = {k: _begin(path, k, v, experiments) for k, v in text.get("order", {}).items()}
     columns = choices([f"{k}={v}" for k, v in text.get("columns", {}).items()], plant, f"{path}: [columns]")
     sampling = {k: _amount(f"{path}: [sampling]", k, v, {"rate": "Hz"}) for k, v in text.get("sampling", {}).items()}
     return BenchFile(geometry, noise, start, order, columns, sampling.get("rate"))
 
 
-def _start(path: Path, name: str, value: object, experiments: Sequence[str]) -> str:
+def _start(path: Path, name: str, value: object, experiments: Sequence[str], plant: Plant) -> str:
     """How an experiment starts, or all that are not named ("default")."""
     if name != "default":
         _experiment(path, "start", name, experiments)
     if value not in STARTS:
         raise ReadError(f"{path}: [start] {name}: expected {', '.join(STARTS)} but found {value!r}")
+    if value == EQUILIBRIUM and plant.model.states and plant.model.curve is None:
+        raise ReadError(
+            f"{path}: [start] {name}: {plant.name} declares no equilibrium (m.equilibrium_curve) to start at; expected "
+            f'"{UNKNOWN}", or "{RESTED}" for what the declaration says'
+        )
     return str(value)
 
 

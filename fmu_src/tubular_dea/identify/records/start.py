@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from ...laws.places import Path
+from ...model.sizes import evaluator
 from ...model.starts import unknowns
 from ...plants.plant import Input, Plant
 from .experiment import RESTED, UNKNOWN, Experiment, Recordings
@@ -53,20 +54,42 @@ LATEST = 2  # [samples] by which filters against aliasing make monitors late at 
 def detected(experiment: Experiment, plant: Plant) -> str:
     """The kind of start of a recording, from its first samples; unknown under a load that has moved the output.
 
-    A static law's output moves at once; what effects remember under a load is unknown.
+    A static law's output moves at once; what effects remember under a load is unknown. A plant without an equilibrium
+    that is declared to start somewhere has not done so where its output begins elsewhere.
     """
     time, static = experiment.time, not plant.model.states
-    if not static and (plant.model.curve is None or not experiment.outputs):
+    if not static and (not experiment.outputs or not (plant.model.curve or unknowns(plant.model))):
         return RESTED
     loaded = any(_begins_off(time, experiment.inputs[s.name], s.known_zero) for s in plant.inputs)
     if static:
         return UNKNOWN if loaded else RESTED
     name = next(iter(experiment.outputs))
     seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
-    if signal.rest is None or not loaded:
+    rest = signal.rest if plant.model.curve else _declared_reading(experiment, plant, name)
+    if rest is None or not loaded:
         return RESTED
-    moved = _begins_off(time[seen], experiment.outputs[name][seen] - signal.rest, signal.known_zero)
+    moved = _begins_off(time[seen], experiment.outputs[name][seen] - rest, signal.known_zero)
     return UNKNOWN if moved else RESTED
+
+
+def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> float | None:
+    """What an output (SI) reads first if a plant starts as declared under an experiment's first inputs; None where that
+    depends on numbers of each record."""
+    model = plant.model
+    expression, starts = model.expression(output), {s.quantity.symbol: s.start for s in model.states}
+    for d in reversed(model.definitions):
+        expression = expression.xreplace({d.quantity.symbol: d.expression})
+    for _ in starts:  # a start may be an expression of others
+        expression = expression.xreplace(starts)
+    for d in reversed(model.definitions):
+        expression = expression.xreplace({d.quantity.symbol: d.expression})
+    first = {name: float(values[0]) for name, values in experiment.inputs.items()}
+    known = {p.quantity.name: p.quantity.value for p in model.parameters if p.start != "each"} | first
+    symbols, value = evaluator(expression)
+    if not {str(s) for s in symbols} <= known.keys():
+        return None
+    found = value(*(known[str(s)] for s in symbols))
+    return found if np.isfinite(found) else None
 
 
 def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
