@@ -17,8 +17,9 @@ from tubular_dea.identify.records.data import read_folder as folder_of
 from tubular_dea.identify.records.experiment import DataError, Experiment, Recordings
 from tubular_dea.identify.signals.monitors import noise_level, polyline
 from tubular_dea.identify.signals.noise import Noise, estimate
+from tubular_dea.model.declare import Quantity
 from tubular_dea.plants.tube import PLANT
-from tubular_dea.report.understood import Understanding
+from tubular_dea.report.understood import Understanding, _first
 
 HEADER = "time [s],pressure [Pa],voltage [V],radius [m]"
 OUTPUT = PLANT.outputs[0].name
@@ -353,3 +354,13 @@ def test_a_dry_run_tells_the_slope_of_an_amplifier() -> None:
     (said,) = (line for line in lines if line.startswith("slopes"))
     found = re.fullmatch(r"slopes     voltage (\S+) kV a millisecond, at most", said)
     assert found is not None and float(found[1]) == pytest.approx(1.5, rel=0.1)
+
+
+def test_what_a_slow_camera_reads_first_is_its_first_reading() -> None:
+    """Of a radius in every eighth row all of the first samples may hold no number."""
+    values = np.where(np.arange(200) % 100 == 99, 2e-3, np.nan)
+    one = Experiment("one", np.arange(200.0), {}, {"radius": values}, np.arange(200))
+    length = Quantity("radius", "m", "Radius", display_unit="mm")
+    assert _first(one, length, "mm", "radius") == "2"
+    empty = Experiment("one", np.arange(200.0), {}, {"radius": np.full(200, np.nan)}, np.arange(200))
+    assert _first(empty, length, "mm", "radius") == ""

@@ -218,7 +218,10 @@ def _dressed(axis: Axes, title: str, edges: Iterable[float]) -> None:
 def _first(experiment: Experiment, quantity: Quantity, unit: str, name: str) -> str:
     """What a signal reads first; "" where the file has none."""
     values = experiment.inputs.get(name, experiment.outputs.get(name))
-    return "" if values is None else f"{_shown(float(np.nanmedian(values[:FIRST])), quantity, unit) + 0.0:.4g}"
+    if values is None:
+        return ""
+    read = values[np.isfinite(values)][:FIRST]  # a camera may be slower than what else is read
+    return f"{_shown(float(np.median(read)), quantity, unit) + 0.0:.4g}" if read.size else ""
 
 
 def _shown(value: Amount, quantity: Quantity, unit: str) -> Amount:
