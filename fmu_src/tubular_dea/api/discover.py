@@ -38,8 +38,7 @@ class FoundEffect:
     """An effect that the model lacks: where it acts (`channel`), and the effects equivalent to it (`equivalent`).
 
     `evidence` is the log evidence relative to the model without it (None where that has no answer in some recording),
-    `explained` its share of the misfit beyond noise,
-    `parameters` are its own.
+    `explained` its share of the misfit beyond noise, `parameters` are its own.
     """
 
     id: str

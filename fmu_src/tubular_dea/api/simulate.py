@@ -195,10 +195,8 @@ def simulate(
     named = {**inputs, **signals} if isinstance(inputs, Mapping) else signals
     timed = None if isinstance(inputs, Mapping) else inputs
     # What was given is judged before what was not: who mistyped a value should not be told of the next one first.
-    values, spacing = (
-        parameters_of(chosen, parameters),
-        amount(INTERVAL if interval is None else interval, "s", "interval"),
-    )
+    values = parameters_of(chosen, parameters)
+    spacing = amount(INTERVAL if interval is None else interval, "s", "interval")
     tolerance, wanted = amount(tolerance, "1", "tolerance"), None if times is None else doubles("times", times)
     if wanted is not None and not wanted.size:
         raise ArgumentError("times", ": expected at least one time [s] but was given none")

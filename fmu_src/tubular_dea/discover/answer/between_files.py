@@ -155,8 +155,9 @@ def starts(found: Discovery) -> list[str]:
         )
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
-            f"estimated from the record, and a slow effect may hide in them."
-            f"{settled_there if found.study.plant.model.curve else ''}"
+            "estimated from the record, and a slow effect may hide in them."
+            + settled_there
+            * (found.study.plant.model.curve is not None)
         )
     if settled:
         effects = " and ".join(found.search.chosen.ids) or "an effect"

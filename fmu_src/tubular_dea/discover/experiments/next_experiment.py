@@ -93,9 +93,8 @@ def _discrimination(study: Study, options: Sequence[Option], case: Case, bounded
         return None
     own = _own_numbers(study, options[0], case, answers[0])
     white = whitened(case, np.hstack([np.column_stack(answers), *loose, own]), study.noise)
-    white = np.asarray(
-        np.linalg.qr(white, mode="r")
-    )  # distances are the same in the few directions that these columns span
+    # Distances are the same in the few directions that these columns span.
+    white = np.asarray(np.linalg.qr(white, mode="r"))
     sizes = [len(answers), *(columns.shape[1] for columns in loose), own.shape[1]]
     answer, *each, own = np.split(white, np.cumsum(sizes)[:-1], axis=1)
     told = []

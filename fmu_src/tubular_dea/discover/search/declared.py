@@ -61,7 +61,7 @@ def _of_other_strengths(study: Study, score: bank.Score, start: dict[str, float]
     """The start with each strength at which secants are taken: where a response turns with its size, a score hardly
     tells that. Of a fluid of 28 g it told 10, and no step from there fitted the tube's ringing better."""
     effect = study.catalogue[score.id]
-    return [start | {name: value} for name, values in effect.strengths.items() for value in values]
+    return [start | {name: effect.off[name] + by} for name, values in effect.strengths.items() for by in values]
 
 
 def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> list[tuple[Study, Option]]:
