@@ -212,7 +212,7 @@ def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
     why = {}
     for name in described.ids:
         if name in described.impossible:
-            why[name] = "it would need an implausible strength, or a level that no record passes"
+            why[name] = f"it would need {described.wrong_with(name)}"
         elif not acceptance.bounded_away(work.catalogue[name], described.fitted):
             why[name] = "the interval of its size includes nothing"
         elif _no_more_than_a_zero(work, found, described, name):

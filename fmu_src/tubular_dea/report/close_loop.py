@@ -132,7 +132,7 @@ def _nearest(found: Discovery) -> str:
     best = max(tried, key=lambda option: option.evidence, default=found.base)
     if best.evidence <= found.base.evidence:
         return ""
-    return _how_near(found, best, ", with an implausible strength" if best.impossible else "")
+    return _how_near(found, best, f", with {best.wrong_with(best.impossible[0])}" if best.impossible else "")
 
 
 def _how_near(found: Discovery, option: Option, strength: str = "") -> str:

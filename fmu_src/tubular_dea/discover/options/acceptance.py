@@ -111,8 +111,7 @@ def accept(base: Option, before: Option, best: Option, threshold: float) -> tupl
     if gain < chance and _with_held_out(before, best) < threshold + DENIAL:
         return False, f"refitted, {name} gains {gain:.1f}, less than chance can ({chance:.1f})"
     if name in best.impossible:
-        needed = "need an implausible strength" if name in best.pinned else "have a level that no record passes"
-        return False, f"{name} would {needed}"
+        return False, f"{name} would {'need' if name in best.pinned else 'have'} {best.wrong_with(name)}"
     strong = gain >= STRONG * threshold
     predicts = strong and before.held_out - best.held_out > DENIAL
     blocks_tell = not predicts and not far(before)  # so far off, linear models predict nothing

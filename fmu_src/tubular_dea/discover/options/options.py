@@ -51,6 +51,10 @@ class Option:
         """The effects that cannot be as they were fitted."""
         return (*self.pinned, *self.unreached)
 
+    def wrong_with(self, effect: str) -> str:
+        """What an effect that cannot be as it was fitted would have."""
+        return "an implausible strength" if effect in self.pinned else "a level that no record passes"
+
     @property
     def cost(self) -> float:
         """Minus twice the logarithm of the likelihood of the training, up to a constant."""
