@@ -26,7 +26,7 @@ from .settle import as_read, fit_as_declared, iterated
 
 # Set by measurement: of the strengths of a mass next to that of a fluid of 28 g, one led to it and one did not.
 # Check: `pytest tests/test_declared_starts.py -k several_strengths`
-STARTS_BEGUN = 2  # [1] starts of an effect, of several strengths, that are begun: those that cost least
+STARTS_BEGUN = 2  # [1] other strengths that are begun where an effect's score leads nowhere: those that cost least
 
 
 def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
@@ -59,7 +59,7 @@ def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
 
 def _of_other_strengths(study: Study, score: bank.Score, start: dict[str, float]) -> list[dict[str, float]]:
     """The start with each strength at which secants are taken: where a response turns with its size, a score hardly
-    tells that. Of a fluid of 28 g it told 10, and no step from there fitted the tube's ringing better."""
+    tells that. Of a fluid of 28 g it told 10, and no step from there explained more than the base does."""
     effect = study.catalogue[score.id]
     return [start | {name: effect.off[name] + by} for name, values in effect.strengths.items() for by in values]
 
@@ -81,8 +81,10 @@ def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> 
     def begin(score: bank.Score) -> tuple[Study, Ids, Fit] | None:
         start, ids = start_values(there, score), (score.id,)
         own = adjusted(anew, ids, start, base.fitted.free, started=False)
-        starts = cheapest_starts(own, ids, [start, *_of_other_strengths(study, score, start)], STARTS_BEGUN)
-        begun = best_of_starts(own, ids, starts, ())
+        begun = best_of_starts(own, ids, [start], ())
+        if begun is None or begun.cost >= base.cost:
+            starts = cheapest_starts(own, ids, _of_other_strengths(study, score, start), STARTS_BEGUN)
+            begun = best_of_starts(own, ids, starts, ())
         return None if begun is None else (own, ids, begun)
 
     def finish(begun: tuple[Study, Ids, Fit]) -> tuple[Study, Option] | None:
