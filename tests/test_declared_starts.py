@@ -127,6 +127,23 @@ def test_of_several_strengths_those_that_cost_least_are_begun(monkeypatch: pytes
     assert refit.cheapest_starts(work, ("added_mass",), starts[:2], 2) == starts[:2]
 
 
+@pytest.mark.parametrize(
+    ("scored", "others", "best"), [(90.0, 80.0, 90.0), (110.0, 80.0, 80.0), (110.0, 120.0, 110.0), (110.0, None, 110.0)]
+)
+def test_other_strengths_are_begun_where_a_score_leads_nowhere(
+    monkeypatch: pytest.MonkeyPatch, scored: float, others: float | None, best: float
+) -> None:
+    """Beside 100 of the base. What an effect without other strengths came to is kept."""
+    costs = {"score": scored, "other": others}
+    fits = {name: SimpleNamespace(cost=cost) for name, cost in costs.items() if cost is not None}
+    monkeypatch.setattr(declared, "cheapest_starts", lambda study, ids, starts, most: starts)
+    monkeypatch.setattr(
+        declared, "best_of_starts", lambda study, ids, starts, refined: fits.get(starts[0]) if starts else None
+    )
+    begun = declared._begun(None, ("mass",), "score", ["other"] if others else [], 100.0)
+    assert begun is not None and begun.cost == best
+
+
 def test_a_mass_is_found_where_the_base_ran_away(tmp_path: Path) -> None:
     """The fluid in a tube, 28 g, with which it rings at 145 Hz."""
     tube, random = load_plant("tube"), np.random.default_rng(5)

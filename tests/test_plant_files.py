@@ -258,6 +258,14 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             None,
             "the effect leaking: the start of slow: expected V but k is in 1/s",
         ),
+        (  # as something else in the plant already is
+            HEAD
+            + OWN.format(unit="1", body="m['leak'] * slow.symbol").replace(
+                "return", BESIDE.replace('m["k"])])', 'm["k"] * (m["pump"] - m["level"]))])') + "return"
+            ),
+            None,
+            "the effect leaking: the start of slow: expected V but k*(-level + pump) is in V/s",
+        ),
         (
             HEAD + OWN.format(unit="1", body="m['leak'] * m['level']").replace('"leak": 0.0', '"leak": 1.0'),
             None,

@@ -18,6 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import sympy
+
 from ..errors import ArgumentError, UserError
 from ..laws import moved_by
 from ..model.declare import TIME, Model, nearest, rate
@@ -136,9 +138,15 @@ def _unlike(before: Model, after: Model) -> str:
     """What an effect made that is not in its declared unit; "" for nothing."""
     units = {q.symbol: q.unit for q in after.quantities().values()}
     known = {TIME: "s", **units} | {rate(q): per_second(q.unit) for q in after.inputs}
-    made = [(d.quantity.name, d.expression, d.quantity.unit) for d in after.definitions]
-    made += [(f"d({s.quantity.name})/dt", s.derivative, per_second(s.quantity.unit)) for s in after.states]
-    made += [(f"the start of {s.quantity.name}", s.start, s.quantity.unit) for s in after.states]
-    there = {d.expression for d in before.definitions} | {e for s in before.states for e in (s.derivative, s.start)}
-    found = (fault(name, expression, unit, known) for name, expression, unit in made if expression not in there)
+    there = _declared(before)
+    found = (fault(*one, known) for one in _declared(after) if one not in there)
     return next(filter(None, found), "")
+
+
+def _declared(model: Model) -> list[tuple[str, sympy.Expr, str]]:
+    """Every expression of a model: what it is of, in words, itself, and the unit in which it should be."""
+    said = [(d.quantity.name, d.expression, d.quantity.unit) for d in model.definitions]
+    for s in model.states:
+        said.append((f"d({s.quantity.name})/dt", s.derivative, per_second(s.quantity.unit)))
+        said.append((f"the start of {s.quantity.name}", s.start, s.quantity.unit))
+    return said

@@ -152,12 +152,12 @@ def starts(found: Discovery) -> list[str]:
         settled_there = (
             " If a file began at rest under its first load, say so in bench.toml ([start] and NAME = "
             '"equilibrium"): smaller effects can then be seen in it.'
+            if found.study.plant.model.curve
+            else ""
         )
         said.append(
             f"{', '.join(free)} begin{'s' if len(free) == 1 else ''} under load: the states at the start are "
-            "estimated from the record, and a slow effect may hide in them."
-            + settled_there
-            * (found.study.plant.model.curve is not None)
+            f"estimated from the record, and a slow effect may hide in them.{settled_there}"
         )
     if settled:
         effects = " and ".join(found.search.chosen.ids) or "an effect"

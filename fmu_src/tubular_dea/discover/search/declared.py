@@ -64,6 +64,18 @@ def _of_other_strengths(study: Study, score: bank.Score, start: dict[str, float]
     return [start | {name: effect.off[name] + by} for name, values in effect.strengths.items() for by in values]
 
 
+def _begun(
+    study: Study, ids: Ids, start: dict[str, float], others: Sequence[dict[str, float]], enough: float
+) -> Fit | None:
+    """The model with effects `ids` after a few steps from `start`; where that costs `enough` or more, from the
+    likeliest of the `others` too, the best of them all."""
+    begun = best_of_starts(study, ids, [start], ())
+    if begun is not None and begun.cost < enough:
+        return begun
+    tried = [begun, best_of_starts(study, ids, cheapest_starts(study, ids, others, STARTS_BEGUN), ())]
+    return min((f for f in tried if f is not None), key=lambda f: f.cost, default=None)
+
+
 def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> list[tuple[Study, Option]]:
     """The `known` candidates and those that score best at the declared values, with records' own numbers as these make
     them likely, begun where their scores say they are; each with its study. The best few after some steps are fitted
@@ -81,10 +93,7 @@ def begun_as_declared(study: Study, base: Option, known: Sequence[str] = ()) -> 
     def begin(score: bank.Score) -> tuple[Study, Ids, Fit] | None:
         start, ids = start_values(there, score), (score.id,)
         own = adjusted(anew, ids, start, base.fitted.free, started=False)
-        begun = best_of_starts(own, ids, [start], ())
-        if begun is None or begun.cost >= base.cost:
-            starts = cheapest_starts(own, ids, _of_other_strengths(study, score, start), STARTS_BEGUN)
-            begun = best_of_starts(own, ids, starts, ())
+        begun = _begun(own, ids, start, _of_other_strengths(study, score, start), base.cost)
         return None if begun is None else (own, ids, begun)
 
     def finish(begun: tuple[Study, Ids, Fit]) -> tuple[Study, Option] | None:

@@ -76,13 +76,11 @@ def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> floa
     """What an output (SI) reads first if a plant starts as declared under an experiment's first inputs; None where that
     depends on numbers of each record."""
     model = plant.model
-    expression, starts = model.expression(output), {s.quantity.symbol: s.start for s in model.states}
-    for d in reversed(model.definitions):
-        expression = expression.xreplace({d.quantity.symbol: d.expression})
-    for _ in starts:  # a start may be an expression of others
-        expression = expression.xreplace(starts)
-    for d in reversed(model.definitions):
-        expression = expression.xreplace({d.quantity.symbol: d.expression})
+    known_as = {d.quantity.symbol: d.expression for d in model.definitions}
+    known_as |= {s.quantity.symbol: s.start for s in model.states}
+    expression = model.expression(output)
+    while expression.free_symbols & known_as.keys():
+        expression = expression.xreplace(known_as)
     first = {name: float(values[0]) for name, values in experiment.inputs.items()}
     known = {p.quantity.name: p.quantity.value for p in model.parameters if p.start != "each"} | first
     symbols, value = evaluator(expression)
