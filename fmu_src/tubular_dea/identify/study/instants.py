@@ -128,7 +128,7 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
     def of_reading(reading: int) -> list[EdgeResponse]:
         found = []
         for i in range(len(edges)):
-            place = _place(piece, i, order[turn[i] + 1 : turn[i] + 2], reading)
+            place = samples_behind(piece, i, order[turn[i] + 1 : turn[i] + 2], reading)
             known = high[i] <= low[i] or place.stop <= place.start
             rows = white[turn[i] % 2 * len(GRID) : (turn[i] % 2 + 1) * len(GRID)]
             moved = np.empty((0, 0)) if known else np.array([w[place] for w in rows])
@@ -141,7 +141,7 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
     return max(readings, key=lambda found: sum((m.chord * np.ptp(m.grid)) ** 2 for m in found))
 
 
-def _place(piece: Piece, number: int, following: Iterable[int], reading: int) -> slice:
+def samples_behind(piece: Piece, number: int, following: Iterable[int], reading: int) -> slice:
     """The samples that may depend on an edge's instant: from its earliest one to that of the `following` edge."""
     edges, times = piece.driven.edges, piece.case.readings[reading].times
     offset = piece.case.parts[reading].start

@@ -14,8 +14,8 @@ the noise. There, what a sensor drifts within a file is one instead.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -27,14 +27,14 @@ from ..fitting.marginal import Marginal
 from ..fitting.problem import whitened
 from ..inputs.drive import MIDWAY
 from ..signals import hum as hums
-from .instants import reach
+from .instants import TOLD, bounds, reach, samples_behind
 from .monitor_uncertainty import shifted
 from .remembered import NOISE_OF, at_corners, pushes, spread_at_corner
 from .study import Nuisances, Piece, Study
 
 # Set by judgement. Check: `pytest tests/test_ringing_plants.py`
 LASTS = 0.1  # [1] of what an edge's instant changes, as sum of squares, that comes after the next edge: then it lasts
-MOST_LASTING = 2e6  # [samples] simulated at most for a record's edges that are estimated together: all of it for each
+MOST_LASTING = 2e6  # [samples] simulated at most for a record's edges that are estimated together
 EDGE_STEP = 0.25  # [1] of the way to the farther bound: step of a difference quotient
 
 # Set by judgement: no unit test tells a factor of four. Check:
@@ -126,15 +126,19 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
     moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
     switched = _lasting_edges(study, ids, values, piece)
-    asked = [*(c for _, c, _ in cases), *moved, *(c for _, c, _ in switched)]
+    asked = [*(c for _, c, _ in cases), *moved, *(m.case for m in switched)]
     here, *others = study.asked(ids, [piece.case, *asked]).possible(values)
     if here is None:
         return None
+    changes = [np.zeros(here.size) if answer is None else answer - here for answer in others]
     steps = [(name, step) for name, _, step in cases] + [(f"{START_OF}{name}", START_STEP) for name, _ in starts]
-    steps += [(name, step) for name, _, step in switched]
-    for (name, step), answer in zip(steps, others, strict=True):
+    for (name, step), change in zip(steps, changes, strict=False):
         names.append(name)
-        columns.append(np.zeros(here.size) if answer is None else (answer - here) / step)
+        columns.append(change / step)
+    for group, change in zip(switched, changes[len(steps) :], strict=True):
+        for number, step in group.steps.items():
+            names.append(f"{EDGE_OF}{number}")
+            columns.append(np.where(group.samples[number], change, 0.0) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
 
@@ -151,31 +155,67 @@ def _drifts(study: Study, reading: Reading) -> list[tuple[str, np.ndarray]]:
     return [(f"{DRIFT_OF}{k} {reading.output}", Legendre.basis(k)(over)) for k in range(1, DRIFTS + 1)]
 
 
-def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> list[tuple[str, Case, float]]:
-    """Every edge by name, with the case in which it alone has moved and by how much [s], if what an instant changes
-    lasts; none otherwise."""
+@dataclass(frozen=True)
+class _Moved:
+    """A `case` in which some edges have moved: by number, how far each [s], and the samples (N,) that it moves."""
+
+    case: Case
+    steps: Mapping[int, float]
+    samples: Mapping[int, np.ndarray]
+
+
+def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> list[_Moved]:
+    """The cases that tell what every edge's instant changes, if that lasts beyond the next edge; none otherwise.
+
+    Edges move in one case whose responses are over before the next of them comes, as the first one's tells.
+    """
     edges = piece.driven.edges
-    if len(edges) < 2 or len(edges) * piece.record.size > MOST_LASTING:
+    if len(edges) < 2:
         return []
-
-    def moved(number: int) -> tuple[str, Case, float]:
-        edge, now = edges[number], float(piece.shifts[number])
-        ends = np.array([edge.earliest, edge.latest]) - edge.time - now
-        step = EDGE_STEP * float(ends[np.argmax(np.abs(ends))])
-        shifts = np.where(np.arange(len(edges)) == number, now + step, piece.shifts)
-        return f"{EDGE_OF}{number}", replace(piece.case, protocol=piece.driven_by(shifts)), step
-
-    first, second = np.argsort([e.time for e in edges], kind="stable")[:2]
-    _, case, step = moved(int(first))
-    here, there = study.asked(ids, [piece.case, case]).possible(values)
-    if here is None or there is None or step == 0.0:
+    order = np.argsort([e.time for e in edges], kind="stable").tolist()
+    probe = _moved(piece, order[:1])
+    here, there = study.asked(ids, [piece.case, probe.case]).possible(values)
+    if here is None or there is None or not probe.steps:
         return []
     seen, rows = piece.case.readings[0], piece.case.parts[0]
-    squares = (there - here)[rows] ** 2
-    later = float(np.sum(squares[seen.times > edges[second].latest]))
-    if later <= LASTS * float(squares.sum()):
+    told = np.cumsum((there - here)[rows] ** 2)
+    by_the_next = told[seen.times <= edges[order[1]].latest]
+    if told[-1] - (by_the_next[-1] if by_the_next.size else 0.0) <= LASTS * told[-1]:
         return []
-    return [m for m in map(moved, range(len(edges))) if m[2] != 0.0]
+    over = seen.times[min(int(np.searchsorted(told, TOLD * told[-1])), told.size - 1)] - edges[order[0]].earliest
+    groups = _apart(piece, order, float(over))
+    if len(groups) * piece.record.size > MOST_LASTING:
+        return []
+    return [_moved(piece, group) for group in groups]
+
+
+def _apart(piece: Piece, order: Sequence[int], over: float) -> list[list[int]]:
+    """The edges, in their order, in as few groups as have at least `over` [s] from each edge to the next."""
+    groups: list[list[int]] = []
+    for number in order:
+        begins = piece.driven.edges[number].earliest
+        free = (g for g in groups if piece.driven.edges[g[-1]].earliest + over < begins)
+        group = next(free, None)
+        if group is None:
+            groups.append([number])
+        else:
+            group.append(number)
+    return groups
+
+
+def _moved(piece: Piece, numbers: Sequence[int]) -> _Moved:
+    """The case in which these edges, in the order of time, have moved towards their farther bounds."""
+    low, high = bounds(piece)
+    ends = np.array([low, high]) - piece.shifts
+    steps = EDGE_STEP * np.where(np.abs(ends[0]) > np.abs(ends[1]), *ends)
+    chosen = np.isin(np.arange(steps.size), numbers)
+    case = replace(piece.case, protocol=piece.driven_by(np.where(chosen, piece.shifts + steps, piece.shifts)))
+    samples = {}
+    for number, following in zip(numbers, [*numbers[1:], None], strict=True):
+        samples[number] = np.zeros(piece.record.size, dtype=bool)
+        for reading in range(len(piece.case.readings)):
+            samples[number][samples_behind(piece, number, [] if following is None else [following], reading)] = True
+    return _Moved(case, {n: float(steps[n]) for n in numbers if steps[n] != 0.0}, samples)
 
 
 def step_of(piece: Piece) -> float:
