@@ -169,10 +169,14 @@ def _lasting_edges(study: Study, ids: Ids, values: Mapping[str, float], piece: P
 
     Edges move in one case whose responses are over before the next of them comes, as the first one's tells.
     """
-    edges = piece.driven.edges
-    if len(edges) < 2:
+    edges, (first, last) = piece.driven.edges, np.array([r.times[[0, -1]] for r in piece.case.readings]).T
+    order = [  # a part of a file has switchings of the whole file
+        number
+        for number in np.argsort([e.time for e in edges], kind="stable").tolist()
+        if first.min() <= edges[number].latest and edges[number].earliest < last.max()
+    ]
+    if len(order) < 2:
         return []
-    order = np.argsort([e.time for e in edges], kind="stable").tolist()
     probe = _moved(piece, order[:1])
     here, there = study.asked(ids, [piece.case, probe.case]).possible(values)
     if here is None or there is None or not probe.steps:
