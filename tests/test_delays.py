@@ -152,6 +152,32 @@ def test_a_delay_before_the_start_is_level(late_kernel) -> None:
     assert np.array_equal(jump.at(np.array([0.49, 0.5]))["pressure"], [0, 1])
 
 
+def test_a_delay_leaves_breakpoints_where_an_input_bends_or_jumps_alone() -> None:
+    rng = np.random.default_rng(3)
+    curve, edges = np.sort(rng.uniform(0, 100, 400)), np.sort(rng.uniform(1, 99, 10))
+    grid = np.sort(np.concatenate([[0.0, 100.0], curve, edges, edges]))
+    behind = np.append(False, np.diff(grid) == 0)
+    passed = np.where(behind, np.searchsorted(edges, grid, "right"), np.searchsorted(edges, grid))
+    voltage = 5e3 * (passed % 2)
+    late = 0.0137
+    pressure = np.interp(grid, curve, 1e4 + 50 * rng.standard_normal(curve.size))
+    protocol = Protocol.of(grid, pressure=pressure, voltage=voltage)
+    moved = protocol.with_delay("voltage", late).with_delay("pressure", -2 * late).with_delay("pressure", late)
+    assert moved.time.size < grid.size + 60
+    times = rng.uniform(1, 98, 5000)
+    assert np.allclose(moved.at(times)["pressure"], protocol.at(times + late)["pressure"], rtol=1e-12, atol=0)
+    assert np.array_equal(moved.at(times)["voltage"], protocol.at(times - late)["voltage"])
+    assert np.array_equal(moved.jumps, np.unique(protocol.jumps + late))
+
+
+def test_a_slow_curve_keeps_its_breakpoints() -> None:
+    time = np.linspace(0, 1000, 100_001)  # of a sine of 1000 s no three samples are on a line by more than 5e-10
+    slow = Protocol.of(time, pressure=1e4 + 1e3 * np.sin(2 * np.pi * time / 1000))
+    assert np.allclose(slow.simplified().at(time)["pressure"], slow.inputs["pressure"], rtol=1e-9, atol=0)
+    straight = Protocol.of(time, pressure=7.0 * time, voltage=0 * time).simplified()
+    assert straight.time.tolist() == [0.0, 1000.0]
+
+
 def test_declarations_that_mean_nothing_are_refused() -> None:
     base = tubular_dea()
     quantity = Quantity("late", "Pa", "Late")

@@ -26,6 +26,8 @@ WORDS = ("at", "until", "from", "to", "every", "for")  # before the times of a s
 
 MOST_PULSES = 10_000
 
+ROUNDING = 1e-14  # [1] of a value, and of a time, that a few operations may err by
+
 LATER = "later"  # name of an input that is late, while it is made
 
 
@@ -154,7 +156,22 @@ class Protocol:
     def with_delay(self, name: str, by: float) -> Protocol:
         """The protocol with one of its inputs later by some time [s]; earlier where that is negative."""
         moved = self.delayed({LATER: (name, by)})
-        return Protocol(moved.time, {n: moved.inputs[LATER if n == name else n] for n in self.inputs})
+        return Protocol(moved.time, {n: moved.inputs[LATER if n == name else n] for n in self.inputs}).simplified()
+
+    def simplified(self) -> Protocol:
+        """The same inputs without breakpoints at which none of them bends or jumps by more than rounding: the
+        integrator ends a step at every breakpoint."""
+        table = np.array([*self.inputs.values()]).reshape(-1, self.time.size)
+        doubled = np.append(False, (np.diff(self.time) == 0) & np.all(np.diff(table) == 0, axis=0))
+        time, table = self.time[~doubled], table[:, ~doubled]
+        span, change = time[2:] - time[:-2], table[:, 2:] - table[:, :-2]
+        slope = np.divide(change, span, out=np.zeros_like(change), where=span > 0)
+        off = np.abs(table[:, 1:-1] - table[:, :-2] - slope * (time[1:-1] - time[:-2]))
+        size = np.abs(table).max(axis=1, keepdims=True) + np.abs(time).max() * np.abs(slope)
+        jumps = (np.diff(time) == 0)[:-1] | (np.diff(time) == 0)[1:]
+        kept = np.concatenate([[True], jumps | np.any(off > ROUNDING * size, axis=0), [True]])
+        names = list(self.inputs)
+        return Protocol(time[kept], {name: table[row, kept] for row, name in enumerate(names)})
 
     def with_time(self, time: float) -> Protocol:
         """The protocol with a breakpoint at a time [s] inside it."""

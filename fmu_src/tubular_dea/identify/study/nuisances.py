@@ -278,7 +278,7 @@ def _smoothed(study: Study, piece: Piece, name: str, weights: np.ndarray, stride
     most = BY_NOISE * float(np.linalg.norm([*changes.values()])) * study.monitor_noise.get(name, np.inf)
     smooth = here + np.clip(off, -most, most)
     inputs = {n: smooth if n == name else moved.inputs[n] for n in protocol.inputs}
-    return replace(piece.case, protocol=Protocol(moved.time, inputs))
+    return replace(piece.case, protocol=Protocol(moved.time, inputs).simplified())
 
 
 def _placed(piece: Piece, part: slice, values: np.ndarray) -> np.ndarray:
