@@ -13,7 +13,7 @@ from shared_data import shared
 from tubular_dea.identify.fitting.cases import Case, Reading
 from tubular_dea.identify.fitting.marginal import Marginal
 from tubular_dea.identify.fitting.problem import Free
-from tubular_dea.identify.fitting.response import ROUGH, TOLERANCE
+from tubular_dea.identify.fitting.response import FINER, LEAST_STEPS, ROUGH, STEPS_A_SAMPLE, TOLERANCE, Response
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study.adjust import adjusted
 from tubular_dea.identify.study.study import LONG, followed, study
@@ -76,6 +76,19 @@ def test_between_files_in_a_row_the_next_one_s_load_holds() -> None:
     assert Kernel(PLANT.model).simulate(both, np.array([50.0])).steps < 20_000  # released at once, it rings: 186 000
     short = followed(loaded, Protocol(rests.time - 29.9, rests.inputs))
     assert np.allclose(short.at(np.array([10.05, 10.1]))["pressure"], 0.0)
+
+
+def test_a_tube_that_rings_out_in_pauses_is_followed() -> None:
+    """Unloaded at once before a pause of five minutes, a tube without damping rings for most of a minute."""
+    pulse = Protocol.of([0.0, 1.0, 1.0, 2.0], pressure=[1.2e4, 1.2e4, 0.0, 0.0], voltage=[0.0] * 4)
+    chain = pulse
+    for number in range(1, 12):
+        chain = followed(chain, Protocol(pulse.time + 300.0 * number, pulse.inputs))
+    reading = Reading("measured_displacement", np.arange(3300.0, 3302.0, 0.01))
+    response = Response(Kernel(PLANT.model), [Case(chain, (reading,))], {}, TOLERANCE)
+    assert np.isfinite(response.outputs({}, FINER)[0]).all()
+    steps = Kernel(PLANT.model).simulate(chain, reading.times, tolerance=TOLERANCE / FINER, max_steps=3_000_000).steps
+    assert steps > LEAST_STEPS + STEPS_A_SAMPLE * (reading.times.size + chain.time.size)
 
 
 def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> None:

@@ -95,7 +95,8 @@ def stroke_work(beat: Beat) -> float:
 
 def stroke_work_per_stroke_volume(beat: Beat) -> float | None:
     """Stroke work over stroke volume: the mean pressure against which blood is moved."""
-    return stroke_work(beat) / stroke_volume(beat) if beat.ejection else None
+    volume = stroke_volume(beat)
+    return stroke_work(beat) / volume if beat.ejection and volume > 0 else None
 
 
 def pressure_volume_area(beat: Beat) -> float | None:

@@ -10,9 +10,17 @@ import numpy as np
 
 from ..errors import UserError
 from ..files import FileError, read_whole
+from ..model.units import UnitError, factor
 from ..model.windkessel import R_WAVE_DURATION
 from ..protocol import Protocol
+from ..recordings.heading import name as plain
+from ..recordings.heading import parts
 from ..tabular import TableError, rows
+
+LEADS = ("ecg", "ekg", "ii", "v", "mlii", "mcl1", "i", "iii", "v5")  # names of a column that is an ECG
+
+# Set by theory: the detector passes 5 to 30 Hz. Check: `pytest tests/test_scheduler.py -k bad_ecgs`
+LEAST_RATE = 60.0  # [Hz] of an ECG, and more than that
 
 SLOWEST, FASTEST = 15.0, 250.0  # beats per minute that can be a heart's: 40 to 220, and half a tachycardia beyond
 
@@ -75,6 +83,11 @@ def detect(ecg: Ecg) -> np.ndarray:
         raise HeartbeatError(
             "ECG: finding beats needs the package sleepecg; pip install '.[ecg]', or give R times"
         ) from None
+    if ecg.rate <= LEAST_RATE:
+        raise HeartbeatError(
+            f"ECG: {ecg.rate:.3g} samples a second; expected more than {LEAST_RATE:g}, to find beats: is the unit of "
+            "its time right? Else give R times"
+        )
     signal = np.asarray(ecg.signal, dtype=float)
     if signal.ndim != 1 or signal.size < 2 * ecg.rate:
         raise HeartbeatError(f"ECG: expected one lead of at least 2 s but was given {signal.size / ecg.rate:.2f} s")
@@ -91,7 +104,8 @@ def detect(ecg: Ecg) -> np.ndarray:
 def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     """An ECG from a CSV file (`time [s],ecg [mV]`) or a WFDB record (`.hea` or `.dat`; needs the package wfdb).
 
-    `lead` names the column or signal; the first one by default.
+    `lead` names the column or signal; by default it is the first signal of a record, and of a table the column named
+    as a lead is, or in mV.
     """
     if path.suffix in (".hea", ".dat", ""):
         return _read_wfdb(path.with_suffix(""), lead)
@@ -103,13 +117,25 @@ def read_ecg(path: Path, lead: str | None = None) -> Ecg:
     if len(table) < 3:
         below = max(0, len(table) - 1)
         raise HeartbeatError(f"{path}: expected {wanted} and at least two rows of numbers below but found {below}")
-    names = [cell.partition("[")[0].strip() for cell in table[0][1]]
-    if "time" not in names or len(names) < 2 or (lead and lead not in names):
-        raise HeartbeatError(f"{path}, line {table[0][0]}: expected {wanted} but found {', '.join(table[0][1])}")
-    places = names.index("time"), names.index(lead) if lead else 1
+    header = [parts(cell) for cell in table[0][1]]
+    named = [name for name, _ in header]
+    asked = [k for k, one in enumerate(header) if (one[0] == plain(lead) if lead else _is_lead(*one))]
+    if "time" not in named or not asked:
+        more = "; name the column of the ECG as the lead (--lead)" * (lead is None and len(header) > 1)
+        raise HeartbeatError(f"{path}, line {table[0][0]}: expected {wanted} but found {', '.join(table[0][1])}{more}")
+    places = named.index("time"), asked[0]
+    try:
+        second = factor(header[places[0]][1] or "s", "s")
+    except UnitError as problem:
+        raise HeartbeatError(f"{path}, line {table[0][0]}, column 'time': {problem}") from None
     read = [[_number(path, n, row[i] if i < len(row) else "") for n, row in table[1:]] for i in places]
     time, signal = _ascending(path, [n for n, _ in table[1:]], read[0]), np.array(read[1])
-    return Ecg(signal, float((time.size - 1) / (time[-1] - time[0])))
+    return Ecg(signal, float((time.size - 1) / ((time[-1] - time[0]) * second)))
+
+
+def _is_lead(name: str, unit: str) -> bool:
+    """Whether a column is an ECG, by its name or as only an ECG is in millivolts."""
+    return name in LEADS or unit in ("mV", "uV", "µV", "μV")
 
 
 def _number(path: Path, line: int, cell: str) -> float:

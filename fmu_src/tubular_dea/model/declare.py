@@ -143,6 +143,10 @@ class State:
     start: sympy.Expr
     equilibrium: sympy.Expr | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("derivative", "start"):  # whoever declares one by hand may write 0
+            object.__setattr__(self, name, sympy.sympify(getattr(self, name)))
+
 
 @dataclass(frozen=True)
 class Definition:
@@ -150,6 +154,9 @@ class Definition:
 
     quantity: Quantity
     expression: sympy.Expr
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "expression", sympy.sympify(self.expression))
 
 
 @dataclass(frozen=True)

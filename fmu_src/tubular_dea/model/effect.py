@@ -24,7 +24,8 @@ Values = Mapping[str, float]
 class Effect:
     """A physical effect as a change of a model.
 
-    `parameters` are declared as tunable parameters of the model, with the default `off` for those listed there.
+    `parameters` are declared as tunable parameters of the model, with the default `off` for those listed there; others
+    without a value have that in `typical`.
     An effect is off where its parameters have the values `off`, whatever the others are. `typical` has a value of
     every parameter at which the effect has its usual size.
 
@@ -114,7 +115,8 @@ class Effect:
         """`model` with the effect in it, and off; `DeclarationError` if it is in there already."""
         if self.id in model.effects:
             raise DeclarationError(f"{model.name} has the effect {self.id!r} already; it cannot be added twice")
-        declared = [Parameter(replace(q, value=self.off.get(q.name, q.value)), tunable=True) for q in self.parameters]
+        values = dict(self.typical) | {q.name: q.value for q in self.parameters if q.value is not None} | dict(self.off)
+        declared = [Parameter(replace(q, value=values[q.name]), tunable=True) for q in self.parameters]
         with unchecked():
             changed = self.apply(model.extend(parameters=declared))
         return changed.marked(self.id)

@@ -18,7 +18,8 @@ typedef struct {
     long room;
 } Recorder;
 
-static void record(Recorder *recorder, double time, const double *x)
+/* The next sample; `rates` of the inputs, where they are not those of the present piece. */
+static void record(Recorder *recorder, double time, const double *x, const double *rates)
 {
     double u[NU], du[NU], fold = 0;
     memcpy(recorder->x + recorder->next * MODEL_NX, x, MODEL_NX * sizeof *x);
@@ -26,6 +27,7 @@ static void record(Recorder *recorder, double time, const double *x)
     recorder->next++;
     if (!row) return;
     inputs_at(&recorder->solver->inputs, time, u, du);
+    if (rates) memcpy(du, rates, sizeof du);
 #if MODEL_HAS_CURVE
     if (recorder->with_fold) fold = curve_fold(u, recorder->solver->p).load;
 #endif
@@ -45,7 +47,7 @@ static int sample(void *context, const Step *step)
         const double time = recorder->samples[recorder->next];
         if (time > end || (time >= recorder->piece_end && !recorder->last_piece)) break;
         step_within(step, (time - step->time) / step->h, x); /* 1 at the end, to the last bit */
-        record(recorder, time, x);
+        record(recorder, time, x, NULL);
     }
     return 0;
 }
@@ -54,7 +56,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
                       long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y,
                       long room, double *mesh, long *counts, double *reached)
 {
-    double state[AT_LEAST_ONE(MODEL_NX)], time = points[0], h = 0;
+    double state[AT_LEAST_ONE(MODEL_NX)], rates[NU], here[NU], u_here[NU], time = points[0], h = 0;
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y, mesh, room};
     int status;
@@ -75,13 +77,15 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         recorder.piece_end = points[k + 1];
         recorder.last_piece = k == last;
         solver.unbroken = before && !memcmp(before, u + k * MODEL_NU, MODEL_NU * sizeof *u);
+        piece_rates(&solver.inputs, before, rates, here);
+        inputs_at(&solver.inputs, points[k], u_here, rates);
         before = u + (k + 1) * MODEL_NU;
         if (!(h > 0)) h = points[k + 1] - time;
-        while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state);
+        while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state, here);
         status = solver_advance(&solver, &time, points[k + 1], state, &h);
     }
     while (status == SOLVER_OK && recorder.next < n_samples && samples[recorder.next] <= time)
-        record(&recorder, time, state); /* one at the very end, where the last step's own end was rounded to before it */
+        record(&recorder, time, state, NULL); /* one at the very end, where the last step's own end was rounded to before it */
     counts[0] = solver.steps;
     counts[1] = solver.rejected;
     *reached = time;

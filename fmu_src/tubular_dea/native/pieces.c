@@ -30,6 +30,14 @@ void piece_inputs(Inputs *inputs, const double *points, const double *u, long k)
     }
 }
 
+void piece_rates(const Inputs *inputs, const double *before, const double *rates, double *du)
+{
+    for (int i = 0; i < MODEL_NU; i++) {
+        const int meet = before && before[i] == inputs->u[i][0];
+        du[i] = meet ? 0.5 * (rates[i] + inputs->u[i][1]) : inputs->u[i][1];
+    }
+}
+
 int piece_start(const double *p, const double *u, double *x)
 {
     if (!start_states(u, p, x)) return NO_REST_STATE;

@@ -264,14 +264,15 @@ static void bend_columns(Block *block)
             EVERY_COLUMN(l) block->bend[d][i][l] = weighted(0, DENSE[d], STAGES, &block->k[0][i][l], NX * COLUMNS_WIDE);
 }
 
-/* Writes the next sample from states `x` and the tangents v[column * MODEL_NX + state]. */
-static void record(TangentRun *run, double time, const double *x, const double *v)
+/* Writes the next sample from states `x` and the tangents v[column * MODEL_NX + state]; `rates` as in kernel.c. */
+static void record(TangentRun *run, double time, const double *x, const double *v, const double *rates)
 {
     double u[NU], du[NU], observed[AT_LEAST_ONE(OBSERVED)], Y[AT_LEAST_ONE(OBSERVED_N)];
     const double fold = 0;
     const long row = run->next++;
     double *y = run->y + row * (MODEL_NY + 1);
     inputs_at(&run->inputs, time, u, du);
+    if (rates) memcpy(du, rates, sizeof du);
     memcpy(run->x + row * MODEL_NX, x, MODEL_NX * sizeof *x);
     model_outputs(time, x, u, du, run->p, &fold, y);
     y[MODEL_NY] = 0;
@@ -301,11 +302,11 @@ static void record(TangentRun *run, double time, const double *x, const double *
 }
 
 /* At the present states, before or after a step. */
-static void record_here(TangentRun *run, double time, const double *x, double *v)
+static void record_here(TangentRun *run, double time, const double *x, double *v, const double *rates)
 {
     for (long c = 0; c < run->n_columns; c++)
         for (int i = 0; i < MODEL_NX; i++) v[c * MODEL_NX + i] = run->blocks[c / COLUMNS_WIDE].x[i][c % COLUMNS_WIDE];
-    record(run, time, x, v);
+    record(run, time, x, v, rates);
 }
 
 static void record_within(TangentRun *run, const Taken *s, double time, double *v)
@@ -321,7 +322,7 @@ static void record_within(TangentRun *run, const Taken *s, double time, double *
             v[c * MODEL_NX + i] =
                 within(f, b->x[i][l], b->x_new[i][l], b->bend[0][i][l], b->bend[1][i][l], b->bend[2][i][l]);
     }
-    record(run, time, x, v);
+    record(run, time, x, v, NULL);
 }
 
 /* The run ------------------------------------------------------------------------------------------------------ */
@@ -365,6 +366,7 @@ static int walk(TangentRun *run, long n_points, const double *points, const doub
                 double *x, double *v, double *reached)
 {
     const double *last = NULL; /* inputs at the end of the piece before */
+    double rates[NU], here[NU], u_here[NU];
     long m = 0;
     for (long k = 0; k < n_points - 1; k++) {
         const double end = points[k + 1];
@@ -372,8 +374,10 @@ static int walk(TangentRun *run, long n_points, const double *points, const doub
         if (piece_is_jump(points, k)) continue;
         piece_inputs(&run->inputs, points, u, k);
         if (last) jump(run, time, last, u + k * MODEL_NU, x);
+        piece_rates(&run->inputs, last, rates, here);
+        inputs_at(&run->inputs, time, u_here, rates);
         last = u + (k + 1) * MODEL_NU;
-        while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v);
+        while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v, here);
         while (time < end) {
             const double closest = 1e-9 * (end - points[k]);
             while (m < n_mesh && mesh[m] <= time + closest) m++;
@@ -383,7 +387,7 @@ static int walk(TangentRun *run, long n_points, const double *points, const doub
             *reached = time = to;
         }
     }
-    while (run->next < run->n_samples) record_here(run, points[n_points - 1], x, v);
+    while (run->next < run->n_samples) record_here(run, points[n_points - 1], x, v, NULL);
     return SOLVER_OK;
 }
 

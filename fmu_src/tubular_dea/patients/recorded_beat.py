@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import find_peaks
 
-from ..cosim.heartbeats import FASTEST, SLOWEST, Ecg, detect
+from ..cosim.heartbeats import FASTEST, LEADS, SLOWEST, Ecg, detect
 from ..errors import UserError
 from ..identify.records.columns import is_in
 from ..identify.signals.sampling import usual_step
@@ -47,11 +47,7 @@ HIGHEST_MEDIAN = 300.0  # [mmHg] of it
 LEAST_SWING = 1.0  # [mmHg] of it in a beat
 
 UNITS = {"pressure": ("Pa", "mmHg"), "flow": ("m3/s", "mL/s"), "ecg": ("V", "mV")}  # SI, and what a bare column means
-NAMES = {
-    "pressure": ("pressure", "abp", "art", "aop", "p"),
-    "flow": ("flow", "aoq", "q"),
-    "ecg": ("ecg", "ii", "v", "mlii", "mcl1", "i", "iii", "v5"),
-}
+NAMES = {"pressure": ("pressure", "abp", "art", "aop", "p"), "flow": ("flow", "aoq", "q"), "ecg": LEADS}
 
 
 class PatientRecordError(UserError, ValueError):

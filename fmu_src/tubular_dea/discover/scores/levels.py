@@ -9,7 +9,7 @@ import numpy as np
 from ...identify.fitting.compiled import Ids
 from ...identify.study.study import Study
 from ...kernel import KernelError, Trajectory
-from ...model.declare import Model
+from ...model.declare import Model, rate
 from ...model.effect import Effect
 from ...model.sizes import evaluator
 
@@ -43,6 +43,7 @@ def course(model: Model, run: Trajectory, name: str, values: Mapping[str, float]
     for definition in reversed(model.definitions):
         expression = expression.xreplace({definition.quantity.symbol: definition.expression})
     symbols, value = evaluator(expression)
-    numbers = model.parameter_values() | dict(values) | {"time": run.time} | run.values
+    moving = {str(rate(q)): np.gradient(run[q.name], run.time) for q in model.inputs if rate(q) in symbols}
+    numbers = model.parameter_values() | dict(values) | {"time": run.time} | run.values | moving
     found = np.vectorize(value, otypes=[float])(*(numbers[str(s)] for s in symbols)) if symbols else value()
     return np.broadcast_to(found, run.time.shape)

@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import erfc, rel_entr
 
+from ...errors import UserError
 from ..threads import one_blas_thread
 from . import hum as hums
-from .bridges import bridged
+from .bridges import MOST_BRIDGED, bridged
 from .colour import Colour
 from .colour_estimate import as_told, coloured, freedom, unlikely
 from .monitors import resolution
@@ -228,6 +229,10 @@ class Noise:
         return self.total * self.colour(step).sample(time.size, random)
 
 
+class NoStretchError(UserError, ValueError):
+    """Records that are broken too often for their noise to be told."""
+
+
 @one_blas_thread
 def estimate(records: Records, bandwidth: float = np.inf, pace: float = 1.0) -> Noise:
     """The noise common to records of (time, output, times of events); outputs without gaps. A plant passes hardly more
@@ -244,6 +249,11 @@ def estimate(records: Records, bandwidth: float = np.inf, pace: float = 1.0) -> 
 def _estimated(records: Records, plant: Tempo, apart: float) -> Noise:
     """The noise beside creep whose time constants are `apart`, of a plant of some tempo."""
     chosen, quiet, rings = _chosen(records, apart, plant.pace)
+    if not chosen:
+        raise NoStretchError(
+            "no stretch of readings without a gap is long enough to tell their noise; expected at most "
+            f"{MOST_BRIDGED:.0%} of them to be lost here and there: give files with fewer, or without this column"
+        )
     found, still = _told(records, chosen, quiet, rings, plant), _before_events(records, apart, plant.pace)
     if freedom(still) < CALMEST:
         return found

@@ -23,7 +23,7 @@ from ..inputs.drive import Drive, without_hum
 from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.checks import at_limit
-from ..records.experiment import RESTED, Experiment, Recordings
+from ..records.experiment import RESTED, DataError, Experiment, Recordings
 from ..records.start import MOVED, ZEROS, is_loose, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.monitors import COLOURED
@@ -426,7 +426,10 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
             if seen.any():
                 seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
                 records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
-        noise = noises.estimate(records, recordings.plant.bandwidth, _pace(recordings, drives))
+        try:
+            noise = noises.estimate(records, recordings.plant.bandwidth, _pace(recordings, drives))
+        except noises.NoStretchError as problem:
+            raise DataError(f"{recordings.source}: {output.name}: {problem}") from None
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
