@@ -10,7 +10,7 @@ import made_up
 from tubular_dea.discover.answer import remarks
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.search import restored as module
-from tubular_dea.discover.search.restored import restored
+from tubular_dea.discover.search.restored import restored, restoring
 from tubular_dea.kernel import KernelError
 from tubular_dea.plants.tube import PLANT
 
@@ -51,5 +51,19 @@ def test_nothing_is_named_where_the_declared_values_have_no_answer(monkeypatch: 
 
 
 def test_what_may_hide_is_said() -> None:
-    said = remarks._restoring(SimpleNamespace(study=STUDY), "third_maxwell_branch", ["eta_2"])
+    alone = SimpleNamespace(study=STUDY, named=SimpleNamespace(ids=()))
+    said = remarks._restoring(alone, "third_maxwell_branch", ["eta_2"])
     assert "With third_maxwell_branch (" in said and "eta_2 would be plausible" in said
+    beside = SimpleNamespace(study=STUDY, named=SimpleNamespace(ids=("sensor_lag",)))
+    said = remarks._restoring(beside, "stretch_dependent_permittivity", ["C_3"])
+    assert said.startswith("Beside sensor_lag, with stretch_dependent_permittivity (the permittivity changes")
+
+
+def test_beside_an_effect_options_that_were_refused_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tube with a lag and a permittivity that falls: the lag alone leaves noise, with C_3 twelve times as declared."""
+    left = {"stretch_dependent_permittivity": [], "clamp_compliance": ["C_3"], "charge_trapping": ["C_1"]}
+    tried = [made_up.option("sensor_lag", name, excess=5.0) for name in left]
+    far = {id(one.fitted): left[one.ids[-1]] for one in tried}
+    monkeypatch.setattr(module, "implausible", lambda plant, fitted: far[id(fitted)])
+    assert restoring(STUDY, tried, ["C_3"]) == {"stretch_dependent_permittivity": ["C_3"]}
+    assert restoring(STUDY, [], ["C_3"]) == {}

@@ -28,7 +28,7 @@ from .scores.channels import Isolation
 from .scores.held_out import with_held_out
 from .scores.power import Sizes, detection_limits, needed
 from .search import second_output, selection
-from .search.restored import restored
+from .search.restored import restored, restoring
 from .search.revision import Search, with_usual_sizes
 from .search.rounds import take_round
 
@@ -195,7 +195,10 @@ def _begun(
 
 
 def _restoring(found: Search, judged: Judgement, tell: Progress) -> dict[str, list[str]]:
-    """The effects with which parameters would be plausible that are not without any, and which."""
+    """The effects with which parameters would be plausible that are not without them, and which."""
+    if found.chosen.ids:
+        tried = found.rounds[-1].options if found.rounds and found.rounds[-1].present == found.chosen.ids else []
+        return restoring(found.study, tried, judged.strained)
     if judged.word != "no_effect" or not judged.strained:
         return {}
     tell(f"with which effect would {' and '.join(judged.strained)} be plausible?")

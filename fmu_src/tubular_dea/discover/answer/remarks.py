@@ -257,8 +257,10 @@ def _implausible(found: Discovery) -> list[str]:
 
 def _restoring(found: Discovery, name: str, plausible: Sequence[str]) -> str:
     """That an effect may hide in parameters, which would be plausible with it."""
+    beside = f"Beside {' and '.join(found.named.ids)}, with" if found.named.ids else "With"
+    summary = found.study.catalogue[name].summary
     return (
-        f"With {name} ({found.study.catalogue[name].summary}), {' and '.join(plausible)} would be plausible, and as "
+        f"{beside} {name} ({summary[0].lower()}{summary[1:]}), {' and '.join(plausible)} would be plausible, and as "
         "much would be explained: these recordings do not tell whether it is there."
     )
 

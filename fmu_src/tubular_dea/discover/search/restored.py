@@ -23,8 +23,14 @@ def restored(study: Study, base: Option, strained: Sequence[str]) -> dict[str, l
         tried = [one for _, one in begun_as_declared(study, base)]
     except KernelError:  # the model has no answer at its declared values
         return {}
-    left = {o.ids[0]: implausible(study.plant, o.fitted) for o in tried}
-    good = [o for o in tried if o.misfit < base.misfit + CHANCE and {*left[o.ids[0]]} < {*strained}]
+    return restoring(study, [o for o in tried if o.misfit < base.misfit + CHANCE], strained)
+
+
+def restoring(study: Study, tried: Sequence[Option], strained: Sequence[str]) -> dict[str, list[str]]:
+    """The last effects of those options that explain most, best first, and which of the `strained` parameters are
+    plausible with each, where no others are not."""
+    left = {o.ids[-1]: implausible(study.plant, o.fitted) for o in tried}
+    good = [o for o in tried if not o.impossible and {*left[o.ids[-1]]} < {*strained}]
     least = min((o.misfit for o in good), default=0.0)
     near = sorted((o for o in good if o.misfit < least + CHANCE), key=lambda o: o.misfit)
-    return {o.ids[0]: [n for n in strained if n not in left[o.ids[0]]] for o in near}
+    return {o.ids[-1]: [n for n in strained if n not in left[o.ids[-1]]] for o in near}
