@@ -60,7 +60,7 @@ def test_what_may_hide_is_said() -> None:
 
 
 def test_beside_an_effect_options_that_were_refused_tell(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tube with a lag and a permittivity that falls: the lag alone leaves noise, with C_3 twelve times as declared."""
+    """A lag beside a permittivity that falls: the lag alone leaves noise, with C_3 twelve times as declared."""
     left = {"stretch_dependent_permittivity": [], "clamp_compliance": ["C_3"], "charge_trapping": ["C_1"]}
     tried = [made_up.option("sensor_lag", name, excess=5.0) for name in left]
     far = {id(one.fitted): left[one.ids[-1]] for one in tried}
