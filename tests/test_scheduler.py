@@ -331,7 +331,25 @@ def test_bad_ecgs_are_refused(tmp_path: Path) -> None:
         detect(Ecg(np.zeros(5000), 250.0))
     with pytest.raises(HeartbeatError, match="beats found in"):
         detect(Ecg(np.linspace(0, 1, 25000), 250.0))
+    with pytest.raises(HeartbeatError, match="50 samples a second; expected more than 60, to find beats: is the unit"):
+        detect(Ecg(np.linspace(0, 1, 25000), 50.0))
     table = tmp_path / "ecg.csv"
     table.write_text("t,v\n0,1\n")
     with pytest.raises(HeartbeatError, match="expected the columns 'time"):
         read_ecg(table)
+    table.write_text("time [s],pressure [Pa],voltage [V]\n0,1,2\n0.1,1,2\n")
+    with pytest.raises(HeartbeatError, match=r"'ecg \[mV\]' but found time .*; name the column of the ECG as the lead"):
+        read_ecg(table)
+    assert read_ecg(table, "voltage").rate == pytest.approx(10.0)
+    table.write_text("time [parsec],II [mV]\n0,1\n0.1,1\n")
+    with pytest.raises(HeartbeatError, match="line 1, column 'time': "):
+        read_ecg(table)
+
+
+@pytest.mark.parametrize("heading", ["time [ms],II [mV]", "time [ms],other [A],chest [mV]", "Time (ms),ECG"])
+def test_the_column_of_an_ecg(tmp_path: Path, heading: str) -> None:
+    table, wide = tmp_path / "ecg.csv", heading.count(",") > 1
+    table.write_text(heading + "\n" + "".join(f"{4 * k},{'9,' * wide}{k % 7}\n" for k in range(50)))
+    read = read_ecg(table)
+    assert read.rate == pytest.approx(250.0)
+    assert read.signal[:8].tolist() == [0, 1, 2, 3, 4, 5, 6, 0]

@@ -68,6 +68,7 @@ class AssistResult:
         judged = f"over {self.course.judged_words}"
         said = [
             self.verdict,
+            self._note(),
             *self._hold(),
             f"{judged:{width}}  {'without':>8}  {'with, mean ± sd':>16}  {'worst':>8}  change",
         ]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..discover import engine
 from ..discover.answer import between_files, outcome
-from ..errors import list_of_names
+from ..errors import UserError, list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
 from ..identify.records.experiment import Recordings
@@ -98,13 +98,11 @@ class DiscoveryResult:
     def lines(self) -> list[str]:
         """Verdict and errors as text."""
         from ..report.close_loop import error_lines
+        from ..report.in_short import asked_first
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
         said += [*between_files.unlike(self.discovery), *between_files.assumed(self.discovery)]
-        asked = [r.removeprefix(ASKED) for r in self.content["remarks"] if r.startswith(ASKED)]
-        if asked:
-            more = f" (and {len(asked) - 1} more)" if len(asked) > 1 else ""
-            said.append(f"all this may be wrong: first see to what was asked before the search: {asked[0]}{more}")
+        said += asked_first(self.content["remarks"])
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said
@@ -132,7 +130,8 @@ class DiscoveryResult:
     def report(self, out: str | Path, platforms: Platforms = "host") -> list[Path]:
         """Write result.json, report.html, lab.html, model.json and the FMU to the folder `out`; returns their paths.
 
-        Everything is made before the first file is written. `platforms` are those of the FMU, as in `build_fmu`.
+        Everything is made before the first file is written; where something cannot be made, result.json and model.json
+        are written alone. `platforms` are those of the FMU, as in `build_fmu`.
         """
         from ..lab.opened import closed_loop
         from ..lab.page import page
@@ -150,18 +149,27 @@ class DiscoveryResult:
             with working_folder("the FMU") as folder:
                 return build_fmu(self.model, folder / f"{self.model.name}.fmu", platforms=platforms).read_bytes()
 
-        with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
-            compiled = pool.submit(built)
-            shown = pool.submit(lambda: page(closed_loop(recordings, shown_model, before, called, begins)))
-            covariance = uncertainty(found.named.fitted, self.model)
-            written = close_loop.report(found, self.to_dict())
-            lab, fmu = shown.result(), compiled.result()
+        text = json.dumps(self.content, indent=2, allow_nan=False) + "\n"
+        covariance = uncertainty(found.named.fitted, self.model)
         saved = as_json(self.model, f"identified from {recordings.source}", covariance, recordings.plant)
+        try:
+            with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
+                compiled = pool.submit(built)
+                shown = pool.submit(lambda: page(closed_loop(recordings, shown_model, before, called, begins)))
+                written = close_loop.report(found, self.to_dict())
+                lab, fmu = shown.result(), compiled.result()
+        except Exception as problem:  # a full disk: what was found took longer than what shows it
+            write_atomically(out / "model.json", saved.encode())
+            write_atomically(out / "result.json", text.encode())
+            kept = f"what was found is kept in {out / 'result.json'} and {out / 'model.json'}"
+            if isinstance(problem, UserError):
+                raise UserError(f"{problem}; {kept}") from problem
+            problem.add_note(kept)
+            raise
         paths = [write_atomically(out / "fmi2" / f"{self.model.name}.fmu", fmu)]
         paths.append(write_atomically(out / "model.json", saved.encode()))
         paths.append(written.write(out / "report.html"))
         paths.append(write_atomically(out / "lab.html", lab.encode("utf-8")))
-        text = json.dumps(self.content, indent=2, allow_nan=False) + "\n"
         return [*paths, write_atomically(out / "result.json", text.encode())]
 
 
@@ -235,14 +243,19 @@ def discover(
         return DiscoveryResult(outcome.final_model(found), found, content)
 
 
-ASKED, TOLD = "Asked before the search: ", "Told before the search: "
+TOLD = "Told before the search: "
 MOST_ASKED = 6  # questions before the search that its result repeats
 
 
 def _asked_before(recordings: Recordings) -> list[str]:
     """What was asked and told before the search, for whoever reads nothing but its result."""
+    from ..report.in_short import QUESTION
+
     questions = findings_of(recordings)
-    told = [f"{ASKED if '?' in said else TOLD}{said}." for said in questions[:MOST_ASKED]]
+    told = [
+        f"{QUESTION if '?' in said else TOLD}{said}{'' if said.endswith('?') else '.'}"
+        for said in questions[:MOST_ASKED]
+    ]
     more = len(questions) - len(told)
     return [*told, f"{more} more of these: close-loop --dry-run lists them."] if more > 0 else told
 

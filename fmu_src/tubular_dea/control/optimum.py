@@ -171,6 +171,11 @@ class _PulseSearch:
         gains = np.full(begin.shape, np.nan)
         sensible = self._sensible(begin, end, volt)
         pulses = self._pulses(begin[sensible], end[sensible], volt[sensible])
+        if not sensible.any():
+            raise OptimumError(
+                f"no pulse meets the limits: the smallest voltage tried is {volt.min() / 1e3:.2g} kV, and the "
+                f"amplifier gives {self.limits.voltage / 1e3:.3g} kV; give a larger voltage"
+            )
         gains[sensible] = self.gains(pulses, MAP_TOLERANCE)
         if not np.isfinite(gains).any():
             raise OptimumError(

@@ -247,6 +247,8 @@ def _effect(without: Mapping[str, Spread], assisted: Mapping[str, Spread]) -> st
     if name not in without or name not in assisted:
         return "None of them ejected blood."
     change = 100 * (assisted[name].mean / without[name].mean - 1)
+    if abs(change) < 0.05:
+        return "The heart did not benefit: stroke work per stroke volume did not change by 0.1 %."
     if change >= 0:
         return f"The heart did not benefit: stroke work per stroke volume rose by {change:.1f} %."
     return f"Stroke work per stroke volume was {-change:.1f} % lower than without."

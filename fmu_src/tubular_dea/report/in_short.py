@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ APART = (
     "The residual is no larger than slow noise may be, but a few files have most of it, as noise would not. Something "
     "may be missing that shows in these alone."
 )
+QUESTION = "Asked before the search: "  # begins a remark that repeats a question
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
@@ -87,10 +88,20 @@ MOST_USUAL = 10.0  # times its usual size up to which a detection limit is told:
 STRONGEST = f"even {MOST_USUAL:.0f} times as strong as usual"
 
 
+def asked_first(remarks: Sequence[str]) -> list[str]:
+    """That an answer may be wrong, where something was asked before the search."""
+    asked = [r.removeprefix(QUESTION) for r in remarks if r.startswith(QUESTION)]
+    if not asked:
+        return []
+    more = f" (and {len(asked) - 1} more)" if len(asked) > 1 else ""
+    return [f"all this may be wrong: first see to what was asked before the search: {asked[0]}{more}"]
+
+
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     """What was found, how certain it is, the data behind it, what could not be seen, and what to do next."""
     page.heading("Summary")
-    page.answers([("What was found?", list(_found(found, outcome)))])
+    first = [f"{said[0].upper()}{said[1:]}" for said in asked_first(outcome["remarks"])]
+    page.answers([("What was found?", [*_found(found, outcome), *first])])
     page.drawings([_errors(found, outcome)])
     odd = between_files.in_few_files(found, outcome["error"]["after"])
     files = sorted({p.source for p in found.study.pieces})

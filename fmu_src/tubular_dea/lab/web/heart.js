@@ -190,7 +190,7 @@ function verdict(course) {
   if (!asked.length) return "Not assisted: the run ended before the rhythm was learned; run more beats.";
   if (!helped) return `Not assisted: none of ${asked.length} beats after learning had a whole pulse: ${why}.`;
   const name = "stroke_work_per_stroke_volume", a = course.without[name], b = course.with[name], rise = a && b ? 100 * (b.mean / a.mean - 1) : NaN;
-  const effect = !a || !b ? "None of them ejected blood." : rise >= 0 ? `The heart did not benefit: stroke work per stroke volume rose by ${rise.toFixed(1)} %.` : `Stroke work per stroke volume was ${(-rise).toFixed(1)} % lower than without.`;
+  const effect = !a || !b ? "None of them ejected blood." : Math.abs(rise) < 0.05 ? "The heart did not benefit: stroke work per stroke volume did not change by 0.1 %." : rise >= 0 ? `The heart did not benefit: stroke work per stroke volume rose by ${rise.toFixed(1)} %.` : `Stroke work per stroke volume was ${(-rise).toFixed(1)} % lower than without.`;
   return helped === asked.length ? `Assisted: all ${helped} beats after learning. ${effect}` : `Partly assisted: ${helped} of ${asked.length} beats after learning; ${why}. ${effect}`;
 }
 
