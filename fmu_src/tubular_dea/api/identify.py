@@ -131,6 +131,7 @@ class IdentificationResult:
                 f"{self.content['residual_over_noise_slow']:.2f} times what noise and sampling allow, and all of it "
                 f"{self.content['residual_over_noise']:.2f} times (the sensor's noise: "
                 f"{in_units_of(self.content['noise_floor'], self.content)}), so the intervals are too narrow"
+                f"{self._zeros_of_its_own()}"
             )
         if self.content["slow_noise_unknown"]:
             said.append(
@@ -138,6 +139,15 @@ class IdentificationResult:
                 "model explains them, without it the model lacks something; record longer ones, in which nothing moves"
             )
         return said
+
+    def _zeros_of_its_own(self) -> str:
+        """That sensors may have zeros for which a search would ask, where the plant declares none."""
+        if not self.study.assumable:
+            return ""
+        example = self.study.assumable[0]
+        return (
+            f"; or sensors have zeros, of which the plant declares none (zero=... for {example}, as close-loop finds)"
+        )
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter: value, stderr, low and high end of the 95 % interval, unit. Needs the extra `tables`."""

@@ -15,7 +15,7 @@ from ...identify.study.adjust import adjusted
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ...kernel import KernelError
-from ..options.acceptance import clean, far
+from ..options.acceptance import clean
 from ..options.options import Option, fitted_option
 from ..options.refit import best_of_starts, cheapest_starts, start_values
 from ..scores import bank
@@ -30,12 +30,12 @@ STARTS_BEGUN = 2  # [1] other strengths that are begun where an effect's score l
 
 
 def with_declared_starts(found: Search, step: Round, tell: Progress) -> Round:
-    """The first round with what scores best at the declared values begun there, if its base is far from the plant and
-    from these, starts were estimated with it, and nothing that begins there leaves noise alone, not even with the
-    records' own numbers taken anew. The search goes on with the best one's own numbers."""
+    """The first round with what scores best at the declared values begun there, if its base is far from these, starts
+    were estimated with it, and nothing that begins at it leaves noise alone, not even with the records' own numbers
+    taken anew. The search goes on with the best one's own numbers."""
     base, study = found.base, found.study
     started = any(study.unknown((), p) for p in study.pieces)
-    if not (step.options and started and far(base) and lost(study.plant, base.fitted)):
+    if not (step.options and started and lost(study.plant, base.fitted)):
         return step
     if clean(step.options[0].lack_of_fit) or clean(iterated(study, step.options[0])[1].lack_of_fit):
         return step

@@ -200,6 +200,12 @@ class Study:
         return self.zeros.get(name, 0.0)
 
     @property
+    def assumable(self) -> list[str]:
+        """The signals that may have a zero error of which the plant says nothing."""
+        signals: list[Input | Output] = [*self.plant.inputs, *self.plant.outputs]
+        return [s.name for s in signals if s.zero is None and not (isinstance(s, Input) and s.held)]
+
+    @property
     def assumed(self) -> list[str]:
         """The signals of which the plant declares no zero, and which are allowed one all the same."""
         declared = declared_zeros(self.plant)
