@@ -57,7 +57,7 @@ def test_at_a_jump_a_rate_is_that_behind_it() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
 def test_a_dashpot_alone_lacks_nothing(tmp_path: Path, noise: float) -> None:
-    """Its force follows lines through a noisy stroke half a sample early, and in steps: a hysteresis was named."""
+    """Its force was half a sample early: a hysteresis was named, or a creep."""
     found = td.discover(recorded(tmp_path, noise), dashpot("speed"))
     assert found.verdict == "no_effect", found.headline
     c = found.parameters["c"]

@@ -68,8 +68,8 @@ class AssistResult:
         judged = f"over {self.course.judged_words}"
         said = [
             self.verdict,
-            self._note(),
             *self._hold(),
+            self._note(),
             f"{judged:{width}}  {'without':>8}  {'with, mean ± sd':>16}  {'worst':>8}  change",
         ]
         for label, without, with_, worst, change in rows:

@@ -48,7 +48,6 @@ class Input:
     by up to three times as much, and errors are told without them. Without it (None), a search assumes zeros where they
     explain what effects would have to, and says so. `channel` is the name in reports of effects on its path into the
     plant. `direct` says whether an output follows it at once; None: as the plant's model has it.
-    `by_rate` is whether a fitted output follows its rate at once, as the plant's model has it.
     """
 
     name: str
@@ -60,7 +59,6 @@ class Input:
     channel: str = ""
     direct: bool | None = None
     mean: bool = False
-    by_rate: bool = False
 
     def __post_init__(self) -> None:
         if self.mean and not self.held:
@@ -232,12 +230,7 @@ class Plant:
         self._check_once()
         self._check_places()
         at_once = _at_once(self.model, [o.name for o in self.outputs])
-        fitted = _at_once(self.model, [o.name for o in self.outputs if not o.feels_rates])
-        inputs = []
-        for signal in self.inputs:
-            quantity = self.model.quantity(signal.name)
-            direct = bool(at_once & {quantity.symbol, rate(quantity)}) if signal.direct is None else signal.direct
-            inputs.append(replace(signal, direct=direct, by_rate=rate(quantity) in fitted))
+        inputs = [s if s.direct is not None else replace(s, direct=s.name in at_once) for s in self.inputs]
         object.__setattr__(self, "inputs", tuple(inputs))
 
     def _check_kinds(self) -> None:
@@ -390,10 +383,10 @@ class Plant:
         return {name: float(v[int(np.argmax(np.abs(v)))]) for name, v in joined.items()}
 
 
-def _at_once(model: Model, outputs: Sequence[str]) -> set[sympy.Basic]:
-    """What some output is computed from at once: inputs with direct feedthrough, and rates of inputs, too."""
+def _at_once(model: Model, outputs: Sequence[str]) -> set[str]:
+    """The inputs with direct feedthrough to some output."""
     reached = {model.quantity(name).symbol for name in outputs}
     for definition in reversed(model.definitions):
         if definition.quantity.symbol in reached:
             reached |= sympy.sympify(definition.expression).free_symbols
-    return reached
+    return {q.name for q in model.inputs if reached & {q.symbol, rate(q)}}

@@ -32,7 +32,6 @@ from ..signals.monitors import (
     polyline,
     resolution,
     smoothed,
-    splined,
 )
 from ..signals.sampling import usual_step
 from ..threads import one_blas_thread
@@ -207,7 +206,7 @@ def drive(
             lines = _mains([experiment], name) if mains is None else mains[name]
             if remembers and float(np.abs(values).max()) > signal.least:  # else nothing but noise is in it
                 check_sampling(experiment, name, levels[name], name in (noise or {}))
-            drawn[name] = _continuous(experiment, signal, levels[name], lines)
+            drawn[name] = _continuous(experiment, name, levels[name], lines)
         elif (sent := sent_at(experiment.time, values)) is not None:
             drawn[name] = replace(_sent(experiment, values, levels[name], sent[0]), room=sent[1])
         elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
@@ -349,12 +348,8 @@ def _band_limited(experiment: Experiment, signal: Input, noise: float) -> _Drawn
     return _Drawn(_unmoved(covered, np.interp(covered, times, fine)), noise, error, experiment.time)
 
 
-def _continuous(experiment: Experiment, signal: Input, noise: float, mains: Sequence[float]) -> _Drawn:
-    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away.
-
-    Where an output follows its rate, a smoothing spline is followed from sample to sample: a line's rate is its mean.
-    """
-    name = signal.name
+def _continuous(experiment: Experiment, name: str, noise: float, mains: Sequence[float]) -> _Drawn:
+    """The line of a continuous input; hum of the mains in its monitor, at lines `mains` [Hz], is taken away."""
     time, values = experiment.time, experiment.inputs[name]
     hum = hums.at(mains, time, _within_a_turn(time, values))
     for _ in range(HUM_PASSES):  # the line follows what is left of the hum
@@ -368,9 +363,9 @@ def _continuous(experiment: Experiment, signal: Input, noise: float, mains: Sequ
     drawn = halved(time, values - hum, drawn)
     clean, step = values - hum, usual_step(time)
     lines = kinked(time, clean, curved(time, clean, drawn, noise), step, noise)
-    line = _unmoved(*((time, splined(time, clean, noise)) if signal.by_rate else lines))
+    line = _unmoved(*lines)
     missed = line_error(experiment, name, line, noise, hum=hum)
-    return _Drawn(line, noise, missed, lines[0], untold=untold(time, clean, lines, step, noise))
+    return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))
 
 
 def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.interpolate import splev, splrep
 from scipy.linalg import solveh_banded
 from scipy.special import ndtri
 
@@ -351,14 +350,6 @@ def curved(time: np.ndarray, values: np.ndarray, line: Polyline, noise: float) -
     t, v = time[samples], values[samples]
     v[~inside[samples]] = line.values[kept]
     return _cubic(t, v, np.flatnonzero(inside[samples][:-1] & inside[samples][1:]), noise)
-
-
-def splined(time: np.ndarray, values: np.ndarray, noise: float) -> np.ndarray:
-    """Values (n,) of the smoothing spline with the fewest knots that misses a record by its noise.
-
-    P. Dierckx, "Curve and surface fitting with splines", Oxford University Press 1993.
-    """
-    return np.asarray(splev(time, splrep(time, values, s=values.size * noise**2)))
 
 
 def _cubic(t: np.ndarray, v: np.ndarray, pieces: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
