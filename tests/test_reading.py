@@ -348,7 +348,7 @@ def test_dry_run_says_what_is_understood_and_fits_nothing(
     assert main([command, str(tmp_path / "data"), "--dry-run", "--columns", *columns]) == 0
     said = capsys.readouterr().out
     words = [
-        "1 experiments of TubularDEA, 400 samples",
+        "1 experiment of TubularDEA, 400 samples",
         "text (ASCII), commas",
         "radius = 'laser_2 [mm] in um'",
         "not used   'laser_1 [mm]'",

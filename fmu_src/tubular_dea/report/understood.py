@@ -45,7 +45,8 @@ class Understanding:
         experiments = self.recordings.experiments
         samples = sum(e.time.size for e in experiments)
         name = self.recordings.plant.name
-        head = f"{self.recordings.source}: {len(experiments)} experiments of {name}, {samples} samples"
+        counted = f"{len(experiments)} experiment{'s' * (len(experiments) > 1)}"
+        head = f"{self.recordings.source}: {counted} of {name}, {samples} samples"
         common = [*self._formats(), *self._geometry(), *self._noises(), *self._slopes()]
         return [head, *common, "", *self._table(), *self._remarks()]
 
