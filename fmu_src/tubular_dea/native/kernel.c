@@ -56,7 +56,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
                       long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y,
                       long room, double *mesh, long *counts, double *reached)
 {
-    double state[AT_LEAST_ONE(MODEL_NX)], rates[NU], here[NU], u_here[NU], time = points[0], h = 0;
+    double state[AT_LEAST_ONE(MODEL_NX)], rates[NU], here[NU], time = points[0], h = 0;
     Solver solver = {0};
     Recorder recorder = {&solver, samples, n_samples, 0, 0, 0, with_fold, x, y, mesh, room};
     int status;
@@ -78,7 +78,6 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         recorder.last_piece = k == last;
         solver.unbroken = before && !memcmp(before, u + k * MODEL_NU, MODEL_NU * sizeof *u);
         piece_rates(&solver.inputs, before, rates, here);
-        inputs_at(&solver.inputs, points[k], u_here, rates);
         before = u + (k + 1) * MODEL_NU;
         if (!(h > 0)) h = points[k + 1] - time;
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state, here);

@@ -30,11 +30,12 @@ void piece_inputs(Inputs *inputs, const double *points, const double *u, long k)
     }
 }
 
-void piece_rates(const Inputs *inputs, const double *before, const double *rates, double *du)
+void piece_rates(const Inputs *inputs, const double *before, double *rates, double *du)
 {
     for (int i = 0; i < MODEL_NU; i++) {
-        const int meet = before && before[i] == inputs->u[i][0];
-        du[i] = meet ? 0.5 * (rates[i] + inputs->u[i][1]) : inputs->u[i][1];
+        const double rate = inputs->u[i][1];
+        du[i] = before && before[i] == inputs->u[i][0] ? 0.5 * (rates[i] + rate) : rate;
+        rates[i] = rate;
     }
 }
 

@@ -15,9 +15,9 @@ long piece_first(long n_points, const double *points);
 /* Inputs over piece k; `u` has n_points x MODEL_NU values. */
 void piece_inputs(Inputs *inputs, const double *points, const double *u, long k);
 
-/* The rates of the inputs at the begin of piece k, which followed the inputs `before`, of the piece before that, at rates
- * `rates` (NULL: none did): where both meet, the mean of theirs, as a rate on either side is that of half a piece away. */
-void piece_rates(const Inputs *inputs, const double *before, const double *rates, double *du);
+/* The rates `du` of the inputs at the begin of a piece that follows inputs `before` (NULL: none) with `rates`, which
+ * become its own: where both pieces meet, the mean of theirs, as the rate of either is that of half a piece away. */
+void piece_rates(const Inputs *inputs, const double *before, double *rates, double *du);
 
 /* The states `x` to start in, under parameters and first inputs: SOLVER_OK, NO_REST_STATE or SOLVER_BELOW_MINIMUM. */
 int piece_start(const double *p, const double *u, double *x);

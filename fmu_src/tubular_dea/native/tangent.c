@@ -366,7 +366,7 @@ static int walk(TangentRun *run, long n_points, const double *points, const doub
                 double *x, double *v, double *reached)
 {
     const double *last = NULL; /* inputs at the end of the piece before */
-    double rates[NU], here[NU], u_here[NU];
+    double rates[NU], here[NU];
     long m = 0;
     for (long k = 0; k < n_points - 1; k++) {
         const double end = points[k + 1];
@@ -375,7 +375,6 @@ static int walk(TangentRun *run, long n_points, const double *points, const doub
         piece_inputs(&run->inputs, points, u, k);
         if (last) jump(run, time, last, u + k * MODEL_NU, x);
         piece_rates(&run->inputs, last, rates, here);
-        inputs_at(&run->inputs, time, u_here, rates);
         last = u + (k + 1) * MODEL_NU;
         while (run->next < run->n_samples && run->samples[run->next] <= time) record_here(run, time, x, v, here);
         while (time < end) {

@@ -28,17 +28,16 @@ SPARED = 0.5  # [1] share of what effects leave beyond noise that zeros have to 
 
 
 def with_assumed(study: Study) -> Study | None:
-    """The study with zeros of a usual size where the plant declares none; None where all are declared.
+    """The study with zeros of a usual size where the plant declares none; None where all are declared."""
+    zeros = {name: SHARE * _span(np.concatenate(_recorded(study, name))) for name in study.assumable}
+    return replace(study, zeros=declared_zeros(study.plant) | zeros) if any(zeros.values()) else None
 
-    What was set, not measured, has none.
-    """
-    plant = study.plant
-    inputs = [s.name for s in plant.inputs if s.zero is None and not s.held]
-    outputs = [s.name for s in plant.outputs if s.zero is None and not s.feels_rates and s.name in study.noise]
-    moves = {n: [p.case.protocol.inputs[n] for p in study.pieces] for n in inputs}
-    moves |= {n: _read(study, n) for n in outputs}
-    zeros = {name: SHARE * _span(np.concatenate(values)) for name, values in moves.items()}
-    return replace(study, zeros=declared_zeros(plant) | zeros) if any(zeros.values()) else None
+
+def _recorded(study: Study, name: str) -> list[np.ndarray]:
+    """What was recorded of a signal in each piece that has it."""
+    if name in study.noise:
+        return _read(study, name)
+    return [p.case.protocol.inputs[name] for p in study.pieces]
 
 
 def _read(study: Study, output: str) -> list[np.ndarray]:

@@ -201,9 +201,10 @@ class Study:
 
     @property
     def assumable(self) -> list[str]:
-        """The signals that may have a zero error of which the plant says nothing."""
-        signals: list[Input | Output] = [*self.plant.inputs, *self.plant.outputs]
-        return [s.name for s in signals if s.zero is None and not (isinstance(s, Input) and s.held)]
+        """The signals that may have a zero error of which the plant says nothing. What was set has none."""
+        inputs = [s.name for s in self.plant.inputs if s.zero is None and not s.held]
+        outputs = [o for o in self.plant.outputs if o.zero is None and not o.feels_rates]
+        return inputs + [o.name for o in outputs if o.name in self.noise]
 
     @property
     def assumed(self) -> list[str]:
