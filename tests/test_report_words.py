@@ -720,10 +720,11 @@ def test_a_legend_lies_between_the_toolbar_and_the_plot() -> None:
     page, loop = Page("a", "b"), (np.array([50.0, 90.0]), np.array([10.0, 80.0]))
     loops = assist.plotly_loops({"without assist": loop, "with assist": loop})
     page.figure(loops, "Two loops.")
-    assert (loops.layout.legend.orientation, loops.layout.legend.yanchor, loops.layout.margin.t) == ("h", "bottom", 64)
-    alone = go.Figure(go.Scatter(x=[1], y=[1]))
-    page.figure(alone, "One.")
-    assert alone.layout.margin.t == 30
+    both = page.document()
+    assert '"legend":{"orientation":"h","x":0,"y":1,"yanchor":"bottom"}' in both and '"t":64,' in both
+    page.figure(go.Figure(go.Scatter(x=[1], y=[1])), "One.")
+    one = page.document()[len(both) - len("</body></html>\n") :]
+    assert '"legend"' not in one.split('"template"')[0] and '"t":30,' in one
 
 
 def test_numbers_and_names_are_written_as_people_read_them() -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from ..discover.answer.between_files import disagree, implausible_zero, in_few_files
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
@@ -24,7 +23,7 @@ from ..recordings.table import FEW, either, some
 from .effects import determined, effects
 from .in_short import LEFT, WHITE, about_held_out, in_short, least, may_be_louder, not_seen, oscillating, stated
 from .latent_map import latent_map
-from .page import Page
+from .page import Drawing, Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
 from .residuals import Answered, answered
 
@@ -382,7 +381,7 @@ def _parameters(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         page.text(f"Not determined by these recordings: {', '.join(outcome['undetermined'])}.")
 
 
-def _record(one: Answered, named: str) -> tuple[go.Figure, str]:
+def _record(one: Answered, named: str) -> tuple[Drawing, str]:
     """A recording: record and models above, residuals before and after below; and its caption."""
     label, left = f"{one.label} [{one.unit}]", (f"residual [{one.unit}]", 1.0)
     drawn = record_and_residuals(one.time, one.record, one.models, label, left)

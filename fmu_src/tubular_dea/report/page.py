@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import plotly.graph_objects as go
 from plotly.io import templates, to_html
@@ -13,6 +14,8 @@ from plotly.offline import get_plotlyjs
 from ..emit.tables import SCROLLS
 from ..files import write_atomically
 from .colours import COLOURS
+
+Drawing = dict[str, Any]  # a plotly figure as JSON: `data` and `layout`
 
 _STYLE = (
     SCROLLS
@@ -100,15 +103,17 @@ class Page:
         )
         self._parts.append(f'<p class="legend">{said}</p>')
 
-    def figure(self, figure: go.Figure, caption: str) -> None:
-        """A plotly figure with a caption in words; its legend is above it, below the toolbar, unless it has a place."""
-        above = len(figure.data) > 1 and figure.layout.legend.x is None
+    def figure(self, figure: go.Figure | Drawing, caption: str) -> None:
+        """A plotly figure, or its JSON, with a caption in words; its legend is above it, below the toolbar, unless it
+        has a place."""
+        drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
+        layout = drawn["layout"]
+        above = len(drawn["data"]) > 1 and "x" not in layout.get("legend", {})
         margin = {"l": 60, "r": 20, "t": 64 if above else 30, "b": 50}
-        figure.update_layout(colorway=COLOURS, margin=margin)
+        layout |= {"colorway": COLOURS, "margin": margin}
         if above:
-            figure.update_layout(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"})
-        drawn = figure.to_plotly_json()
-        drawn["layout"]["template"] = templates["plotly_white"].to_plotly_json()  # setting it in a figure takes 12 ms
+            layout["legend"] = layout.get("legend", {}) | {"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom"}
+        layout["template"] = templates["plotly_white"].to_plotly_json()  # setting it in a figure takes 12 ms
         place = f"figure{len(self._parts)}"
         text = to_html(drawn, full_html=False, include_plotlyjs=False, div_id=place, validate=False)
         note = f'<figcaption class="note">{html.escape(caption)}</figcaption>'

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from ..model.declare import Model, Quantity
 from ..model.units import factor, readable, with_ends
 from .colours import COLOURS
+from .page import Drawing
 
 POINTS = 700  # drawn of each record: averages over as many blocks
 RECORD, BEFORE, AFTER = "#1b2733", COLOURS[0], COLOURS[1]
@@ -19,21 +19,27 @@ RECORD, BEFORE, AFTER = "#1b2733", COLOURS[0], COLOURS[1]
 
 def record_and_residuals(
     time: np.ndarray, record: np.ndarray, models: Mapping[str, np.ndarray], axis: str, residual: tuple[str, float]
-) -> go.Figure:
+) -> Drawing:
     """A record (n,) over `time` (n,) with one or two models by legend name above, what they leave below.
 
-    `axis` is the label of the record; `residual` the label of what is left, and the factor to its unit.
+    `axis` is the label of the record; `residual` the label of what is left, and the factor to its unit. There is one a
+    recording: as plotly's objects each takes 0.2 s.
     """
-    drawn = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.55, 0.45], vertical_spacing=0.06)
     t, (label, scale) = thinned(time), residual
-    drawn.add_trace(go.Scatter(x=t, y=thinned(record), name="record", line={"color": RECORD}), row=1, col=1)
+    drawn: list[Drawing] = [
+        {"type": "scatter", "x": t, "y": thinned(record), "name": "record", "line": {"color": RECORD}}
+    ]
     for (name, values), colour in zip(models.items(), (BEFORE, AFTER), strict=False):
-        line = {"color": colour, "width": 1.5}
-        drawn.add_trace(go.Scatter(x=t, y=thinned(values), name=name, line=line), row=1, col=1)
-        left = thinned(record - values) * scale
-        drawn.add_trace(go.Scatter(x=t, y=left, name=name, line=line, showlegend=False), row=2, col=1)
-    drawn.update_yaxes(title=axis, row=1).update_yaxes(title=label, row=2)
-    return drawn.update_xaxes(title="time [s]", row=2).update_layout(height=460)
+        line = {"type": "scatter", "x": t, "name": name, "line": {"color": colour, "width": 1.5}}
+        drawn.append(line | {"y": thinned(values)})
+        drawn.append(line | {"y": thinned(record - values) * scale, "yaxis": "y2", "showlegend": False})
+    layout = {
+        "height": 460,
+        "xaxis": {"anchor": "y2", "title": {"text": "time [s]"}},
+        "yaxis": {"domain": [0.483, 1.0], "title": {"text": axis}},
+        "yaxis2": {"domain": [0.0, 0.423], "title": {"text": label}},
+    }
+    return {"data": drawn, "layout": layout}
 
 
 def percent(share: float) -> str:
