@@ -309,6 +309,7 @@ def test_a_tube_with_an_effect_beats_in_the_loop(tmp_path: Path) -> None:
         (["--step", "0"], "step: expected a positive number"),
         (["--ecg", "nothing.csv"], "assist: nothing.csv: cannot be read: No such file or directory"),
         (["--r-times", "nothing.txt"], "assist: nothing.txt: cannot be read: No such file or directory"),
+        (["--patient", __file__], "expected a patient's .toml, as `tubular-dea patient` writes it, or one of healthy"),
         (["--patient", "nothing.toml"], "assist: nothing.toml: cannot be read: No such file or directory"),
         (["--ecg", "a.hea", "--r-times", "b.txt"], "--ecg and --r-times exclude each other: "),
         (["--r-times", "{folder}/fast.txt"], "fast.txt: 600 beats found in 72.0 s; expected 15 to 250 a minute"),

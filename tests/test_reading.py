@@ -693,3 +693,9 @@ def test_runs_that_were_appended_to_one_file_are_recordings_of_their_own(tmp_pat
     (tmp_path / "a.csv").write_text("\n".join([heading, *rows, *rows[100:]]) + "\n")
     with pytest.raises(DataError, match="expected ascending times"):
         read_folder(tmp_path, PLANT)
+
+
+def test_a_column_that_was_given_as_another_signal_is_said_to_be(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time [s],pressure [Pa],voltage [V],radius [m]\n0,1,2,0.01\n1,2,3,0.01\n")
+    with pytest.raises(UserError, match="'voltage .V.' is missing; .*column 'voltage' was given as the radius"):
+        tubular_dea.read_recordings(tmp_path, columns=["radius=voltage"])

@@ -24,6 +24,10 @@ def read_patient(text: str) -> dict[str, float]:
     if text in PATIENTS:
         return patient(text)
     path = Path(text)
+    if path.suffix != ".toml" and path.exists():
+        raise UserError(
+            f"{path}: expected a patient's .toml, as `tubular-dea patient` writes it, or one of {', '.join(PATIENTS)}"
+        )
     if path.suffix != ".toml":
         return patient(text)  # tells which patients there are
     try:

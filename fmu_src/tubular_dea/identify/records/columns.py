@@ -283,11 +283,13 @@ def _missing(
     outputs = [o.headings[0] for o in plant.outputs if o.required and columns.keys().isdisjoint(o.headings)]
     also = [f"'{other} [{units[other]}]'" for other in others] + [_wanted(plant, o, units) for o in outputs]
     said = [f"column '{name} [{units[name]}]' is missing", f"found {table.headings}"]
+    if taken := [other for other, column in columns.items() if column.name == plain(name)]:
+        said.append(f"column {name!r} was given as the {taken[0]}")
     if len(alike) > 1:
         said.append(f"it may be {either([f'{c.heading} (column {c.number})' for c in alike])}")
     if name == "time":
         said.append("if there are no times, give [sampling] rate in bench.toml")
-    elif not alike:
+    elif not (alike or taken):
         said.append(f"if there was none, add a column '{name} [{units[name]}]' of zeros")
     problem = f"{table.heading_place}: {'; '.join(said)};"
     too = f" missing too: {' and '.join(also)};" if also else ""
