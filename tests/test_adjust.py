@@ -489,6 +489,32 @@ def test_instants_are_told_by_the_output_that_tells_most() -> None:
     assert np.allclose(found, switched, atol=2e-5)
 
 
+def test_instants_are_told_beside_an_output_that_follows_the_input_at_once() -> None:
+    """A current jumps with the voltage where an edge is at a sample itself: instants were up to 4 ms off."""
+    m = Build("Layer", "A double layer behind a resistance")
+    u = m.input("voltage", "V", nominal=2)
+    resistance = m.parameter("R", "Ohm", 12.0, minimum=1e-3)
+    capacity = m.parameter("C", "F", 0.05, minimum=1e-6)
+    v = m.state("v", "V", nominal=2)
+    m.derivative(v, (u - v) / (resistance * capacity))
+    m.output("current", "A", (u - v) / resistance)
+    layer = Plant(m.model(), [Input("voltage", held=True)], [Output("current")], places=[])
+    time, switched = np.arange(0, 8, 8e-3), np.array([1.2873, 2.7873, 4.2861, 5.7908])
+    levels = np.array([0.0, 1.5, -1.5, 1.5, 0.0])
+    corners = np.concatenate([[0.0], np.repeat(switched, 2), [8.0]])
+    run = Kernel(layer.model).simulate(Protocol.of(corners, voltage=np.repeat(levels, 2)), time)
+    random = np.random.default_rng(4)
+    read = {
+        "time [s]": time,
+        "voltage [V]": levels[np.searchsorted(switched, time)] + random.normal(0, 1.5e-3, time.size),
+        "current [A]": run["current"] + random.normal(0, 3.5e-4, time.size),
+    }
+    work = study(td.read_recordings({"run": read}, layer), (), PRIOR)
+    (piece,) = adjusted(work, (), layer.model.parameter_values()).pieces
+    found = np.array([e.time for e in piece.driven.edges]) + piece.shifts
+    assert np.allclose(found, switched, atol=6e-4)
+
+
 def test_a_step_stays_one_where_neighbours_replace_a_sample() -> None:
     """Noise moves a sample off the mean of its neighbours by a few times its size, not by half a step."""
     stepped = Protocol(TIME, {"load": np.where(TIME < 4.0, 0.0, 1.0)})

@@ -25,6 +25,7 @@ from .study import Piece, Study
 # `python -m blind.score --nulls 12 --conventions edges --seed 1000`
 TOLD = 0.99  # [1] of what an edge's instant changes, as sum of squares: the samples behind that hold hear no more of it
 GRID = (0.0, 0.25, 0.5, 0.75, 1.0)  # [1] of the way between an edge's bounds at which the model is asked
+INSIDE = 1e-3  # [1] of that way by which these places keep off both bounds: an output that follows at once jumps there
 FINE_PLACES = 81  # [1] places between an edge's bounds that are compared, and between those beside the best of them
 LEAST_WAY = 1e-12  # [s] between bounds at least: the places between those that are the same are distinct
 SHARES = CubicSpline(GRID, np.eye(len(GRID)))  # of every answer on the grid, at a part of the way
@@ -112,7 +113,7 @@ def edge_responses(study: Study, response: Response, values: Mapping[str, float]
         return []
     order = np.argsort([e.time for e in edges], kind="stable")  # of several inputs
     turn = np.argsort(order)
-    low, high = bounds(piece)
+    low, high = _inside(*bounds(piece))
     cases = []
     for parity in (0, 1):
         chosen = turn % 2 == parity
@@ -156,6 +157,12 @@ def _informative_samples(answers: np.ndarray) -> int:
     """How many of the samples behind an edge hold TOLD of what its instant changes; `answers` are (g, m)."""
     told = np.cumsum((answers[-1] - answers[0]) ** 2)
     return min(int(np.searchsorted(told, TOLD * told[-1])) + 1, told.size)
+
+
+def _inside(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The bounds of shifts (m,), a little apart from the samples that an edge is between."""
+    way = INSIDE * (high - low)
+    return low + way, high - way
 
 
 def bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
