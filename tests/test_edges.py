@@ -72,6 +72,19 @@ def test_a_continuous_input_that_only_steps_has_edges(noise: float, wandering: f
     assert np.all(np.diff(driven.corners["voltage"]) > 0)
 
 
+@pytest.mark.parametrize(("slow", "edges"), [(3.0, 2), (300.0, 0)])
+def test_a_continuous_input_that_leaps_beside_a_sine_has_edges(slow: float, edges: int) -> None:
+    """A voltage of an ionic polymer jumped and then was a sine: a line across the jump left 60 um, and a null "lacked"
+    something. The sine stays where its samples are."""
+    experiment, centroids = switched(250.0, 1e-9, noise=0.5, beats=1, height=5000.0)
+    sine = 600.0 * np.sin(slow * experiment.time)
+    driven = drive(replace(experiment, inputs={"voltage": experiment.inputs["voltage"] + sine}), [Input("voltage")])
+    assert np.allclose([e.time for e in driven.edges], centroids[:edges], atol=2.1e-3)
+    off = np.abs(experiment.time[:, None] - centroids).min(axis=1) > 4.1e-3
+    drawn = driven.protocol.at(experiment.time)["voltage"] - experiment.inputs["voltage"] - sine
+    assert np.abs(drawn[off][5:-5]).max() < 5.0  # a fast sine has no neighbours at its ends
+
+
 @pytest.mark.parametrize(
     ("rise", "exponential", "steps"),
     [(50e-6, False, True), (1.5e-3, False, True), (10e-3, False, True), (50e-3, False, False), (4e-3, True, True)],

@@ -212,6 +212,18 @@ def test_rates_may_differ_from_file_to_file() -> None:
         assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(white.size)
 
 
+@pytest.mark.parametrize("rates", [(40.0, 125.0, 80.0, 50.0), (100.0, 250.0, 250.0, 500.0)])
+def test_a_memory_that_counts_samples_is_told_from_one_that_counts_seconds(rates: tuple[float, ...]) -> None:
+    """That of a converter's filter: as one in seconds it was a random walk of ten times the noise."""
+    found = estimate(records(coloured(0.5), rates * 2))
+    assert found.clocked and found.rms == pytest.approx(RMS, rel=0.05)
+    assert [found.colour(1 / rate).correlation for rate in rates] == pytest.approx([0.5] * 4, abs=0.05)
+    random = np.random.default_rng(2)
+    seconds = [record(r, RMS * Colour(float(np.exp(-1 / r / 0.02))).sample(int(16 * r), random)) for r in rates * 2]
+    assert not estimate(seconds).clocked
+    assert not estimate(records(coloured(0.5))).clocked  # one rate does not tell
+
+
 def test_noise_that_is_slow_makes_no_file_of_a_lower_rate_look_loud() -> None:
     """From sample to sample, noise of 100 ms changes five times as much at 100 Hz as at 500 Hz, and is as quiet."""
     random = np.random.default_rng(4)

@@ -113,6 +113,7 @@ def test_headings_are_taken_apart(heading: str, name: str, unit: str) -> None:
         ("(/ s)", "1/s", 1),
         ("rpm", "rad/s", scipy.constants.pi / 30),
         ("rpm", "Hz", 1 / 60),
+        ("mrad", "rad", 1e-3),
         ("Hz", "rad/s", 2 * scipy.constants.pi),
         ("deg/s", "Hz", 1 / 360),
         ("mH", "V.s/A", 1e-3),

@@ -84,6 +84,8 @@ _NAMED = {
     "1": Unit(1.0, _NONE),
     "%": Unit(1e-2, _NONE),
     "rad": Unit(1.0, _NONE),
+    "mrad": Unit(1e-3, _NONE),
+    "urad": Unit(1e-6, _NONE),
     "deg": Unit(math.pi / 180, _NONE),
     "min": Unit(60.0, _TIME),
     "h": Unit(3600.0, _TIME),
@@ -209,7 +211,7 @@ for _name in _NAMED:
     _BY_CASE.setdefault(_name.lower(), []).append(_name)
 _SIGNS = str.maketrans({"μ": "u", "Ω": "Ohm", "°": "deg", "·": ".", "⋅": ".", "×": ".", "*": ".", "^": None, "−": "-"})
 
-ANGLES = ("rad", "deg", "rpm")
+ANGLES = ("rad", "mrad", "urad", "deg", "rpm")
 
 PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 

@@ -75,6 +75,10 @@ NOISIER = 3.0  # [1] times the noise in a set's quietest record of a held input 
 QUIET_BLOCK = 64  # [samples] of a part of a record, of which the quietest tell its noise then:
 STILLEST = 0.1  # [1] share of them
 
+# Set by judgement: no sine with a tenth of that between samples is drawn worse by lines. Check:
+# `pytest tests/test_edges.py -k leaps`
+LEAP = 10.0  # [1] times as far as between any other two samples: there a continuous input that moves otherwise leaps
+
 # Set by measurement: noise is told to some 5 %; a monitor that moves between its steps is off its levels by more.
 # Check: `pytest tests/test_edges.py -k only_steps`
 LEVEL_ALONE = 1.2  # [1] times the noise by which a continuous input that only steps is off its levels (rms), at most
@@ -200,20 +204,21 @@ def drive(
     edges: list[Edge] = []
     for signal in inputs:
         name, values = signal.name, experiment.inputs[signal.name]
+        stairs = not (signal.linear and _leaps(experiment, name, levels[name]))  # else it moves by itself in between
         if signal.band_limited:
             drawn[name] = _band_limited(experiment, signal, levels[name])
-        elif signal.linear and not _only_steps(experiment, name, levels[name]):
+        elif signal.linear and not _switches(experiment, name, levels[name]):
             lines = _mains([experiment], name) if mains is None else mains[name]
             if remembers and float(np.abs(values).max()) > signal.least:  # else nothing but noise is in it
                 check_sampling(experiment, name, levels[name], name in (noise or {}))
             drawn[name] = _continuous(experiment, name, levels[name], lines)
-        elif (sent := sent_at(experiment.time, values)) is not None:
+        elif stairs and (sent := sent_at(experiment.time, values)) is not None:
             drawn[name] = replace(_sent(experiment, values, levels[name], sent[0]), room=sent[1])
-        elif _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
+        elif stairs and _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
             how = rises[name] if rises is not None else _rise([experiment], name, [levels[name]])
-            drawn[name] = _held(experiment, name, levels[name], how, between, trigger, name in exact)
+            drawn[name] = _held(experiment, signal, levels[name], how, between, trigger, name in exact)
         large = np.array([abs(e.high - e.low) > MATTERS * float(np.ptp(values)) for e in drawn[name].edges], dtype=bool)
         numbered[name] = drawn[name].line.numbered(np.where(large, len(edges) + np.cumsum(large) - 1, -1))
         edges += [e for e, matters in zip(drawn[name].edges, large, strict=True) if matters]
@@ -259,7 +264,7 @@ def drives(
 def _risen(experiments: Sequence[Experiment], signal: Input, noise: Sequence[float]) -> Rise | None:
     """How an input rises, as those records tell that have edges of it: if it is not held, those that only step."""
     each = zip(experiments, noise, strict=True)
-    own = [(e, n) for e, n in each if signal.held or _only_steps(e, signal.name, n)]
+    own = [(e, n) for e, n in each if signal.held or _switches(e, signal.name, n)]
     return _rise([e for e, _ in own], signal.name, [n for _, n in own])
 
 
@@ -445,7 +450,7 @@ def _sent(experiment: Experiment, values: np.ndarray, noise: float, sent: np.nda
 
 def _held(
     experiment: Experiment,
-    name: str,
+    signal: Input,
     noise: float,
     how: Rise | None,
     between: float,
@@ -455,9 +460,10 @@ def _held(
     """The line of a held input and its edges; hum of the mains in its monitor is taken away.
 
     A value that is `exact` holds from its sample to the next, so that a ramp of many small steps is half a sample late.
-    A record that shows edges on their way was sampled from what moves by itself, and is not. Others may be either.
+    A record that shows edges on their way was sampled from what moves by itself, as one of a continuous input is, and
+    is not. Others may be either.
     """
-    time, values = experiment.time, experiment.inputs[name]
+    name, time, values = signal.name, experiment.time, experiment.inputs[signal.name]
     hum = _hum_between(time, values, noise)
     values = values - hum
     found = transitions(time, values, noise)
@@ -467,10 +473,11 @@ def _held(
     if trigger is not None:
         edges = triggered(edges, time, trigger)
     shown = bool(np.any(found.after > found.before + 1)) or (how is not None and how.seen)
-    delay = (0.0 if shown else 0.5 if exact else MIDWAY) * usual_step(time)
+    itself = shown or signal.linear
+    delay = (0.0 if itself else 0.5 if exact else MIDWAY) * usual_step(time)
     line, edges = held_line(time, values, noise, found, edges, delay)
     missed = line_error(experiment, name, line, noise, found, edges, delay, hum)
-    unheld = not (shown or exact) and line.ramps(MATTERS)
+    unheld = not (itself or exact) and line.ramps(MATTERS)
     return _Drawn(line, noise, missed, line.time, edges, shown, unheld, None if written else how)
 
 
@@ -493,6 +500,21 @@ def _between_edges(time: np.ndarray, values: np.ndarray, found: Transitions) -> 
             np.arange(end - begin), corners, smoothed(time[part], values[part], corners)
         )
     return left
+
+
+def _switches(experiment: Experiment, name: str, noise: float) -> bool:
+    """Whether a continuous input switches in this record, so that instants between samples are to be estimated."""
+    return _only_steps(experiment, name, noise) or _leaps(experiment, name, noise)
+
+
+def _leaps(experiment: Experiment, name: str, noise: float) -> bool:
+    """Whether it leaps from one sample to the next, by far more than it moves between any others, as a sine does."""
+    time, values = experiment.time, experiment.inputs[name]
+    found = transitions(time, values, noise)
+    if not len(found) or np.any(found.after > found.before + 1):
+        return False
+    steps = np.abs(np.diff(values))
+    return bool(steps[found.before].min() > LEAP * np.delete(steps, found.before).max(initial=0.0))
 
 
 def _only_steps(experiment: Experiment, name: str, noise: float) -> bool:

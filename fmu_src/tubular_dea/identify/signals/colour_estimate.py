@@ -59,40 +59,62 @@ ROUNDED_OFF = 1e-15  # [1] of the largest eigenvalue: those below are rounding
 @dataclass(frozen=True)
 class ColourEstimate:
     """A colour at the base step, and the variance; `uncertainty` is the relative standard error of the slow noise that
-    they make."""
+    they make. The memory of noise that is `clocked` counts samples, whatever the step: that of a converter's filter.
+    """
 
     at_step: Colour
     step: float
     variance: float
     freedom: int
     uncertainty: float
+    clocked: bool = False
 
     def colour(self, step: float) -> Colour:
         """The colour at a sampling step [s]."""
-        return self.at_step.at(step / self.step)
+        return self.at_step if self.clocked else self.at_step.at(step / self.step)
 
 
 def as_told(quiet: Sequence[Stretches], found: ColourEstimate, pace: float = 1.0) -> ColourEstimate:
     """An estimate without a memory that is longer than stretches can show: the longest one that they can, if that
     explains them clearly better than none."""
     most = float(np.exp(-found.step / (MEMORY * max(s.step * len(s.values) for s in quiet))))
-    return coloured(quiet, found.step, most, UNSEEN, pace) if found.at_step.phi > most else found
+    return coloured(quiet, found.step, most, UNSEEN, pace, found.clocked) if found.at_step.phi > most else found
+
+
+def clocked_or_not(quiet: Sequence[Stretches], step: float, pace: float) -> ColourEstimate:
+    """As `coloured`, with a memory that counts samples in place of seconds where stretches of several sampling steps
+    tell that it does: noise of 12 um that had one of a sample at 40 and at 125 Hz was 114 um, a random walk."""
+    found = coloured(quiet, step, pace=pace)
+    if not found.at_step.correlation or len({s.step for s in quiet}) < 2:
+        return found
+    other = coloured(quiet, step, pace=pace, clocked=True)
+    better = unlikely(quiet, found.colour, found.variance) - unlikely(quiet, other.colour, other.variance)
+    return other if 2 * better > EARNED else found
 
 
 def coloured(
-    quiet: Sequence[Stretches], step: float, most: float = MOST_ALIKE_BESIDE, earned: float = EARNED, pace: float = 1.0
+    quiet: Sequence[Stretches],
+    step: float,
+    most: float = MOST_ALIKE_BESIDE,
+    earned: float = EARNED,
+    pace: float = 1.0,
+    clocked: bool = False,
 ) -> ColourEstimate:
     """White, an autoregression, both, or these as 1/f noise: the simplest whose further numbers earn their place.
 
     Neighbours of the autoregression are correlated by `most` at most; `earned` is what a number has to explain. The
-    plant takes `pace` times as long as usual.
+    plant takes `pace` times as long as usual. The memory of noise that is `clocked` counts samples.
     """
 
     def numbered(x: np.ndarray) -> Colour:
         return _numbered(x, most)
 
+    def colour_at(x: np.ndarray) -> Callable[[float], Colour]:
+        colour = numbered(x)
+        return lambda s: colour if clocked else colour.at(s / step)
+
     def objective(x: np.ndarray, told: Sequence[Stretches] = quiet) -> float:
-        return _restricted(told, lambda s: numbered(x).at(s / step))[0]
+        return _restricted(told, colour_at(x))[0]
 
     far = float(np.arctanh(min(SLOWEST_COLOUR, most)))
     tried = {v: objective(np.array([v])) for v in (*np.linspace(FASTEST_COLOUR, far, COLOURS_TRIED).tolist(), 0.0)}
@@ -122,13 +144,14 @@ def coloured(
             chosen, cost = two.x, float(two.fun)
     plain, chosen = chosen, _falling(objective, chosen, cost, step / pace, 2 * earned)
     if chosen is not plain:
-        rest = _without_loudest(quiet, lambda s: numbered(plain).at(s / step))
+        rest = _without_loudest(quiet, colour_at(plain))
         alone = freedom(rest) > (1 - ONE_STRETCH) * freedom(quiet)
         if alone and 2 * (objective(plain, rest) - objective(chosen, rest)) < 2 * earned:
-            return coloured(rest, step, most, earned, pace)  # something moved in the one stretch that told of 1/f noise
+            # something moved in the one stretch that told of 1/f noise
+            return coloured(rest, step, most, earned, pace, clocked)
     colour, told = numbered(chosen), freedom(quiet)
-    _, variance = _restricted(quiet, lambda s: colour.at(s / step))
-    return ColourEstimate(colour, step, variance, told, _standard_error(objective, numbered, chosen, told))
+    _, variance = _restricted(quiet, colour_at(chosen))
+    return ColourEstimate(colour, step, variance, told, _standard_error(objective, numbered, chosen, told), clocked)
 
 
 def _without_loudest(quiet: Sequence[Stretches], colour_at: Callable[[float], Colour]) -> list[Stretches]:

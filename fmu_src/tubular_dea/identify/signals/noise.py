@@ -21,7 +21,7 @@ from ..threads import one_blas_thread
 from . import hum as hums
 from .bridges import MOST_BRIDGED, bridged
 from .colour import Colour
-from .colour_estimate import as_told, coloured, freedom, unlikely
+from .colour_estimate import as_told, clocked_or_not, coloured, freedom, unlikely
 from .monitors import resolution
 from .quiet import (
     APART,
@@ -109,10 +109,11 @@ class Noise:
     """Noise of standard deviation `rms` (the output's unit), with `correlation` between neighbours `step` [s] apart.
 
     A share `white` of its variance is white; the rest has one time constant, so that other steps have other
-    correlations (`step` 0: the same at any). `slower`, the pole and the zero of a filter behind it, makes it 1/f
-    noise. `freedom` is the number of degrees of freedom that `rms` was estimated with (infinite: it was stated), `form`
-    the relative error of the variance, where effects are sought, that the colour leaves. `hum` are the
-    frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which are no noise either.
+    correlations (not where it is `clocked`, and counts samples, nor with `step` 0). `slower`, the pole and the zero of
+    a filter behind it, makes it 1/f noise. `freedom` is the number of degrees of freedom that `rms` was estimated with
+    (infinite: it was stated), `form` the relative error of the variance, where effects are sought, that the colour
+    leaves. `hum` are the frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which
+    are no noise either.
     `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
     `faster` is the time constant of the plant's bandwidth [s]: a memory as short is no signal's; 0 where none is known.
     `pace` is how many times as long as usual the plant takes for all that it does (`quiet.pace_of`).
@@ -138,6 +139,7 @@ class Noise:
     repeated: bool = False
     faster: float = 0.0
     pace: float = 1.0
+    clocked: bool = False
 
     @property
     def stated(self) -> bool:
@@ -204,7 +206,7 @@ class Noise:
 
     def colour(self, step: float) -> Colour:
         """The colour of samples `step` [s] apart."""
-        steps = step / self.step if self.step > 0 and step > 0 else 1.0
+        steps = step / self.step if self.step > 0 and step > 0 and not self.clocked else 1.0
         pole, zero = self.slower
         own = Colour(self.phi, self.white, pole, zero).at(steps)
         if not self.driven:
@@ -295,6 +297,7 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
         slower=(colour.pole, colour.zero),
         slow_known=not colour.pole,
         repeated=True,
+        clocked=found.clocked,
     )
 
 
@@ -368,10 +371,10 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, p
     """The noise that chosen stretches tell, of which it is known whether they are quiet, and others are not."""
     step = min(s.step for s in chosen)
     plain, lines = _stripped(chosen, records, Colour(0.0), plant.pace)
-    found = coloured(plain, step, pace=plant.pace)
+    found = clocked_or_not(plain, step, plant.pace)
     if found.at_step.correlation:
         plain, lines = _stripped(chosen, records, found.colour(step), plant.pace)
-        found = coloured(plain, step, pace=plant.pace) if lines else found
+        found = clocked_or_not(plain, step, plant.pace) if lines else found
     colour = found.colour(step)
     long = colour.phi > np.exp(-1 / _brief(plant.faster, step))
     moves = found.variance > (MOST_SLOW if long else 1.0) * _variance(records)
@@ -400,6 +403,7 @@ def _told(records: Records, chosen: list[Stretches], quiet: bool, rings: bool, p
             (one_colour and found.freedom >= SOME_FREEDOM)
             or _longest(chosen) >= max(SLOW_STRETCH * plant.pace, SLOW_SAMPLES * step)
         ),
+        clocked=found.clocked,
     ).of(plant)
 
 
