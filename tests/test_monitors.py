@@ -527,3 +527,13 @@ def test_a_reading_that_is_repeated_where_samples_were_lost_is_no_rest() -> None
     assert at_rest(force) < 20
     still = np.where(time % 4 < 1, 0.0, force)
     assert at_rest(still) == 1250  # but for the first run: it may be filled up
+
+
+@pytest.mark.parametrize("period", [4.6, 8.5, 17.0, 40.0])
+def test_a_ripple_is_no_noise_with_a_memory(period: float) -> None:
+    """A pump's, of 80 Pa beside noise of 20 Pa: its noise was 720 Pa, and the line through it was straight."""
+    random, n = np.random.default_rng(6), 10500
+    ripple = 80 * np.sin(2 * np.pi * np.arange(n) / period)
+    values = 1e4 + 120 * np.abs((np.arange(n) / 265) % 2 - 1) + ripple + 20 * random.standard_normal(n)
+    assert monitors.memory(values) in (None, NO_MEMORY)
+    assert monitors.level(values) == pytest.approx(20, rel=0.1 if period > 8 else 0.6)

@@ -72,6 +72,7 @@ WRONG = 1.5  # [1] times its noise by which they do at most
 LEAST_LAGS = 8  # [1] times a lag that a record lasts at least for its noise to be told at all
 LAGS = 20  # [1] times a lag that a record lasts at least for differences over it
 PLATEAU = 1.12  # [1] growth of a variance from lag to lag that is chance
+FALLS = 0.5  # [1] times a variance from one lag to the next, below which no noise with a memory falls
 SPREAD = 3.0  # [standard errors] by which it may be more in short records
 FILTERED = 4  # [samples] up to which an anti-aliasing filter colours noise
 MOSTLY_NEW = 0.5  # [1] share of samples that differ from the one before, where the others say nothing of noise
@@ -169,8 +170,8 @@ def memory(values: np.ndarray) -> tuple[float, float] | None:
 
     White noise has the same differences over any lag. Noise with a memory has larger ones until the lag outlasts it: at
     most twice the variance for each doubling of the lag, once the lag is longer than a filter rings. What a moving
-    signal adds grows faster, and larger than a share of its largest value. So the first lag counts from which doubling
-    it changes nothing; where there is none, nothing is known (None).
+    signal adds grows faster, and larger than a share of its largest value; what a ripple adds falls again about its
+    period. So the first lag counts from which doubling it changes nothing; where none does, nothing is known (None).
     """
     first = noise_level(values)
     most = LARGEST * float(np.abs(values).max())
@@ -178,6 +179,8 @@ def memory(values: np.ndarray) -> tuple[float, float] | None:
     while first > 0 and values.size > LAGS * 2 * lag:
         twice = noise_level(values, 2 * lag)
         more = chance(lag, values.size)
+        if lag > 1 and twice**2 < FALLS * here**2:
+            return None
         if twice > most or (lag >= FILTERED and twice**2 > here**2 * (2 + more)):
             break
         if twice**2 < here**2 * (PLATEAU + more):
