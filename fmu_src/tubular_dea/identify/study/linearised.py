@@ -88,17 +88,16 @@ def moved_alike(
     Of edges that are on one clock it is anywhere between two samples: many do not tell it better. All outputs feel it,
     and windows are of one: a time constant of the others was 6 standard errors off.
     """
-    low, high = bounds(piece)
-    anywhere, ends = wide(piece), np.array([low, high]) - shifts
-    farther = ends[int(np.argmax(np.abs(ends[:, anywhere]).min(axis=1, initial=np.inf)))]
-    by = EDGE_STEP * float(np.median(farther[anywhere])) if anywhere.any() else 0.0
-    cases = [
-        replace(piece.case, protocol=piece.driven_by(moved))
-        for moved in (shifts, np.where(anywhere, shifts + by, shifts))
-    ]
-    here, there = study.asked(ids, cases).possible(values)
-    if here is None or there is None or by == 0.0:
+    anywhere, (low, high) = wide(piece), bounds(piece)
+    if not anywhere.any():
+        return np.zeros(piece.record.size), 0.0
+    up = high - shifts > shifts - low  # each towards its farther bound: none passes a sample
+    by = EDGE_STEP * 0.5 * float((high - low)[anywhere].min())
+    moves = [np.zeros(shifts.size), np.where(anywhere & up, by, 0.0), np.where(anywhere & ~up, -by, 0.0)]
+    cases = [replace(piece.case, protocol=piece.driven_by(shifts + move)) for move in moves]
+    here, later, earlier = study.asked(ids, cases).possible(values)
+    if here is None or later is None or earlier is None:
         return np.zeros(piece.record.size), 0.0
     alike = 1 if on_clock else int(anywhere.sum())
     deviation = step_of(piece) / float(np.sqrt(12.0 * alike))
-    return whitened(piece.case, (there - here) / by, study.noise, piece.weight), deviation
+    return whitened(piece.case, (later - earlier) / by, study.noise, piece.weight), deviation
