@@ -24,11 +24,12 @@ def read_patient(text: str) -> dict[str, float]:
     if text in PATIENTS:
         return patient(text)
     path = Path(text)
-    if path.suffix != ".toml" and path.exists():
-        raise UserError(
-            f"{path}: expected a patient's .toml, as `tubular-dea patient` writes it, or one of {', '.join(PATIENTS)}"
-        )
     if path.suffix != ".toml":
+        if path.exists():
+            known = ", ".join(PATIENTS)
+            raise UserError(
+                f"{path}: expected a patient's .toml, as `tubular-dea patient` writes it, or one of {known}"
+            )
         return patient(text)  # tells which patients there are
     try:
         given = tomllib.loads(read_whole(path).decode())

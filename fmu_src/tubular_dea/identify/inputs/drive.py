@@ -204,17 +204,17 @@ def drive(
     edges: list[Edge] = []
     for signal in inputs:
         name, values = signal.name, experiment.inputs[signal.name]
-        stairs = not (signal.linear and _leaps(experiment, name, levels[name]))  # else it moves by itself in between
+        leaps = signal.linear and _leaps(experiment, name, levels[name])  # and moves by itself in between
         if signal.band_limited:
             drawn[name] = _band_limited(experiment, signal, levels[name])
-        elif signal.linear and not _switches(experiment, name, levels[name]):
+        elif signal.linear and not (leaps or _only_steps(experiment, name, levels[name])):
             lines = _mains([experiment], name) if mains is None else mains[name]
             if remembers and float(np.abs(values).max()) > signal.least:  # else nothing but noise is in it
                 check_sampling(experiment, name, levels[name], name in (noise or {}))
             drawn[name] = _continuous(experiment, name, levels[name], lines)
-        elif stairs and (sent := sent_at(experiment.time, values)) is not None:
+        elif not leaps and (sent := sent_at(experiment.time, values)) is not None:
             drawn[name] = replace(_sent(experiment, values, levels[name], sent[0]), room=sent[1])
-        elif stairs and _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
+        elif not leaps and _staircase(values, levels[name]) and (name in exact or not _smooth(values, levels[name])):
             drawn[name] = _stairs(experiment, values, levels[name], rises[name] if rises is not None else None)
         else:
             how = rises[name] if rises is not None else _rise([experiment], name, [levels[name]])

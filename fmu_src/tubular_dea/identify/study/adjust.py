@@ -23,7 +23,7 @@ from ..fitting.problem import Free, whitened
 from ..records.start import LATEST
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
-from .linearised import Linearised, lasting_edges, linearised_piece, moved_alike, wide, windows_of
+from .linearised import Linearised, common_shift, lasting_edges, linearised_piece, wide, windows_of
 from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, step_of, with_columns
 from .remembered import NOISE_OF
 from .spreads import Common, most_spread, spreads
@@ -114,7 +114,7 @@ def _settled(
         shifts = _kept_in_place(piece, _together(study, ids, values, piece, linear, sd), delays)
     columns, own = linear.columns, sd
     if linear.windows and (part is not None or len(piece.case.readings) > 1):
-        column, deviation = moved_alike(study, ids, values, replace(piece, delays=delays), shifts, part is not None)
+        column, deviation = common_shift(study, ids, values, replace(piece, delays=delays), shifts, part is not None)
         columns, own = np.column_stack([columns, column]), np.append(sd, deviation)
     made = marginal(windows_of(piece, linear, shifts, part is not None), columns, own)
     piece = replace(piece, delays=delays, longer=common.longer)

@@ -80,7 +80,7 @@ def windows_of(
     ]
 
 
-def moved_alike(
+def common_shift(
     study: Study, ids: Ids, values: Mapping[str, float], piece: Piece, shifts: np.ndarray, on_clock: bool
 ) -> tuple[np.ndarray, float]:
     """The whitened column (N,) of a shift of all edges alike, and its prior [s].
@@ -93,10 +93,10 @@ def moved_alike(
         return np.zeros(piece.record.size), 0.0
     up = high - shifts > shifts - low  # each towards its farther bound: none passes a sample
     by = EDGE_STEP * 0.5 * float((high - low)[anywhere].min())
-    moves = [np.zeros(shifts.size), np.where(anywhere & up, by, 0.0), np.where(anywhere & ~up, -by, 0.0)]
+    moves = [np.where(anywhere & up, by, 0.0), np.where(anywhere & ~up, -by, 0.0)]
     cases = [replace(piece.case, protocol=piece.driven_by(shifts + move)) for move in moves]
-    here, later, earlier = study.asked(ids, cases).possible(values)
-    if here is None or later is None or earlier is None:
+    later, earlier = study.asked(ids, cases).possible(values)
+    if later is None or earlier is None:
         return np.zeros(piece.record.size), 0.0
     alike = 1 if on_clock else int(anywhere.sum())
     deviation = step_of(piece) / float(np.sqrt(12.0 * alike))
