@@ -16,7 +16,7 @@ from tubular_dea.identify.fitting.problem import Free
 from tubular_dea.identify.fitting.response import FINER, LEAST_STEPS, ROUGH, STEPS_A_SAMPLE, TOLERANCE, Response
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study.adjust import adjusted
-from tubular_dea.identify.study.study import LONG, followed, study
+from tubular_dea.identify.study.study import LONG, Nuisances, followed, study
 from tubular_dea.kernel import Kernel
 from tubular_dea.plants import Balance, Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
@@ -123,3 +123,10 @@ def test_files_without_a_rest_between_them_have_one_start(tmp_path: Path) -> Non
     assert told["w0"]["start"]["T_start"] == pytest.approx(12.0, abs=0.05)
     own = {"zeros": {}, "gains": {}}
     assert [told[n] for n in ("w1", "w2")] == [{"follows": "w0", **own}, {"follows": "w1", **own}]
+
+
+def test_columns_of_a_model_that_runs_away_hide_no_prior() -> None:
+    """Two starts from which a level doubles every few steps change a record by 1e27, and alike to the last digit."""
+    away = np.full((50, 2), 1e27)
+    found = Nuisances(("first", "second"), away, np.ones(2)).mean(away, np.full(50, -2e27), np.ones(2))
+    assert found == pytest.approx([1.0, 1.0])

@@ -377,7 +377,8 @@ def share_unknown(study: Study, piece: Piece) -> np.ndarray:
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     columns = Marginal(piece.marginal.windows).apply(columns)[:, sd > 0] * sd[sd > 0]
     left = np.zeros(sd.size)
-    left[sd > 0] = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))))
+    squares, turned = np.linalg.eigh(columns.T @ columns)
+    left[sd > 0] = np.sqrt(turned**2 @ (1 / (1 + np.maximum(squares, 0.0))))
     return left
 
 

@@ -80,7 +80,9 @@ class Nuisances:
         found, size = np.zeros(sd.size), sd[used]
         information = (white.T @ white)[np.ix_(used, used)] * np.outer(size, size) + np.eye(size.size)
         pulled = 0.0 if now is None else now[used] / size
-        found[used] = -np.linalg.solve(information, (white.T @ residual)[used] * size + pulled) * size
+        told = (white.T @ residual)[used] * size + pulled
+        # Where a trial model runs away, columns are so long and so alike that the prior is lost beside them.
+        found[used] = -np.linalg.lstsq(information, told)[0] * size
         return found
 
 
