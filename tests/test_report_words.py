@@ -505,12 +505,12 @@ def test_what_delay_the_errors_allow_for_is_said_once(monkeypatch: pytest.Monkey
 
 def test_what_explains_less_well_is_said_to() -> None:
     """A lag of a tachometer: a delay, which leaves 1.17 times the noise, was said to explain as well."""
-    lag, slew, creep = (
-        made_up.option(name, excess=excess) for name, excess in (("lag", 0), ("slew", 9), ("creep", 5e3))
-    )
-    search = SimpleNamespace(rivals=[slew, creep])
+    excess = {"lag": 0, "slew": 9, "stop": 200, "creep": 5e3}
+    lag, *rivals = (made_up.option(name, excess=more) for name, more in excess.items())
+    search = SimpleNamespace(rivals=rivals)
     found = SimpleNamespace(chosen=lag, search=search, repeated=False)
-    alike, worse = in_short._in_its_place(found, {"id": "lag", "equivalent": ["slew", "creep"]})
+    alike, nearly, worse = in_short._in_its_place(found, {"id": "lag", "equivalent": ["slew", "stop", "creep"]})
+    assert nearly.startswith("It may also be stop, which explains the recordings nearly as well: less well than chance")
     assert alike == "It may equally be slew, which explains the recordings as well."
     assert "it may also be creep (1." in worse and "what lag leaves" in worse
     assert in_short._in_its_place(found, {"id": "lag", "equivalent": []}) == []
@@ -532,6 +532,7 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
         one = made_up.option(*equivalent)
         study = SimpleNamespace(catalogue=PLANT.catalogue, plant=PLANT)
         word = "partly_explained" if equivalent else "no_effect"
+        line = made_up.option("pneumatic_line", *[n for n in equivalent if n != "sensor_lag"], excess=200)
         return close_loop.headline(
             SimpleNamespace(
                 verdict=word if strained else "ambiguous",
@@ -539,6 +540,7 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
                 named=one,
                 base=one,
                 study=study,
+                search=SimpleNamespace(rivals=[line]),
                 equivalent=equivalent,
                 wandering=None,
                 strained=strained,
@@ -548,7 +550,9 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
 
     two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
     assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
-    assert ", or sensor_delay in place of it: these" in said({"sensor_lag": ["sensor_delay"]})
+    assert two.endswith("them, as no law is exactly the plant's (pneumatic_line fits worse than by chance).")
+    one = said({"sensor_lag": ["sensor_delay"]})
+    assert ", or sensor_delay in place of it: these" in one and one.endswith("distinguish them.")
     strained = said({"rigid_stop": []}, "C_2", "C_3")
     assert "or something that is in no catalogue: C_2 and C_3 would be implausible" in strained
     monkeypatch.setattr(close_loop, "thin", lambda found: "")

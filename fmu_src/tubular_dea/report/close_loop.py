@@ -21,7 +21,18 @@ from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_units_of
 from ..recordings.table import FEW, either, some
 from .effects import determined, effects
-from .in_short import LEFT, WHITE, about_held_out, in_short, least, may_be_louder, not_seen, oscillating, stated
+from .in_short import (
+    LEFT,
+    WHITE,
+    about_held_out,
+    apart_by_form,
+    in_short,
+    least,
+    may_be_louder,
+    not_seen,
+    oscillating,
+    stated,
+)
 from .latent_map import latent_map
 from .page import Drawing, Page
 from .parts import POINTS, bars, parameter_row, percent, record_and_residuals
@@ -33,7 +44,7 @@ UNLIKE = (
 WORDS = {
     "no_effect": "nothing is missing: the model explains these recordings to within their noise.",
     "effect_found": "the model lacks {names}.",
-    "ambiguous": "the model lacks {names}, or {others}: these recordings cannot distinguish them.",
+    "ambiguous": "the model lacks {names}, or {others}: these recordings cannot distinguish them{exactly}.",
     "partly_explained": "the model lacks {names}; a significant residual remains: {remainder}.",
     "unexplained": "the model {lacks} something that no effect of the catalogue explains{nearest}.",
 }
@@ -99,7 +110,16 @@ def headline(found: Discovery, outcome: Mapping[str, Any]) -> str:
         return UNLIKE.format(input=found.unlike.input)
     lacks = "seems to lack" if may_be_louder(found) else "lacks"
     words = WORDS[found.verdict]
-    return words.format(names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks)
+    return words.format(
+        names=names, others=others, nearest=_nearest(found), remainder=what, lacks=lacks, exactly=_inexact(found)
+    )
+
+
+def _inexact(found: Discovery) -> str:
+    """Which effects are equivalent to another only because laws are inexact; "" where all are within chance."""
+    worse = [o for name, group in found.equivalent.items() for o in group if apart_by_form(found, name, o)]
+    fit = "fits" if len(worse) == 1 else "fit"
+    return f", as no law is exactly the plant's ({some(worse, FEW)} {fit} worse than by chance)" if worse else ""
 
 
 def _reserved(found: Discovery, outcome: Mapping[str, Any]) -> str:

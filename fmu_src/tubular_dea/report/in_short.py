@@ -14,6 +14,7 @@ from ..discover.answer.reservations import hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
+from ..discover.search import equivalence
 from ..model.effect import Effect
 from ..model.units import in_units_of, in_words
 from ..recordings.table import FEW, some
@@ -255,14 +256,22 @@ def _nothing(found: Discovery, outcome: Mapping[str, Any]) -> str:
 def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
     """The effects that may be there in place of one that was found, and how well they explain the recordings."""
     left = {other: _times_left(found, entry["id"], other) for other in entry["equivalent"]}
-    alike, said = [other for other, times in left.items() if times < SLIGHTLY], []
+    near, said = [other for other, times in left.items() if times < SLIGHTLY], []
+    nearly = [other for other in near if apart_by_form(found, entry["id"], other) and not found.repeated]
+    alike = [other for other in near if other not in nearly]
     if alike:
         well = "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
         explain = "explains" if len(alike) == 1 else "explain"
         said.append(f"It may equally be {some(alike, FEW)}, which {explain} the recordings {well}.")
+    if nearly:
+        explains = "explains" if len(nearly) == 1 else "explain"
+        said.append(
+            f"It may {'also ' if alike else ''}be {some(nearly, FEW)}, which {explains} the recordings nearly as well: "
+            "less well than chance allows, but no less than a law that is not quite the plant's would."
+        )
     worse = [f"{other} ({times:.2f} times)" for other, times in left.items() if times >= SLIGHTLY]
     if worse:
-        also = "also " if alike else ""
+        also = "also " if near else ""
         said.append(
             f"With a law that is slightly different, it may {also}be {some(worse, FEW)}: what {entry['id']} leaves is "
             "left so many times by that."
@@ -270,6 +279,11 @@ def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
     if len(left) > FEW:
         said.append("So these recordings hardly tell what it is.")
     return said
+
+
+def apart_by_form(found: Discovery, name: str, other: str) -> bool:
+    """Whether `other` in place of the effect `name` fits worse than by chance: equivalent as laws are inexact."""
+    return equivalence.beyond_chance(found.chosen, found.search.rivals, name, other)
 
 
 def _times_left(found: Discovery, name: str, other: str) -> float:

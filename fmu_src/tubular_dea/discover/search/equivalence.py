@@ -73,3 +73,11 @@ def equivalents(
         if pair and pair[1] not in found[pair[0]]:
             found[pair[0]].append(pair[1])
     return found
+
+
+def beyond_chance(chosen: Option, rivals: Sequence[Option], name: str, other: str) -> bool:
+    """Whether `other` in place of the effect `name` fits worse than chance makes it: it is equivalent only because no
+    law is exactly that of the plant."""
+    swapped = {*chosen.ids} - {name} | {other}
+    best = max((r.evidence for r in rivals if {*r.ids} == swapped), default=chosen.evidence)
+    return 2 * (chosen.evidence - best) > CHANCE
