@@ -18,10 +18,10 @@ from tubular_dea.api import identify as estimates
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.discover.scores.parameters import base_parameters
-from tubular_dea.identify.fitting.fit import Fit, fit, goodness, inverse
+from tubular_dea.identify.fitting.fit import Fit, begun_at_bounds, fit, goodness, inverse
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
 from tubular_dea.identify.fitting.misfit import ResidualOverNoise, residual_over_noise
-from tubular_dea.identify.fitting.problem import Free
+from tubular_dea.identify.fitting.problem import Free, Problem
 from tubular_dea.identify.records.data import read_folder
 from tubular_dea.identify.study import procedure
 from tubular_dea.identify.study.adjust import adjusted
@@ -279,3 +279,13 @@ def test_a_parameter_that_is_known_from_one_side_alone_has_no_standard_error() -
     assert estimates._estimate("eta_2", told) == "eta_2    above 17.4 GPa.s (95 %)"
     assert estimates._estimate("eta_2", replace(told, ci95=(-np.inf, 2e6))) == "eta_2    below 2 MPa.s (95 %)"
     assert "+-" in estimates._estimate("eta_2", replace(told, ci95=(1e10, 5e10)))
+
+
+def test_what_is_nearly_at_a_bound_begins_at_it() -> None:
+    """From 1.09998 of at most 1.1 no step led away (README's carriage: a loop that leaves 11 times what it may)."""
+    free = [Free("skew", 1.0, -2.0, 1.1), Free("travel", 1e-3), Free("part", 1.0, 0.0, 1.0)]
+    problem = Problem(SimpleNamespace(), [], {}, free, {})
+    start = np.array([f.to_scaled(v) for f, v in zip(free, (1.0999835, 5.8e-4, 0.3), strict=True)])
+    begun = problem.values(begun_at_bounds(problem, start))
+    assert 1.1 - 1e-7 < begun["skew"] < 1.1
+    assert begun["travel"] == pytest.approx(5.8e-4) and begun["part"] == pytest.approx(0.3)

@@ -132,8 +132,10 @@ def search(
 ) -> OptimizeResult | None:
     """scipy's bounded least squares; None where the model cannot be solved at the start.
 
-    Where there is an answer but no sensitivities, it ends at the best point that has them.
+    Where there is an answer but no sensitivities, it ends at the best point that has them. What is nearly at a bound
+    begins at it: the first step would end there, and be so short that the search ends too.
     """
+    start = begun_at_bounds(problem, start)
     first = problem.residuals(start)
     if not np.all(np.isfinite(first)):
         return None
@@ -162,6 +164,13 @@ def search(
             )
     except KernelError:
         return last
+
+
+def begun_at_bounds(problem: Problem, start: np.ndarray) -> np.ndarray:
+    """A start (k,) with the numbers that are nearly at a bound at it, as a search leaves them there."""
+    low, high = problem.bounds()
+    start = np.where(start - low < AT_BOUND, low, np.where(high - start < AT_BOUND, high, start))
+    return problem.inside(start)
 
 
 def may_be_better(other: Fit, fitted: Fit) -> bool:
