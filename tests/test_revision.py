@@ -10,6 +10,7 @@ import pytest
 
 from made_up import BASE, LARGE, STUDY, found, option
 from tubular_dea.discover import judgement
+from tubular_dea.discover.options import options as all_options
 from tubular_dea.discover.options.options import Option
 from tubular_dea.discover.search import revision, selection
 from tubular_dea.discover.search.revision import Search
@@ -25,7 +26,8 @@ def refits(monkeypatch: pytest.MonkeyPatch, options: dict[tuple, Option]) -> lis
         asked.append((ids, finer))
         return options.get((ids, finer))
 
-    monkeypatch.setattr(revision, "fitted_option", fitted_option)
+    for room in (revision, all_options):
+        monkeypatch.setattr(room, "fitted_option", fitted_option)
     return asked
 
 

@@ -183,7 +183,8 @@ def test_weak_and_further_effects_compete_in_their_finer_forms(
     """A drift in its straight form gains nearly nothing, and the most where it levels off."""
     fine = {"drift": 230.0, "friction": 470.0, "stop": 0.0}
     monkeypatch.setattr(
-        rounds, "fitted_option", lambda study, ids, start, refined: option(*ids, excess=fine[ids[-1]], refined=refined)
+        "tubular_dea.discover.options.options.fitted_option",
+        lambda study, ids, start, refined: option(*ids, excess=fine[ids[-1]], refined=refined),
     )
     plain = SimpleNamespace(parameters=(), refine=())
     forms = {i: SimpleNamespace(parameters=(), refine=("form",)) for i in fine}
@@ -346,11 +347,15 @@ def test_experiments_are_held_out_anew_where_those_held_out_do_not_show_what_the
 
 
 @pytest.mark.parametrize(("known_to", "error", "kept"), [(0.003, 0.08, True), (0.003, 0.1, False), (0.1, 4.0, True)])
-def test_a_finer_form_that_leaves_other_parameters_vaguer_is_none(known_to: float, error: float, kept: bool) -> None:
+def test_a_finer_form_that_leaves_other_parameters_vaguer_is_none(
+    known_to: float, error: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A prestretch of two directions gained 93 more and said what C_1 does, which was known to 0.3 % without it."""
     study = SimpleNamespace(catalogue={"prestretch": SimpleNamespace(parameters=[SimpleNamespace(name="prestretch")])})
     one, finer = option("prestretch"), option("prestretch", refined=("prestretch",))
     known = replace(one, fitted=replace(one.fitted, stderr={"base": known_to, "prestretch": 0.1}))
     vague = replace(finer, fitted=replace(finer.fitted, stderr={"base": error, "prestretch": 0.1}))
-    assert options.unless_vaguer(study, known, vague) is (vague if kept else None)
-    assert options.unless_vaguer(study, known, None) is None
+    monkeypatch.setattr(options, "fitted_option", lambda *asked: vague)
+    assert options.finer_form(study, known, ["prestretch"]) is (vague if kept else None)
+    monkeypatch.setattr(options, "fitted_option", lambda *asked: None)
+    assert options.finer_form(study, known, ["prestretch"]) is None

@@ -111,9 +111,10 @@ def fitted_option(study: Study, ids: Ids, start: Mapping[str, float], refined: S
         return None
 
 
-def unless_vaguer(study: Study, one: Option, finer: Option | None) -> Option | None:
-    """The `finer` form of an option; None where there is none, or where what it adds leaves parameters of the plant
-    unknown that were known well: then it says what these do."""
+def finer_form(study: Study, one: Option, names: Sequence[str]) -> Option | None:
+    """An option with the finer form of its effects `names`; None where that cannot be fitted, or says what others do:
+    where what it adds leaves parameters of the plant unknown that were known well."""
+    finer = fitted_option(study, one.ids, one.fitted.values, (*one.refined, *names))
     if finer is None:
         return None
     effects = {q.name for i in one.ids for q in study.catalogue[i].parameters}

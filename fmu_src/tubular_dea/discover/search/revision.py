@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ..options.acceptance import clean, denied, far
-from ..options.options import Option, fitted_option, unless_vaguer
+from ..options.options import Option, finer_form, fitted_option
 from ..scores.parameters import unusual
 from .equivalence import CHANCE, error_reach, stands_in
 from .rounds import AT_BEST, Progress, Round
@@ -146,7 +146,8 @@ def _refine(found: Search, tell: Progress) -> None:
         effect = found.study.catalogue[name]
         if not effect.refine or name in found.chosen.refined or (effect.delicate and clean(coarse.lack_of_fit)):
             continue
-        finer = _finer(found.study, found.chosen, (name,), tell)
+        tell(f"finer form of {name}")
+        finer = finer_form(found.study, found.chosen, [name])
         if finer and finer.evidence > found.chosen.evidence + FINER_GAIN and not denied(found.chosen, finer):
             found.chosen = finer
     _refine_rivals(found, coarse, tell)
@@ -159,7 +160,10 @@ def _refine_rivals(found: Search, coarse: Option, tell: Progress) -> None:
     def refined(rival: Option) -> Option:
         finest = [i for i in rival.ids if i in found.chosen.refined or i not in coarse.ids]
         wanted = [i for i in finest if found.study.catalogue[i].refine]
-        finer = _finer(found.study, rival, wanted, tell) if rival in near[:MOST_FINER] and wanted else None
+        if rival not in near[:MOST_FINER] or not wanted:
+            return rival
+        tell(f"finer form of {', '.join(wanted)}")
+        finer = finer_form(found.study, rival, wanted)
         return finer if finer and finer.evidence > rival.evidence else rival
 
     everyone = sorted([found.chosen, *side_by_side(refined, found.rivals)], key=lambda o: -o.evidence)
@@ -205,10 +209,3 @@ def _promising(rival: Option, coarse: Option, gains: Mapping[str, float]) -> boo
     """Whether a rival brought a good part of what the last effect of the choice did, in their coarse forms."""
     alike = rival.ids[:-1] == coarse.ids[:-1] and rival.ids[-1] not in coarse.ids
     return alike and rival.misfit - coarse.misfit < PROMISING * gains.get(coarse.ids[-1], 0.0)
-
-
-def _finer(study: Study, present: Option, names: Sequence[str], tell: Progress) -> Option | None:
-    """The option with the finer form of some of its effects; None where that fails, or says what others do."""
-    tell(f"finer form of {', '.join(names)}")
-    finer = fitted_option(study, present.ids, present.fitted.values, (*present.refined, *names))
-    return unless_vaguer(study, present, finer)

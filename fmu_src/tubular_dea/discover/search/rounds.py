@@ -16,7 +16,7 @@ from ..alternatives.forms import explained_by_form
 from ..alternatives.rounding import explained_by_rounding
 from ..alternatives.wander import explained_by_wandering
 from ..options.acceptance import FALSE_ALARMS, STRONG, accept, clean, denied, far, no_further_effect
-from ..options.options import Option, fitted_option, option, problem_of, unless_vaguer
+from ..options.options import Option, finer_form, fitted_option, option, problem_of
 from ..options.refit import FIRST_STEPS, FULL_STEPS, first_refit, fit_effects, further
 from ..scores import bank
 from ..scores.bank import Score
@@ -169,7 +169,7 @@ def _finer(study: Study, one: Option) -> Option | None:
     name = one.ids[-1]
     if name in one.refined or not study.catalogue[name].refine:
         return None
-    return unless_vaguer(study, one, fitted_option(study, one.ids, one.fitted.values, (*one.refined, name)))
+    return finer_form(study, one, [name])
 
 
 def _as_finer(
