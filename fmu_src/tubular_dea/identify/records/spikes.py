@@ -13,6 +13,7 @@ farther off than all others are apart, no input makes them, unless it moves at t
 from __future__ import annotations
 
 from collections.abc import Iterable
+from statistics import median
 
 import numpy as np
 
@@ -116,7 +117,7 @@ def _least(read: np.ndarray) -> float:
 def _between(read: np.ndarray, first: int, last: int, least: float) -> np.ndarray | None:
     """The places after `first` and before `last` if what is read there is off what is read up to and from these on."""
     beside = np.concatenate([read[first - BESIDE_LAPSE + 1 : first + 1], read[last : last + BESIDE_LAPSE]])
-    off, spread = np.abs(read[first + 1 : last] - np.median(beside)), float(np.ptp(beside))
+    off, spread = np.abs(read[first + 1 : last] - median(beside.tolist())), float(np.ptp(beside))
     inside = off[1:-1]  # the ends may be on the way
     if beside.size < 2 * BESIDE_LAPSE or inside.min() <= max(least, OFF_OTHERS * spread):
         return None
