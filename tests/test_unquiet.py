@@ -79,27 +79,34 @@ class Levels:
 
 
 @pytest.mark.parametrize(
-    ("effect", "quieter", "allowed", "less"),
+    ("effect", "quieter", "allowed", "beside_least", "less"),
     [
-        ("lag", False, 10e-6, Levels("as before", {"load": 25.0})),  # the monitor's noise was the missing effect
-        ("lag", False, 18e-6, None),  # little changes
-        ("", False, 10e-6, None),  # at the base the same was asked
-        ("", True, 20e-6, Levels("less", {"load": 180.0})),
+        ("lag", False, 10e-6, 10e-6, Levels("as before", {"load": 25.0})),  # it was the missing effect
+        ("lag", False, 18e-6, 18e-6, None),  # little changes
+        ("lag", False, 18e-6, 4e-6, Levels("as before", {"load": 6.0})),  # beside much noise, instants leave as much
+        ("", False, 10e-6, 10e-6, None),  # at the base the same was asked
+        ("", True, 20e-6, 20e-6, Levels("less", {"load": 180.0})),
     ],
 )
 def test_a_search_is_repeated_where_its_choice_leaves_less_room_for_noise(
-    effect: str, quieter: bool, allowed: float, less: Levels | None, monkeypatch: pytest.MonkeyPatch
+    effect: str,
+    quieter: bool,
+    allowed: float,
+    beside_least: float,
+    less: Levels | None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A friction was found beside a pressure of 184 Pa of noise; with it, the outputs tell 45 Pa."""
-    before, told = Levels("as before", {"load": 180.0}), Levels("as before", {"load": 25.0})
+    before, settled = Levels("as before", {"load": 180.0}), Levels("as before", {"load": 180.0})
+    told, least = Levels("as before", {"load": 25.0}), Levels("as before", {"load": 6.0})
+    rms = {id(before): 20e-6, id(told): allowed, id(least): beside_least}
     monkeypatch.setattr(engine, "with_noise_of", lambda *_: Levels("less", {}))
     monkeypatch.setattr(engine, "quieter", lambda *_: quieter)
+    monkeypatch.setattr(engine, "_settled_beside_least", lambda *_: (settled, {}))
     monkeypatch.setattr(engine.input_noise, "input_sensitivities", lambda *_: {})
-    monkeypatch.setattr(engine.input_noise, "told_by_outputs", lambda *_: told)
+    monkeypatch.setattr(engine.input_noise, "told_by_outputs", lambda study, *_: least if study is settled else told)
     monkeypatch.setattr(engine.input_noise, "weighted", lambda study, gains: study)
-    monkeypatch.setattr(
-        engine.input_noise, "allowed_rms", lambda study: {"reading": allowed if study is told else 20e-6}
-    )
+    monkeypatch.setattr(engine.input_noise, "allowed_rms", lambda study: {"reading": rms[id(study)]})
     chosen = made_up.option(*([effect] if effect else []))
     found = SimpleNamespace(chosen=chosen, study=before, base_study=before)
     assert engine._with_less_noise(found, monitors=True) == less

@@ -63,13 +63,12 @@ def told_by_outputs(
     larger, too. So where the residual does not follow the monitor from block to block, only the changes between blocks
     count: those of what a model lacks are small.
     """
-    levels = {name: fastest([p.driven for p in study.pieces], name) for name in study.monitor_noise}
-    unsure = [n for n, level in study.monitor_noise.items() if level > levels[n] > 0 and n not in study.stated]
-    if not unsure:
+    levels = _unsure(study)
+    if not levels:
         return study
     answers = study.response(ids, study.pieces).possible(values)
     left = _left_over_blocks(study, answers)
-    for name in unsure:
+    for name in levels:
         known = study.monitor_noise
         if any(remembers(p, name) for p in study.pieces):
             told = max(levels[name], min(1.0, _at_corners(study, name, answers)) * known[name])
@@ -80,6 +79,19 @@ def told_by_outputs(
         costs = [_block_misfit(replace(study, monitor_noise=one), sensitivities, left, changes) for one in tried]
         study = replace(study, monitor_noise=tried[int(np.argmin(costs))])
     return study
+
+
+def at_least(study: Study) -> Study | None:
+    """The study with monitors' noise as small as it may be: what changes from sample to sample; None where that is
+    what it is."""
+    levels = _unsure(study)
+    return replace(study, monitor_noise=dict(study.monitor_noise) | levels) if levels else None
+
+
+def _unsure(study: Study) -> dict[str, float]:
+    """The least noise of the monitors whose noise may be more than what changes from sample to sample."""
+    levels = {name: fastest([p.driven for p in study.pieces], name) for name in study.monitor_noise}
+    return {n: levels[n] for n, level in study.monitor_noise.items() if level > levels[n] > 0 and n not in study.stated}
 
 
 def bounded_by_outputs(study: Study, values: Mapping[str, float]) -> Study:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...identify.records.experiment import UNKNOWN
+from ...identify.records.start import anywhere
 from ...identify.study.nuisances import GAIN, zero_spread
 from ...identify.study.spreads import most_spread
 from ...model.units import in_units_of
@@ -130,6 +131,8 @@ def spread(found: Discovery) -> list[str]:
                     f"By how much the zero of {name} differs from file to file, these recordings do not tell: up to "
                     f"{told} was allowed for. Record each file from rest, or its zero before."
                 )
+            elif anywhere(found.study.plant) and name in found.study.noise:  # alike in all files, or not
+                said.append(f"The zeros of {name} are about {told}.")
             else:
                 said.append(f"The zero of {name} differs by {told} from file to file.")
     return said

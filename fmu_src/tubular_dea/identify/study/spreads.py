@@ -21,7 +21,7 @@ from ..fitting.compiled import Ids
 from ..fitting.fit import inverse
 from ..fitting.marginal import marginal
 from ..fitting.problem import Free, whitened
-from ..records.start import LATEST, ZEROS
+from ..records.start import LATEST, ZEROS, anywhere
 from ..signals.colour_estimate import ROUNDED_OFF
 from .linearised import Linearised, wide, windows_of
 from .nuisances import DELAY_OF, GAIN_OF, RISE_OF, TURN, USUAL_DELAY, prior, size_of, usual_size
@@ -51,6 +51,7 @@ A_JUMP = 0.1  # [1] of what is not known of a rise that no sample shows: a short
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
+COMMON_ZERO = 2.0  # [1] times its usual zero that an output has in common to all files at most, where no rest shows it
 MOST_ZERO = 10.0  # [1] times the usual zero by which those of a sensor differ between files at most
 
 
@@ -155,6 +156,9 @@ def _estimated(
         if not few:
             told = np.sum(found**2 + uncertainty, axis=0)
             variance = np.where(delayed, variance, (by_chance + told) / (by_chance + m))
+    if study.sought and anywhere(study.plant):  # no rest shows what the zeros of its outputs have in common
+        outputs = np.array([n in study.noise for n in kinds])
+        variance = variance + np.where(outputs, np.clip(solved[p : p + k], -COMMON_ZERO, COMMON_ZERO) ** 2, 0.0)
     means = np.clip((known + solved[p : p + k]) * USUAL_DELAY, 0.0, LATEST)
     return variance, {
         n.removeprefix(DELAY_OF): float(v) for n, v, is_delay in zip(kinds, means, delayed, strict=True) if is_delay
