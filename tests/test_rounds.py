@@ -359,3 +359,11 @@ def test_a_finer_form_that_leaves_other_parameters_vaguer_is_none(
     assert options.finer_form(study, known, ["prestretch"]) is (vague if kept else None)
     monkeypatch.setattr(options, "fitted_option", lambda *asked: None)
     assert options.finer_form(study, known, ["prestretch"]) is None
+
+
+@pytest.mark.parametrize(("trade", "length", "growth"), [(1.0, 0.1, 1.0), (-1.0, 412.6, -1.0), (0.0, 412.6, -1.0)])
+def test_a_lag_grows_with_its_length_whatever_longer_ones_score(trade: float, length: float, growth: float) -> None:
+    """Of lags longer than a record other parameters take more: one of 350 000 s was said to be the shortest seen."""
+    listed = [SimpleNamespace(shape={"tau": tau}) for tau in (10.0, 30.0, 100.0)]
+    size, found = power._length("tau", listed, [1e4, 5e3, 100.0], 1.0, trade)
+    assert (size, found) == (pytest.approx(length, rel=1e-3), growth)

@@ -94,7 +94,7 @@ def guesses(listed: Sequence[Candidate], jacobian: np.ndarray, least: float) -> 
         name, shape = tangents[best].names[0], tangents[best].shape
         if name in effect.on:
             name = next(iter(effect.shapes))
-            size, growth = _length(name, tangents, statistics, least)
+            size, growth = _length(name, tangents, statistics, least, effect.trades.get(name, 0.0))
         else:
             growth = 1.0
             size = float(np.sqrt(least / statistics[best])) if statistics[best] > 0 else None
@@ -284,10 +284,13 @@ def _left(candidate: Candidate, basis: np.ndarray) -> float:
 
 
 def _length(
-    name: str, listed: Sequence[Candidate], statistics: Sequence[float], least: float
+    name: str, listed: Sequence[Candidate], statistics: Sequence[float], least: float, trade: float = 0.0
 ) -> tuple[float | None, float]:
     """The time constant `name` (or rate, or frequency) at which the whole effect would score `least`, and 1 if the
-    effect grows with it or -1."""
+    effect grows with it or -1: as it does where it takes the place of a share (`trade`), or as its scores say.
+
+    Of a lag longer than a record, other parameters take more than of a shorter one.
+    """
     best: dict[float, float] = {}
     for candidate, statistic in zip(listed, statistics, strict=True):
         at = candidate.shape[name]
@@ -297,7 +300,7 @@ def _length(
     if levels.max() <= 0:
         return None, 1.0
     x, y = np.log(lengths), np.log(np.maximum(levels, 1e-300))
-    if y[0] > y[-1]:  # the effect grows as this falls (a rate limit): start from the other end
+    if trade < 0 or (not trade and y[0] > y[-1]):  # it grows as this falls (a rate limit): start from the other end
         x, y = -x[::-1], y[::-1]
         return float(np.exp(-_crossing(x, y, float(np.log(least))))), -1.0
     return float(np.exp(_crossing(x, y, float(np.log(least))))), 1.0
