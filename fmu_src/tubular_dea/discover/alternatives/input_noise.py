@@ -119,7 +119,8 @@ def _at_corners(study: Study, name: str, answers: Sequence[np.ndarray | None]) -
     for piece, answer in zip(study.pieces, answers, strict=True):
         if answer is not None and not piece.held_out:
             squares.append(corner_squares(study, piece, name, answer))
-    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
+    told = np.concatenate([np.empty(0), *squares])  # none where only what is held out has corners
+    return float(np.sqrt(np.mean(told))) if told.size else 1.0
 
 
 def _left_over_blocks(study: Study, answers: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:

@@ -122,7 +122,11 @@ def mislabelled(values: np.ndarray, signal: Input | Output, quantity: Quantity, 
     )
     if top > signal.most:
         absolute = unit == "Pa" and AIR[0] < float(values.min()) < AIR[1]
-        wrong = "an absolute pressure, with the air's" if absolute else wrong
+        if absolute:
+            air = as_written(float(values[0]), unit, label).split()[0]
+            right = f"{signal.name}=COLUMN[1 {label} from {air}] in --columns is right"
+            wrong = f"an absolute pressure, with the air's? If so, {right}"
+            return f"{what} at most {as_written(signal.most, unit, label)}: {wrong}"
         return f"{what} at most {as_written(signal.most, unit, label)}: {wrong}?"
     if 0 < top < signal.least and span > STRUCTURE * noise and top > NOTHING * signal.least:
         return f"{what} at least {as_written(signal.least, unit, label)}: {wrong}?"

@@ -286,7 +286,8 @@ def _missing(
     if taken := [other for other, column in columns.items() if column.name == plain(name)]:
         said.append(f"column {name!r} was given as the {taken[0]}")
     if len(alike) > 1:
-        said.append(f"it may be {either([f'{c.heading} (column {c.number})' for c in alike])}")
+        each = "; where every signal has its own, take that of an output" if name == "time" else ""
+        said.append(f"it may be {either([f'{c.heading} (column {c.number})' for c in alike])}{each}")
     if name == "time":
         said.append("if there are no times, give [sampling] rate in bench.toml")
     elif not (alike or taken):

@@ -92,7 +92,8 @@ function whatIsMissing(table, columns, units, [name, ...others]) {
   const lacking = bench.outputs.filter((o) => o.required && !Object.keys(o.columns).some((h) => columns[h]));
   const also = [...others.map((n) => `'${n} [${units[n]}]'`), ...lacking.map((o) => wantedHeadings(o, units))];
   const alike = allIn(table, units[name], columns), said = [`column '${name} [${units[name]}]' is missing`, `found ${table.headings}`];
-  if (alike.length > 1) said.push(`it may be ${either(alike.map((c) => `${c.heading} (column ${c.number})`))}`);
+  const each = name === "time" ? "; where every signal has its own, take that of an output" : "";
+  if (alike.length > 1) said.push(`it may be ${either(alike.map((c) => `${c.heading} (column ${c.number})`))}${each}`);
   if (name === "time") said.push("if there are no times, give [sampling] rate in bench.toml");
   else if (!alike.length) said.push(`if there was none, add a column '${name} [${units[name]}]' of zeros`);
   if (also.length) said.push(`missing too: ${also.join(" and ")}`);
@@ -329,7 +330,8 @@ function wrongUnit(values, name, signal, lines, label) {
   const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${written(values[at])}; expected`;
   if (size > (signal.most ?? Infinity)) {
     const least = values.reduce((a, b) => Math.min(a, b)), absolute = signal.unit === "Pa" && words.air[0] < least && least < words.air[1];
-    return [`${what} at most ${written(signal.most)}: ${absolute ? "an absolute pressure, with the air's" : likelyUnits(size, signal, label)}?`];
+    if (!absolute) return [`${what} at most ${written(signal.most)}: ${likelyUnits(size, signal, label)}?`];
+    return [`${what} at most ${written(signal.most)}: an absolute pressure, with the air's? If so, ${name}=COLUMN[1 ${label} from ${written(values[0]).split(" ")[0]}] in --columns is right`];
   }
   if (size > 0 && size < signal.least && wide > words.structure * noise && size > 0.02 * signal.least) return [`${what} at least ${written(signal.least)}: ${likelyUnits(size, signal, label)}?`];
   return [];
