@@ -9,7 +9,7 @@ import pytest
 
 import tubular_dea as td
 from tubular_dea.discover.alternatives import zeros
-from tubular_dea.plants import Build, Input, Output, Path, Plant
+from tubular_dea.plants import Balance, Build, Input, Output, Path, Plant
 
 TIME = 0.01 * np.arange(600)
 
@@ -75,6 +75,34 @@ def test_starts_and_zeros_of_records_give_the_error_again() -> None:
         error = float(np.sqrt(np.mean((again - table["reading [m]"]) ** 2)))
         told = found.content["error"]["after"]["per_experiment"][name]["rmse"]
         assert told <= error < 1.25 * told  # gains of a thousandth and delays of 0.2 ms are not in it
+
+
+def test_a_zero_that_all_files_have_in_common_is_no_effect_where_no_rest_shows_it() -> None:
+    """A thermistor of a Peltier cooler that is 1.5 times its usual zero off: an offset of the block's balance."""
+    m = Build("Block", "A block that is heated in air")
+    power, air = m.input("power", "W", nominal=20.0), m.input("air", "K", nominal=300.0)
+    loss = m.parameter("loss", "W/K", 0.5, minimum=0.01)
+    heat = m.parameter("heat", "J/K", 20.0, tunable=False)
+    warmth = m.state("warmth", "K", start="free", nominal=300.0)
+    m.derivative(warmth, (power - loss * (warmth - air)) / heat)
+    m.output("reading", "K", warmth)
+    inputs, places = [Input("power", held=True), Input("air", zero=0)], [Balance("warmth"), Path("reading")]
+    block = Plant(m.model(), inputs, [Output("reading", zero=0.1)], places)
+    time, drawn, tables = np.arange(600.0), np.random.default_rng(2), {}
+    for name in "abcd":
+        levels, air_now = (
+            drawn.uniform(0, 20, 6),
+            296 + drawn.uniform(-2, 2) + 0.5 * np.sin(time / drawn.uniform(60, 90)),
+        )
+        heated = np.repeat(levels, 100)
+        own = {"loss": 0.55, "warmth_start": 300 + drawn.uniform(0, 10)}
+        protocol = td.Protocol.of(time, power=heated, air=air_now)
+        read = td.Kernel(block.model).simulate(protocol, time, own)["reading"]
+        read = read + 0.15 + 0.005 * drawn.standard_normal() + 0.02 * drawn.standard_normal(time.size)
+        tables[name] = {"time [s]": time, "power [W]": heated, "air [K]": air_now, "reading [K]": read}
+    found = td.discover(td.read_recordings(tables, block))
+    assert found.verdict == "no_effect"
+    assert all(own["zeros"]["reading"] == pytest.approx(0.15, abs=0.02) for own in found.content["records"].values())
 
 
 @pytest.mark.parametrize("hold_out", [["file 1"], ["file 3"]], ids=["in training", "held out"])

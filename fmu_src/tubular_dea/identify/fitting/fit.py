@@ -114,7 +114,7 @@ def fit(
     first = problem.scaled(start)
     found = []
     for number in range(starts):
-        moved = problem.inside(first + (spread if number else move) * random.standard_normal(first.size))
+        moved = begun_at_bounds(problem, first + (spread if number else move) * random.standard_normal(first.size))
         solution = search(problem, moved, evaluations, precision)
         if solution is not None:
             found.append(solution)
@@ -132,10 +132,8 @@ def search(
 ) -> OptimizeResult | None:
     """scipy's bounded least squares; None where the model cannot be solved at the start.
 
-    Where there is an answer but no sensitivities, it ends at the best point that has them. What is nearly at a bound
-    begins at it: the first step would end there, and be so short that the search ends too.
+    Where there is an answer but no sensitivities, it ends at the best point that has them.
     """
-    start = begun_at_bounds(problem, start)
     first = problem.residuals(start)
     if not np.all(np.isfinite(first)):
         return None
@@ -167,7 +165,8 @@ def search(
 
 
 def begun_at_bounds(problem: Problem, start: np.ndarray) -> np.ndarray:
-    """A start (k,) with the numbers that are nearly at a bound at it, as a search leaves them there."""
+    """The start (k,) of a search: off the bounds, and at one where it is nearly there. Else the first step would end at
+    the bound, and be so short that the search ends too."""
     low, high = problem.bounds()
     start = np.where(start - low < AT_BOUND, low, np.where(high - start < AT_BOUND, high, start))
     return problem.inside(start)

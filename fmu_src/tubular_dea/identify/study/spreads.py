@@ -51,8 +51,10 @@ A_JUMP = 0.1  # [1] of what is not known of a rise that no sample shows: a short
 # Set by judgement. Check: `pytest tests/test_adjust.py::test_gains_that_differ_between_files_come_out`,
 # `python -m blind.score --nulls 12 --conventions monitor_gains --seed 1000`
 MOST_GAIN = 6e-3  # [1] by which gains of a monitor differ between files at most
-COMMON_ZERO = 2.0  # [1] times its usual zero that an output has in common to all files at most, where no rest shows it
 MOST_ZERO = 10.0  # [1] times the usual zero by which those of a sensor differ between files at most
+
+# Set by convention: 95 %. Check: `pytest tests/test_zeros.py -k in_common`
+COMMON_ZERO = 2.0  # [1] times its usual zero that an output has in common to all files at most, where no rest shows it
 
 
 @dataclass(frozen=True)
