@@ -318,31 +318,42 @@ def _with_less_noise(found: Search, monitors: bool) -> Study | None:
     if not ids or not monitors:
         return None
     moved = input_noise.input_sensitivities(study, fitted.values, ids)
-    before = input_noise.allowed_rms(study)
-    for from_least in (False, True):
-        start = _settled_beside_least(found, moved) if from_least else (study, fitted.values)
-        told = input_noise.told_by_outputs(start[0], start[1], moved, ids)
-        after = input_noise.allowed_rms(input_noise.weighted(told, moved))
-        if any(after[name] <= ALLOWED_LESS * rms for name, rms in before.items()):
-            return replace(found.base_study, monitor_noise=told.monitor_noise)
-    return None
+    less = _told_less(found, study, fitted.values, moved)
+    if less is None and (settled := _settled_beside_least(found, moved)) is not None:
+        less = _told_less(found, *settled, moved)
+    return less
 
 
-def _settled_beside_least(found: Search, moved: input_noise.InputSensitivities) -> tuple[Study, dict[str, float]]:
+def _told_less(
+    found: Search, study: Study, values: dict[str, float], moved: input_noise.InputSensitivities
+) -> Study | None:
+    """The base's study with the noise of monitors that the outputs of a `study` tell at `values` (SI) with the choice's
+    effects; None where that is about as much as before."""
+    told = input_noise.told_by_outputs(study, values, moved, found.chosen.ids)
+    before, after = (input_noise.allowed_rms(s) for s in (found.study, input_noise.weighted(told, moved)))
+    if all(after[name] > ALLOWED_LESS * rms for name, rms in before.items()):
+        return None
+    return replace(found.base_study, monitor_noise=told.monitor_noise)
+
+
+def _settled_beside_least(
+    found: Search, moved: input_noise.InputSensitivities
+) -> tuple[Study, dict[str, float]] | None:
     """The choice's study and parameters (SI) once instants and zeros are settled beside as little noise of monitors as
-    there may be.
+    there may be; None where there cannot be less.
 
     Beside much of it instants are hardly known, and what they leave looks like it: the noise that the base's misfit was
     taken for stays, though the choice leaves none.
     """
     study, chosen = found.study, found.chosen
-    quiet = input_noise.at_least(study)
-    begun = quiet and fitted_option(
-        input_noise.weighted(quiet, moved), chosen.ids, chosen.fitted.values, chosen.refined
-    )
-    if not quiet or not begun:
-        return study, chosen.fitted.values
-    settled, one = iterated(input_noise.weighted(quiet, moved), begun)
+    least = input_noise.at_least(study)
+    if least is None:
+        return None
+    quiet = input_noise.weighted(least, moved)
+    begun = fitted_option(quiet, chosen.ids, chosen.fitted.values, chosen.refined)
+    if begun is None:
+        return None
+    settled, one = iterated(quiet, begun)
     return replace(settled, monitor_noise=study.monitor_noise), one.fitted.values
 
 

@@ -261,13 +261,11 @@ def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
     alike = [other for other in near if other not in nearly]
     if alike:
         well = "nearly as well, or well enough that one operating point cannot tell" if found.repeated else "as well"
-        explain = "explains" if len(alike) == 1 else "explain"
-        said.append(f"It may equally be {some(alike, FEW)}, which {explain} the recordings {well}.")
+        said.append(f"It may equally be {_which_explain(alike)} {well}.")
     if nearly:
-        explains = "explains" if len(nearly) == 1 else "explain"
         said.append(
-            f"It may {'also ' if alike else ''}be {some(nearly, FEW)}, which {explains} the recordings nearly as well: "
-            "less well than chance allows, but no less than a law that is not quite the plant's would."
+            f"It may {'also ' if alike else ''}be {_which_explain(nearly)} nearly as well: less well than "
+            "chance allows, but no less than a law that is not quite the plant's would."
         )
     worse = [f"{other} ({times:.2f} times)" for other, times in left.items() if times >= SLIGHTLY]
     if worse:
@@ -281,6 +279,11 @@ def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
     return said
 
 
+def _which_explain(effects: Sequence[str]) -> str:
+    """Effects, and that they explain the recordings, to be continued by how well."""
+    return f"{some(effects, FEW)}, which {'explains' if len(effects) == 1 else 'explain'} the recordings"
+
+
 def apart_by_form(found: Discovery, name: str, other: str) -> bool:
     """Whether `other` in place of the effect `name` fits worse than by chance: equivalent as laws are inexact."""
     return equivalence.beyond_chance(found.chosen, found.search.rivals, name, other)
@@ -288,8 +291,7 @@ def apart_by_form(found: Discovery, name: str, other: str) -> bool:
 
 def _times_left(found: Discovery, name: str, other: str) -> float:
     """How many times the residual (rms) of the choice is left with `other` in place of the effect `name`."""
-    swapped = {*found.chosen.ids} - {name} | {other}
-    squares = [r.squares for r in found.search.rivals if {*r.ids} == swapped]
+    squares = [r.squares for r in equivalence.in_its_place(found.chosen, found.search.rivals, name, other)]
     return float(np.sqrt(min(squares, default=found.chosen.squares) / found.chosen.squares))
 
 

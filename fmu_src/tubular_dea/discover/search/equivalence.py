@@ -75,9 +75,14 @@ def equivalents(
     return found
 
 
+def in_its_place(chosen: Option, rivals: Sequence[Option], name: str, other: str) -> list[Option]:
+    """The rivals that have the effect `other` in place of the effect `name` of the choice."""
+    swapped = {*chosen.ids} - {name} | {other}
+    return [r for r in rivals if {*r.ids} == swapped]
+
+
 def beyond_chance(chosen: Option, rivals: Sequence[Option], name: str, other: str) -> bool:
     """Whether `other` in place of the effect `name` fits worse than chance makes it: it is equivalent only because no
     law is exactly that of the plant."""
-    swapped = {*chosen.ids} - {name} | {other}
-    best = max((r.evidence for r in rivals if {*r.ids} == swapped), default=chosen.evidence)
+    best = max((r.evidence for r in in_its_place(chosen, rivals, name, other)), default=chosen.evidence)
     return 2 * (chosen.evidence - best) > CHANCE

@@ -2,8 +2,9 @@
 
 The spread of zeros is estimated together with the fit (restricted maximum likelihood by expectation and maximisation,
 Laird and Ware, Biometrics 38 (1982) 963) about a mean of its own, so that an offset common to all files is left to the
-effects that explain it. With fewer than LEAST_FILES files the spread is the usual one that the plant declares. Gains of
-monitors are treated in the same way.
+effects that explain it; but for the outputs of a plant whose records start anywhere, whose zeros no rest shows: these
+have what they share, too, up to COMMON_ZERO. With fewer than LEAST_FILES files the spread is the usual one that the
+plant declares. Gains of monitors are treated in the same way.
 
 The filters of monitors delay them equally in all files. This delay is estimated with the fit, up to the longest
 plausible one, and corrected. So is how long the amplifier behind a monitor rises, as far as no sample shows it.
