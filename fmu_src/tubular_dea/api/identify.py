@@ -21,7 +21,7 @@ from ..identify.fitting.intervals import intervals, vanishing, with_coarse_resid
 from ..identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from ..identify.fitting.problem import Problem
 from ..identify.study import procedure
-from ..identify.study.adjust import adjusted
+from ..identify.study.adjust import adjusted, with_starts_at
 from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.nuisances import with_nuisances
 from ..identify.study.remembered import NOISE_OF
@@ -262,7 +262,8 @@ def identify(
         tell("all parameters jointly")
         work, problem, best = procedure.alternating_fit(work, values, starts, seed, free)
         tell("intervals")
-        problem, best = vanishing(problem, best)
+        work = with_starts_at(work, (), best.values)
+        problem, best = vanishing(work.problem((), problem.free, problem.fixed), best)
         best = with_monitor_noise(problem, best, work.training, work.monitor_noise)
         best = with_coarse_residuals(best, [r.size for r in problem.records])
         content = _content(work, problem, best, profile)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import AGREE, Fit, described, may_be_better
-from ...identify.study.adjust import MOST_SETTLES, adjusted
+from ...identify.study.adjust import MOST_SETTLES, adjusted, with_starts_at
 from ...identify.study.study import Study, carried
 from ...kernel import KernelError
 from ..options.acceptance import clean
-from ..options.options import Option, fitted_option
+from ..options.options import Option, fitted_option, option, problem_of
 from ..scores.parameters import declared_values, lost
 
 # Set by measurement: without the charging of electrodes zeros of a laser were estimated to differ by 178 um, with it by
@@ -84,7 +84,17 @@ def iterated(study: Study, one: Option) -> tuple[Study, Option]:
         study, one = moved, again
         if abs(gained) < AGREE:
             break
-    return study, one
+    return _with_starts_where_it_ended(study, one)
+
+
+def _with_starts_where_it_ended(study: Study, one: Option) -> tuple[Study, Option]:
+    """An option with what unknown starts change where its fit ended: what they did where it began would make
+    parameters that do nearly the same look determined."""
+    if not any(study.unknown(one.ids, p) for p in study.pieces):
+        return study, one
+    there = with_starts_at(study, one.ids, one.fitted.values)
+    fitted = described(problem_of(there, one), one.fitted.scaled, one.fitted.converged)
+    return there, option(there, one.ids, fitted, one.refined)
 
 
 def _closer(before: Study, after: Study) -> bool:

@@ -73,6 +73,14 @@ class Marginal:
         if self.columns is not None:
             out += self.columns @ ((self.turned * weights) @ (self.turned.T @ (self.columns.T @ out)))
 
+    def with_columns(self, places: np.ndarray, columns: np.ndarray, sd: np.ndarray) -> Marginal:
+        """The nuisances with other whitened columns (n, k) throughout, and sd (k,), at some `places` (k,) of theirs."""
+        if self.columns is None:
+            return self
+        scaled = self.columns.copy()
+        scaled[:, places] = Marginal(self.windows).apply(columns * sd)
+        return _turned(self.windows, scaled)
+
     @property
     def log_determinant(self) -> float:
         """By how much the nuisance parameters widen the likelihood: the logarithm of the covariance's determinant.
@@ -109,7 +117,11 @@ def beside_windows(windows: tuple[Window, ...], columns: np.ndarray, sd: np.ndar
     local = Marginal(windows)
     if not np.any(sd > 0):
         return local
-    scaled = local.apply(columns * sd)  # columns that are not used become nothing, and add nothing
+    return _turned(windows, local.apply(columns * sd))  # columns that are not used become nothing, and add nothing
+
+
+def _turned(windows: tuple[Window, ...], scaled: np.ndarray) -> Marginal:
+    """The nuisances with columns (n, k) that are scaled already."""
     squares, turned = np.linalg.eigh(scaled.T @ scaled)  # of small ones, less than rounding of the largest is lost
     return Marginal(windows, scaled, turned, np.sqrt(np.maximum(squares, 0.0)))
 

@@ -24,7 +24,7 @@ from ..records.start import LATEST
 from ..threads import side_by_side
 from .instants import bounds, part_on_clock
 from .linearised import Linearised, common_shift, lasting_edges, linearised_piece, wide, windows_of
-from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, step_of, with_columns
+from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, start_columns, step_of, with_columns
 from .remembered import NOISE_OF
 from .spreads import Common, most_spread, spreads
 from .study import Piece, Study, carried
@@ -75,7 +75,29 @@ def adjusted(
     work = replace(work, pieces=pieces, spread=spread, delays=common.delays, longer=common.longer)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
-    return replace(work, pieces=carried(everyone))
+    return with_starts_at(replace(work, pieces=carried(everyone)), ids, values)
+
+
+def with_starts_at(study: Study, ids: Ids, values: Mapping[str, float]) -> Study:
+    """The study with what unknown starts change at parameters `values` (SI), and at the present starts and instants.
+
+    Where they change a record by thousands of times its noise, and a parameter does nearly the same, what they change
+    a thousandth of a rad away, or with an edge elsewhere, says that the parameter is determined.
+    """
+    fixed = study.shared(values) | study.geometry
+    return replace(study, pieces=side_by_side(lambda p: _with_starts_at(study, ids, fixed, p), study.pieces))
+
+
+def _with_starts_at(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
+    own = piece.nuisances
+    mine = np.array([k for k, name in enumerate(own.names) if name.startswith(START_OF)], dtype=int)
+    if not mine.size:
+        return piece
+    columns = own.columns.copy()
+    columns[:, mine] = start_columns(study, ids, values, piece)
+    white = whitened(piece.case, columns[:, mine], study.noise, piece.weight)
+    made = piece.marginal.with_columns(mine, white, own.sd[mine])
+    return replace(piece, marginal=made, nuisances=replace(own, columns=columns))
 
 
 def with_all_columns(study: Study, ids: Ids, values: Mapping[str, float]) -> list[Piece | None]:

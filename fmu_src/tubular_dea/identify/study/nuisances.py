@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import Legendre
 
+from ...kernel import KernelError
 from ...protocol import Protocol
 from ..fitting.cases import Case, Reading
 from ..fitting.compiled import Ids
@@ -51,7 +52,6 @@ GAIN = 2e-3  # [1] by which gains of a monitor usually differ between files
 ZERO_LEFT = 0.1  # [1] of a zero that is usually left where it was seen at rest and taken off
 
 # Set by judgement. Check: `python -m blind.score --nulls 12 --conventions start --seed 1000`
-START_STEP = 0.05  # [1] of a start's usual size: step of its difference quotient
 START_SPREAD = 1.0  # [1] of a start's usual size: prior of what is not known of it
 
 # Set by theory: the mean of neighbours has less noise, so that a third of a sample is best replaced by it.
@@ -122,25 +122,39 @@ def with_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pie
     if study.sought:
         cases += [smooth for s in study.plant.inputs if s.linear for smooth in _smoothers(study, piece, s.name)]
     cases += pushes(study, ids, values, piece) if study.remembering else []
-    own = dict(piece.case.own)
-    starts = [(name, size) for name, size in study.unknown(ids, piece).items()]
-    moved = [replace(piece.case, own=own | {name: own.get(name, 0.0) + START_STEP * size}) for name, size in starts]
     switched = _lasting_edges(study, ids, values, piece)
-    asked = [*(c for _, c, _ in cases), *moved, *(m.case for m in switched)]
+    asked = [*(c for _, c, _ in cases), *(m.case for m in switched)]
     here, *others = study.asked(ids, [piece.case, *asked]).possible(values)
     if here is None:
         return None
     changes = [np.zeros(here.size) if answer is None else answer - here for answer in others]
-    steps = [(name, step) for name, _, step in cases] + [(f"{START_OF}{name}", START_STEP) for name, _ in starts]
-    for (name, step), change in zip(steps, changes, strict=False):
+    for (name, _, step), change in zip(cases, changes, strict=False):
         names.append(name)
         columns.append(change / step)
-    for group, change in zip(switched, changes[len(steps) :], strict=True):
+    started = start_columns(study, ids, values, piece)
+    names += [f"{START_OF}{name}" for name in study.unknown(ids, piece)]
+    columns += list(started.T)
+    for group, change in zip(switched, changes[len(cases) :], strict=True):
         for number, step in group.steps.items():
             names.append(f"{EDGE_OF}{number}")
             columns.append(np.where(group.samples[number], change, 0.0) / step)
     table = np.column_stack(columns) if columns else np.empty((piece.record.size, 0))
     return replace(piece, nuisances=Nuisances(tuple(names), table, np.zeros(len(names))))
+
+
+def start_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> np.ndarray:
+    """What each unknown start changes per usual size of it (N, k); nothing where that has no answer.
+
+    Derivatives, not difference quotients: a twist that scales with its start and five parameters changes nothing, of
+    which a step of 5 % leaves what looks as if these were determined.
+    """
+    sizes = study.unknown(ids, piece)
+    own = dict.fromkeys(sizes, 0.0) | dict(piece.case.own)
+    try:
+        _, (columns,) = study.asked(ids, [replace(piece.case, own=own)]).sensitivities(values, list(sizes))
+    except KernelError:
+        return np.zeros((piece.record.size, len(sizes)))
+    return columns * np.array([*sizes.values()])
 
 
 def _drifts(study: Study, reading: Reading) -> list[tuple[str, np.ndarray]]:
