@@ -158,6 +158,13 @@ def test_rivals_are_tried_again_that_lacked_no_more_than_later_effects_brought()
     assert revision._earlier_rivals(search, 1) == []
 
 
+def test_the_best_of_a_round_is_tried_again_in_place_of_what_took_its_place() -> None:
+    """A stop was behind a limit of stretch once instants were its own, and before it beside a lag of the electrodes."""
+    search = two_effects()
+    search.chosen = option("slew", "creep", excess=0.0, z_slow=0.0)
+    assert revision._earlier_rivals(search, 0) == ["lag"]
+
+
 def test_an_effect_without_which_next_to_nothing_is_lost_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     for lost, stays in ((11.0, False), (13.0, True)):
         refits(

@@ -74,8 +74,6 @@ def _in_place_of(found: Search, place: int, name: str, tell: Progress) -> Iterat
     """The choice with rivals of the effect `name` of round `place` in its place."""
     rest = tuple(i for i in found.chosen.ids if i != name)
     for rival in _earlier_rivals(found, place)[: FAR_EXCHANGED if far(found.chosen) else EXCHANGED]:
-        if rival in found.chosen.ids:
-            continue
         tell(f"{rival} in place of {name}")
         usual = dict(found.study.catalogue[rival].typical) | _fitted_alone(found, rival)
         start = dict(found.chosen.fitted.values) | usual
@@ -108,12 +106,14 @@ def _better(found: Search, name: str, tried: Sequence[tuple[Study, Option]]) -> 
 
 
 def _earlier_rivals(found: Search, place: int) -> list[str]:
-    """The rivals of the effect at `place` that were behind by no more than a few times the gain of later effects."""
+    """The rivals of the effect at `place` that were behind by no more than a few times the gain of later effects; the
+    best of that round among them, where another one took its place."""
     if place >= len(found.rounds):
         return []
-    best, *others = found.rounds[place].options
-    brought = best.cost - found.chosen.cost
-    return [o.ids[-1] for o in others if o.cost - best.cost < AT_BEST * brought]
+    listed = found.rounds[place].options
+    brought = listed[0].cost - found.chosen.cost
+    near = [o.ids[-1] for o in listed if o.cost - listed[0].cost < AT_BEST * brought]
+    return [name for name in near if name not in found.chosen.ids]
 
 
 def _fitted_alone(found: Search, name: str) -> dict[str, float]:
