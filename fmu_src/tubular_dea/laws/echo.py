@@ -23,6 +23,7 @@ from .places import Path
 KINDS = (Path,)
 NEEDS = "an input"
 TIMES = (1.0, 3.0, 10.0)  # of the usual time there
+MOST = 0.9  # what all comes later is a delay
 LONGEST = 50.0  # of the usual time there: what the memory is made for
 
 
@@ -30,7 +31,7 @@ def law(at: SignalSite) -> Effect | None:
     """A part of what drives the plant comes later."""
     if not at.is_input:
         return None
-    part = at.knob("part", "1", f"Part of {at.words} that comes later", 0.1, -2.0, 2.0, off=0.0)
+    part = at.knob("part", "1", f"Part of {at.words} that comes later", 0.1, -2.0, MOST, off=0.0)
     delay = at.knob(
         "delay",
         "s",

@@ -25,6 +25,15 @@ def output_delays(model: Model) -> list[Delay]:
     return [d for d in model.delays if d.of not in inputs]
 
 
+def direct(model: Model, delay: Delay) -> list[str]:
+    """The outputs that follow at once what a delay lets through, if that jumps where an input does."""
+    inputs, ends = {q.symbol for q in model.inputs}, {_name(d.quantity.name) for d in model.delays}
+    if _name(delay.of) not in inputs and not _leaves(model, _name(delay.of), ends) & (inputs | ends):
+        return []
+    late = _name(delay.quantity.name)
+    return [name for name in model.outputs if late in _leaves(model, _name(name), ends)]
+
+
 def undelayed(model: Model) -> tuple[Model, dict[str, str]]:
     """The model without the delays of definitions, and for each delayed output the parameter of its delay.
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import PRECISION, Fit, FitError, fit
 from ...identify.fitting.problem import Free, Problem
+from ...identify.study.arrivals import delays_of_arrivals
 from ...identify.study.study import Study
 from ...model.effect import Effect
 from ..scores.bank import Score
@@ -76,7 +77,9 @@ def fit_effects(
 ) -> Fit:
     """The model with effects `ids` fitted from `start` (SI); effects in `refined` with their finer form too."""
     problem = problem_with(study, ids, refined)
-    return fit(problem, _inside_bounds(problem, start), 1, evaluations=evaluations, precision=precision)
+    begun = _inside_bounds(problem, start)
+    begun |= delays_of_arrivals(study, ids, {**problem.fixed, **begun}, problem.names)
+    return fit(problem, begun, 1, evaluations=evaluations, precision=precision)
 
 
 def problem_with(study: Study, ids: Ids, refined: Sequence[str] = ()) -> Problem:

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ..fitting.cases import Case
 from ..fitting.compiled import Ids
@@ -22,7 +21,8 @@ from ..fitting.marginal import Marginal, marginal
 from ..fitting.problem import Free, whitened
 from ..records.start import LATEST
 from ..threads import side_by_side
-from .instants import bounds, part_on_clock
+from .arrivals import sent_as_recorded, with_arrivals
+from .instants import bounds, into_bounds, part_on_clock
 from .linearised import Linearised, common_shift, lasting_edges, linearised_piece, wide, windows_of
 from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, start_columns, step_of, with_columns
 from .remembered import NOISE_OF
@@ -51,6 +51,7 @@ def adjusted(
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
     would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
     """
+    study, values = with_arrivals(study, ids, study.shared(values), [f.name for f in free])
     fixed = study.shared(values) | study.geometry
     owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
     known = [p for p in owned if p is not None]
@@ -72,6 +73,7 @@ def adjusted(
         _settled(work, ids, fixed, p, s, rest, sd, common, part, alike)
         for p, s, rest, sd in zip(work.pieces, linear, left, priors, strict=True)
     ]
+    pieces = sent_as_recorded(pieces)
     work = replace(work, pieces=pieces, spread=spread, delays=common.delays, longer=common.longer)
     begun = iter(side_by_side(lambda i: _begun(work, ids, fixed, pieces[i], linear[i], started), range(len(pieces))))
     everyone = [before if own is None else next(begun) for before, own in zip(study.pieces, owned, strict=True)]
@@ -214,7 +216,7 @@ def _moved_alike(
     for name in {d.of for d in study.compiled.model(ids).delays if d.by in fitted}:
         told = []
         for piece, one, rest in zip(study.pieces, linear, left, strict=True):
-            if one.windows and not piece.held_out:
+            if one.windows and not piece.held_out and piece.arrived is None:
                 each = zip(piece.driven.edges, one.windows, *bounds(piece), strict=True)
                 told += [
                     (*m.likeliest(rest[m.where]), low, high)
@@ -222,20 +224,8 @@ def _moved_alike(
                     if e.input == name and m.answers.size
                 ]
         if told:
-            found[name] = _into_bounds(*np.array(told).T)
+            found[name] = into_bounds(*np.array(told).T)
     return found
-
-
-def _into_bounds(shifts: np.ndarray, weights: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-    """The least by which all shifts (m,) are moved to be within their bounds, as well as these weights allow."""
-
-    def outside(by: float) -> float:
-        return float(np.sum(weights * np.maximum(0.0, np.maximum(low - shifts - by, shifts + by - high)) ** 2))
-
-    first, last = float(np.max(low - shifts)), float(np.min(high - shifts))
-    if first <= last:
-        return float(np.clip(0.0, first, last))
-    return float(minimize_scalar(outside, bounds=(last, first), method="bounded").x)
 
 
 def _part_on_clock(pieces: Sequence[Piece], linear: Sequence[Linearised], left: Sequence[np.ndarray]) -> float | None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
 from ...kernel import KernelError
@@ -166,9 +167,29 @@ def _inside(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest shift [s] of every edge, each (m,)."""
+    """The least and the largest shift [s] of every edge, each (m,), as its input and outputs tell."""
+    if piece.arrived is None:
+        return recorded_bounds(piece)
+    low, high = piece.arrived
+    return low.copy(), high.copy()
+
+
+def recorded_bounds(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+    """The same as its input alone tells."""
     edges = piece.driven.edges
     return np.array([e.earliest - e.time for e in edges]), np.array([e.latest - e.time for e in edges])
+
+
+def into_bounds(shifts: np.ndarray, weights: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """The least by which all shifts (m,) are moved to be within their bounds, as well as these weights allow."""
+
+    def outside(by: float) -> float:
+        return float(np.sum(weights * np.maximum(0.0, np.maximum(low - shifts - by, shifts + by - high)) ** 2))
+
+    first, last = float(np.max(low - shifts)), float(np.min(high - shifts))
+    if first <= last:
+        return float(np.clip(0.0, first, last))
+    return float(minimize_scalar(outside, bounds=(last, first), method="bounded").x)
 
 
 def untold_delay(pieces: Sequence[Piece], name: str) -> float:
@@ -177,12 +198,12 @@ def untold_delay(pieces: Sequence[Piece], name: str) -> float:
     ends = [
         (s - low, high - s)
         for p in pieces
-        for e, s, low, high in zip(p.driven.edges, p.shifts, *bounds(p), strict=True)
+        for e, s, low, high in zip(p.driven.edges, p.shifts, *recorded_bounds(p), strict=True)
         if e.input == name
     ]
     if not ends:
         return 0.0
-    earlier, later = np.min(ends, axis=0)
+    earlier, later = np.maximum(np.min(ends, axis=0), 0.0)  # one may be beyond its bounds where outputs tell so
     return float(np.sqrt(MEAN_SQUARE * (earlier**3 + later**3) / max(earlier + later, LEAST_WAY)))
 
 

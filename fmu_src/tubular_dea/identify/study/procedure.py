@@ -18,6 +18,7 @@ from ...plants.plant import Plant
 from ..fitting.fit import AGREE, UNMOVED, Fit, FitError, apart, fit, may_be_better
 from ..fitting.problem import Free, Problem
 from .adjust import MOST_SETTLES, SETTLES, adjusted
+from .arrivals import delays_of_arrivals
 from .monitor_uncertainty import with_monitor_noise
 from .noise_limit import with_noise_of
 from .study import Study, log_determinant
@@ -106,7 +107,8 @@ def joint(
             f"{samples} samples are too few for {len(problem.free)} parameters; expected at least "
             f"{SAMPLES_EACH * len(problem.free)}: record longer, or free fewer parameters"
         )
-    best = ordered_fit(work.plant, problem, fit(problem, start, starts, NEAR_START, seed))
+    begun = {**start, **delays_of_arrivals(work, (), work.shared(start), problem.names)}
+    best = ordered_fit(work.plant, problem, fit(problem, begun, starts, NEAR_START, seed))
     return problem, with_monitor_noise(problem, best, work.training, work.monitor_noise)
 
 

@@ -94,7 +94,8 @@ class Piece:
     are the record's own numbers. `loose`: what it starts from is unknown.
     `beside` is what was read of outputs that depend on rates, which take no part in fits. Where the plant did not rest
     between files, `before` is what was done to it before this one, `follows` names the last of those and `clock` [s] is
-    where its own clock begins.
+    where its own clock begins. `arrived` [s] are the least and the largest shifts of edges, each (m,), where outputs
+    tell more of them than was recorded.
     """
 
     name: str
@@ -112,6 +113,7 @@ class Piece:
     follows: str = ""
     clock: float | None = None
     beside: tuple[tuple[Reading, np.ndarray], ...] = ()
+    arrived: tuple[np.ndarray, np.ndarray] | None = None
     delays: Mapping[str, float] = field(default_factory=dict)
     longer: Mapping[str, float] = field(default_factory=dict)
 
