@@ -126,6 +126,10 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
         table[150:230, 3] = table[150, 3]
     elif kind == "saturated":
         table[:, 3] = np.minimum(table[:, 3], np.quantile(table[:, 3], 0.7))
+    elif kind == "saturated with noise":
+        stop = np.quantile(table[:, 3], 0.7)
+        noise = 2e-6 * np.random.default_rng(2).standard_normal(table.shape[0])
+        table[:, 3] = np.where(table[:, 3] > stop, stop + noise, table[:, 3])
     elif kind == "below":
         table[:, 3] -= 0.004
     elif kind == "constant":
@@ -153,6 +157,7 @@ def _spoil(kind: str, table: np.ndarray) -> np.ndarray:
         ("kV", ["line ", "'voltage'", "kV labelled V"]),
         ("frozen", ["lines 152 to 231", "'radius'", "frozen"]),
         ("saturated", ["'radius'", "saturated"]),
+        ("saturated with noise", ["'radius'", "saturated", "with noise of 2"]),
         ("below", ["line ", "'radius'", "below the radius at rest, 0.015 m", "a 'displacement' that starts at 0"]),
         ("constant", ["'radius'", "constant record"]),
         ("mm", ["'radius'", "labelled m"]),
@@ -186,6 +191,19 @@ def test_the_commands_say_it_in_one_line_and_write_nothing(
     assert "b.csv, line" in said
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_all_files_with_faults_are_named_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Whoever mended one met the next only in the next run."""
+    data = tmp_path / "data"
+    data.mkdir()
+    written(data, rows())
+    for name, kind in (("b.csv", "saturated"), ("c.csv", "frozen")):
+        written(data, _spoil(kind, rows()), name=name)
+    assert main(["close-loop", str(data), "--out", str(tmp_path / "out")]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert "b.csv, line" in first and "saturated" in first
+    assert "c.csv, lines 152 to 231" in second
 
 
 @pytest.mark.parametrize(

@@ -108,6 +108,7 @@ REFUSED = {
     ),
     "frozen": column(3, lambda i, v: 0.0155 if 900 < i < 1000 else v),
     "saturated": column(3, lambda i, v: min(v, 0.0166)),
+    "saturated with noise": column(3, lambda i, v: v if v < 0.0166 else 0.0166 + 1e-6 * np.sin(1e4 * i * i)),
     "mostly gaps": column(1, lambda i, v: v if i % 3 == 0 else np.nan),
     "output gone": column(3, lambda i, v: v if i < 40 else np.nan),
     "output never there": column(3, lambda i, v: np.nan),

@@ -230,13 +230,12 @@ def _table(name: str, given: Mapping[str, Any]) -> Table:
 
 def not_used(recordings: Recordings) -> list[str]:
     """What was found in the files but not used, as text, once for all files."""
+    sources = {e.source.path: e.source for e in recordings.experiments if e.source}  # parts of a file have one
     columns: dict[str, int] = {}
-    for experiment in recordings.experiments:
-        for heading in experiment.source.unused if experiment.source else ():
+    for source in sources.values():
+        for heading in source.unused:
             columns[heading] = columns.get(heading, 0) + 1
-    said = [
-        f"not used: column {heading!r} in {n} of {len(recordings.experiments)} files" for heading, n in columns.items()
-    ]
+    said = [f"not used: column {heading!r} in {n} of {len(sources)} files" for heading, n in columns.items()]
     if recordings.left_out:
         hold = "holds" if len(recordings.left_out) == 1 else "hold"
         said.append(f"not used: {some(recordings.left_out)}, which {hold} no table")
@@ -244,6 +243,7 @@ def not_used(recordings: Recordings) -> list[str]:
     remarks: dict[str, list[str]] = {}
     for source in [e.source for e in recordings.experiments if e.source]:
         for remark in source.remarks:
-            remarks.setdefault(remark, []).append(source.path.name)
+            if source.path.name not in (names := remarks.setdefault(remark, [])):
+                names.append(source.path.name)
     said += [f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {r}" for r, names in remarks.items()]
     return said

@@ -378,9 +378,11 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     )
     alike = f"{ratio:.2f}" == f"{best['ratio']:.2f}"
     own = "this one as much" if alike else f"this one {best['ratio']:.2f} times"
+    ahead = best["evidence"] - rivals[0]["evidence"]
     if ratio <= best["ratio"]:
         return [f"{said}, {own}. But that one predicts the held-out experiments worse."]
-    return [f"{said}, {own}."]
+    weighed = f": over all samples {ahead:.0f} in log evidence, of which 5 is very strong" if ahead > 0 else ""
+    return [f"{said}, {own}{weighed}."]
 
 
 def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:

@@ -22,6 +22,11 @@ AIR = (0.88e5, 1.07e5)  # [Pa] that the air's pressure is
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
+AT_STOP = (
+    2.0  # [1] times its noise below the extreme in which such a run stays: one of the noise alone is shorter there
+)
+AWAY = 0.05  # [1] of what a sensor shows by which a reading is no longer at its stop
+QUIETER = 0.4  # [1] times the noise elsewhere that there is at most where a sensor has run into a stop in front of it
 ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
 LIVELY = 0.7  # [1] the same of a record whose noise is some steps of its resolution, where it does not stand still
 LOW_ORDER = 3  # [1] of the differences that are left of noise, and of a fast sine
@@ -33,6 +38,8 @@ NOISE_ALONE = 1.5  # [1] and its standard deviation is: what moves by six times 
 NOTHING = 0.02  # [1] of the least that is usual: what is smaller is no signal with a wrong unit
 BELOW_REST = 0.05  # [1] of its size at rest by which a plant is not smaller
 SMOOTHED = 9  # [samples] over which noise is averaged for that
+
+LEFT_OUT = "empty these cells or leave the experiment out"
 
 
 def inputs(
@@ -55,7 +62,8 @@ def inputs(
         yield from _wrong_unit(values, signal.name, signal, plant.quantity(signal.name), label, there)
         command = signal.name in commanded or (signal.held and changes_by_itself(values))
         if not command:
-            for finding in _standstill(values, signal.name, there, (np.max,), signal):
+            units_of = (plant.quantity(signal.name).unit, label or plant.quantity(signal.name).unit)
+            for finding in _standstill(values, signal.name, there, units_of, (np.max,), signal):
                 hint = f"{signal.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured"
                 yield f"{finding}; {hint}"
 
@@ -87,7 +95,9 @@ def output(
     if not rests:
         yield from constant(values, name, there, "the output moves")
     if not rests and not _may_stand_still(plant, signal):
-        yield from _standstill(values, name, there)
+        units = (plant.quantity(signal.name).unit, label or plant.quantity(signal.name).unit)
+        yield from _standstill(values, name, there, units)
+        yield from _quiet_stop(values, name, there, units)
     parameter = signal.size_at_rest
     if signal.rest is not None and parameter:
         yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter), label)
@@ -155,13 +165,14 @@ def _standstill(
     values: np.ndarray,
     name: str,
     lines: np.ndarray,
+    units: tuple[str, str],
     stops: Sequence[Callable[[np.ndarray], float]] = (np.max, np.min),
     driven: Input | None = None,
 ) -> Iterator[str]:
     """A run of equal values that the sensor's own noise would never give; at the extreme it is a saturation.
 
-    A signal written by a computer may stand still. An input is 0 before and after a plant is `driven`, and one that is
-    held may be 0 in between.
+    `units` are the SI unit and that of the file. A signal written by a computer may stand still. An input is 0 before
+    and after a plant is `driven`, and one that is held may be 0 in between.
     """
     if not _noisy(values):
         return
@@ -169,7 +180,7 @@ def _standstill(
         there = np.flatnonzero(values == extreme)
         yield (
             f"line {lines[there[0]]}, column {name!r}: the sensor is saturated: {there.size} of "
-            f"{values.size} samples read {extreme:g}; empty these cells or leave the experiment out"
+            f"{values.size} samples read {as_written(extreme, *units)}; {LEFT_OUT}"
         )
     if np.count_nonzero(np.diff(values)) < ALIVE * values.size:
         return
@@ -178,7 +189,32 @@ def _standstill(
         if values[begin] != 0 or not off:
             yield (
                 f"lines {lines[begin]} to {lines[end]}, column {name!r}: the sensor is frozen: {end - begin + 1} equal "
-                f"values {values[begin] + 0.0:g}; empty these cells or leave the experiment out"
+                f"values {as_written(float(values[begin]) + 0.0, *units)}; {LEFT_OUT}"
+            )
+
+
+def _quiet_stop(values: np.ndarray, name: str, lines: np.ndarray, units: tuple[str, str]) -> Iterator[str]:
+    """A run at an extreme with far less noise than elsewhere: behind its stop a sensor shows its converter's alone."""
+    if noise_level(values) <= COARSE_SENSOR * resolution(values):
+        return
+    for side, words in ((1.0, "largest"), (-1.0, "least")):
+        turned = side * values
+        extreme = float(turned.max())
+        away = values[turned < extreme - AWAY * float(np.ptp(values))]  # most of them may be at the stop
+        noise = max(noise_level(values), noise_level(away))
+        runs = true_stretches(turned >= extreme - AT_STOP * noise)
+        there = [np.arange(a, b) for a, b in runs if b - a >= STANDSTILL]
+        count = sum(r.size for r in there)
+        if count < SATURATED * values.size:
+            continue
+        quiet = float(np.median([noise_level(values[r]) for r in there]))
+        elsewhere = noise_level(np.delete(values, np.concatenate(there)))
+        if quiet < QUIETER * elsewhere:
+            read, own, other = (as_written(float(f"{v:.3g}"), *units) for v in (side * extreme, quiet, elsewhere))
+            yield (
+                f"line {lines[there[0][0]]}, column {name!r}: the sensor is saturated: {count} of {values.size} "
+                f"samples are at the {words} reading, {read}, with noise of {own} where it is {other} elsewhere; "
+                f"{LEFT_OUT}"
             )
 
 

@@ -18,7 +18,7 @@ from ...model.units import converted
 from ...plants.plant import Input, Plant
 from ...recordings import NoTableError, Table, is_no_recording, is_recording, is_spreadsheet, read
 from ...recordings.heading import name as plain
-from ...recordings.table import some
+from ...recordings.table import FEW, some
 from ..signals.sampling import sampling, usual_step
 from . import appended, checks, gaps
 from .bench_file import BenchFile, read_bench
@@ -48,7 +48,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     files = _files(folder, plant)
     said = read_bench(folder / BENCH_FILE, plant, [path.stem for path in files])
     chosen = said.columns | choices(columns, plant)
-    experiments, left_out, still = [], [], {}
+    experiments, left_out, still, faults = [], [], {}, []
     for path in files:
         try:
             experiments += _experiments(path.stem, read(path, signals(plant), pipe=False), plant, chosen, said)
@@ -58,6 +58,10 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
             left_out.append(path.name)
         except StillError as finding:
             still[path.name] = finding
+        except DataError as finding:
+            faults.append(finding)
+    if faults:
+        raise _all_of(faults)
     if still and not experiments:
         raise next(iter(still.values()))
     if not experiments:
@@ -72,6 +76,13 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     plant = _fitted_first(plant, experiments)
     left_out += sorted(path.name for path in folder.iterdir() if is_no_recording(path) and path.name != BENCH_FILE)
     return Recordings(plant, ordered, said.geometry, said.noise, folder.name, tuple(left_out), tuple(still))
+
+
+def _all_of(faults: Sequence[DataError]) -> DataError:
+    """One error that says what is wrong with every file, of many with the first ones."""
+    more = len(faults) - FEW
+    lines = [*(str(fault) for fault in faults[:FEW]), *([f"and {more} more files"] if more > 0 else [])]
+    return faults[0] if len(faults) == 1 else DataError("\n".join(lines))
 
 
 def of_tables(

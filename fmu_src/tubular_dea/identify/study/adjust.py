@@ -51,6 +51,7 @@ def adjusted(
     equilibrium at the start stay in it, and only their uncertainty is integrated out: at a model that is far off they
     would make up for it. A piece that the model cannot follow (a start beyond its fold) stays as it is.
     """
+    given = study
     study, values = with_arrivals(study, ids, study.shared(values), [f.name for f in free])
     fixed = study.shared(values) | study.geometry
     owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
@@ -59,7 +60,7 @@ def adjusted(
         study, pieces=known, remembering=any(n.startswith(NOISE_OF) for p in known for n in p.nuisances.names)
     )
     if not work.pieces:
-        return study
+        return given
     linear = side_by_side(lambda p: linearised_piece(work, ids, fixed, p), work.pieces)
     spread, common = spreads(work, ids, fixed, linear, free)
     priors = [np.array([prior(work, p, name, spread) for name in p.nuisances.names]) for p in work.pieces]

@@ -20,7 +20,7 @@ function readExperiment(path, raw, geometry = {}) {
   const zero = columns.time.column.clock ? taken.time[0] : 0, time = taken.time.map((t) => t - zero), inputs = {}, outputs = {};
   checkTime(table, lines, time);
   for (const s of bench.inputs) inputs[s.name] = filled(path, time, pick(columns[s.name].values), s);
-  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines, columns[s.name].column.unit), ...standstill(inputs[s.name], s.name, lines, [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
+  for (const s of bench.inputs) refuse(path, [...wrongUnit(inputs[s.name], s.name, s, lines, columns[s.name].column.unit), ...standstill(inputs[s.name], s.name, lines, asWritten(s.unit, columns[s.name].column.unit), [largest], s).map((said) => `${said}; ${s.name} = 0 below [noise] in bench.toml says that it was commanded, and not measured`)]);
   const there = bench.outputs.map((o) => Object.keys(o.columns).find((name) => name in columns)).filter((h) => h && finite(columns[h].values).length), still = there.filter((h) => isConstant(finite(pick(columns[h].values)))), idle = [];
   for (const o of bench.outputs) {
     const heading = Object.keys(o.columns).find((name) => name in columns);
@@ -324,7 +324,7 @@ function likelyUnits(size, signal, label) {
 }
 
 function wrongUnit(values, name, signal, lines, label) {
-  const at = farthest(values), size = Math.abs(values[at]), wide = span(values), written = (value) => `${g(convertedUnit([value], signal.unit, label)[0])} ${label}`;
+  const at = farthest(values), size = Math.abs(values[at]), wide = span(values), written = asWritten(signal.unit, label);
   let noise = noiseLevel(values);
   if (steps(values).filter((s) => s > 0).length >= words.standstill) noise = Math.max(noise, resolution(values));
   const what = `line ${lines[at]}, column ${repr(name)}: the largest value is ${written(values[at])}; expected`;
@@ -353,7 +353,8 @@ function outputFindings(recorded, signal, lines, name, rest, label, rests) {
   const noise = noiseLevel(values);
   if (!rests && isConstant(values))
     found.push(`lines ${there[0]} to ${there[there.length - 1]}, column ${repr(name)}: a constant record (${g(values.reduce((a, v) => a + v, 0) / values.length)}${noise > 0 ? ` beside noise of ${g(noise, 3)}` : ""}) contains no information; expected one in which the output moves`);
-  if (!rests) found.push(...standstill(values, name, there, [largest, smallest]));
+  const written = asWritten(signal.unit, label);
+  if (!rests) found.push(...standstill(values, name, there, written, [largest, smallest]), ...quietStop(values, name, there, written));
   const parameter = Object.values(signal.columns).find(Boolean);
   if (signal.rest !== null && parameter) found.push(...belowRest(values, name, there, rest, signal, parameter, label));
   return found;
@@ -391,13 +392,18 @@ function differing(values, order) {
   return moving.length < words.standstill ? 0 : 1.4826 * median(moving.map((i) => Math.abs(rest[i]))) / Math.sqrt(binomial);
 }
 
-function standstill(values, name, lines, stops, driven = null) {
+/* A value (SI) in the unit of a file, as words. */
+const asWritten = (unit, label) => (value) => `${g(convertedUnit([value], unit, label)[0])} ${label}`;
+
+const LEFT_OUT = "empty these cells or leave the experiment out";
+
+function standstill(values, name, lines, written, stops, driven = null) {
   if (!isNoisy(values)) return [];
   const found = [];
   for (const extreme of stops.map((stop) => stop(values))) {
     const there = indicesOf(Array.from(values), (v) => v === extreme);
-    if (there.length >= Math.max(words.standstill, 0.03 * values.length))
-      found.push(`line ${lines[there[0]]}, column ${repr(name)}: the sensor is saturated: ${there.length} of ${values.length} samples read ${g(extreme)}; empty these cells or leave the experiment out`);
+    if (there.length >= Math.max(words.standstill, words.saturated * values.length))
+      found.push(`line ${lines[there[0]]}, column ${repr(name)}: the sensor is saturated: ${there.length} of ${values.length} samples read ${written(extreme)}; ${LEFT_OUT}`);
   }
   let steps = 0;
   for (let i = 1; i < values.length; i++) if (values[i] !== values[i - 1]) steps++;
@@ -405,7 +411,30 @@ function standstill(values, name, lines, stops, driven = null) {
   for (const [begin, end] of stillRuns(values)) {
     const off = driven && (driven.held || begin === 0 || end === values.length - 1);
     if (values[begin] === 0 && off) continue;
-    found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${g(values[begin] + 0)}; empty these cells or leave the experiment out`);
+    found.push(`lines ${lines[begin]} to ${lines[end]}, column ${repr(name)}: the sensor is frozen: ${end - begin + 1} equal values ${written(values[begin] + 0)}; ${LEFT_OUT}`);
+  }
+  return found;
+}
+
+/* A run at an extreme with far less noise than elsewhere. */
+function quietStop(values, name, lines, written) {
+  const found = [], overall = noiseLevel(values);
+  if (overall <= words.coarse * resolution(values)) return found;
+  for (const [side, which] of [[1, "largest"], [-1, "least"]]) {
+    const turned = values.map((v) => side * v), extreme = largest(turned), runs = [];
+    const noise = Math.max(overall, noiseLevel(values.filter((_, i) => turned[i] < extreme - words.away * span(values))));
+    for (let begin = 0; begin < turned.length; begin++) {
+      let end = begin;
+      while (end < turned.length && turned[end] >= extreme - words.band * noise) end++;
+      if (end - begin >= words.standstill) runs.push([begin, end]);
+      begin = end;
+    }
+    const count = runs.reduce((n, [begin, end]) => n + end - begin, 0);
+    if (!runs.length || count < words.saturated * values.length) continue;
+    const quiet = median(runs.map(([begin, end]) => noiseLevel(values.subarray(begin, end)))), short = (v) => written(Number(v.toPrecision(3)));
+    const elsewhere = noiseLevel(values.filter((_, i) => !runs.some(([begin, end]) => begin <= i && i < end)));
+    if (quiet < words.quieter * elsewhere)
+      found.push(`line ${lines[runs[0][0]]}, column ${repr(name)}: the sensor is saturated: ${count} of ${values.length} samples are at the ${which} reading, ${short(side * extreme)}, with noise of ${short(quiet)} where it is ${short(elsewhere)} elsewhere; ${LEFT_OUT}`);
   }
   return found;
 }
