@@ -22,7 +22,7 @@ AIR = (0.88e5, 1.07e5)  # [Pa] that the air's pressure is
 STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
-AT_STOP = (
+AT_STOP = 2.0  # [1] times its noise below the extreme in which such a run stays: of the noise alone, one is shorter
     2.0  # [1] times its noise below the extreme in which such a run stays: one of the noise alone is shorter there
 )
 AWAY = 0.05  # [1] of what a sensor shows by which a reading is no longer at its stop
