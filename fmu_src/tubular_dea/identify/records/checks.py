@@ -23,8 +23,6 @@ STANDSTILL = 25  # [samples] equal in a row that a noisy sensor never gives
 SATURATED = 0.03  # [1] share of all samples that read the extreme where a sensor has run into its stop
 COARSE_SENSOR = 3.0  # [1] steps of its resolution: a sensor with less noise may well give equal samples in a row
 AT_STOP = 2.0  # [1] times its noise below the extreme in which such a run stays: of the noise alone, one is shorter
-    2.0  # [1] times its noise below the extreme in which such a run stays: one of the noise alone is shorter there
-)
 AWAY = 0.05  # [1] of what a sensor shows by which a reading is no longer at its stop
 QUIETER = 0.4  # [1] times the noise elsewhere that there is at most where a sensor has run into a stop in front of it
 ALIVE = 0.1  # [1] share of samples that differ from the one before in a record that its noise keeps moving
