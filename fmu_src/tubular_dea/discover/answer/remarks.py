@@ -17,7 +17,7 @@ from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from ..search.rounds import Round
-from . import between_files, reservations
+from . import between_files, reservations, when
 from .oscillations import Oscillation
 
 
@@ -39,6 +39,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *not_named(found),
         *_implausible(found),
         *_as_declared(found),
+        *_at_times(found),
         *swinging,
     ]
     said += [
@@ -226,6 +227,15 @@ def _unit(effect: Effect, parameter: str) -> str:
     """The unit of an effect's parameter behind a number."""
     unit = next(q.unit for q in effect.parameters if q.name == parameter)
     return "" if unit == "1" else f" {unit}"
+
+
+def _at_times(found: Discovery) -> list[str]:
+    """A remark if most of what is left of the residual is in a few short stretches."""
+    told = when.brief_misses(found) if found.verdict in ("unexplained", "partly_explained") else []
+    if not told:
+        return []
+    where = " and ".join(f"{t.name} from {t.begin:.4g} to {t.end:.4g} s" for t in told)
+    return [f"More than half of what is left beyond noise is in {where}: look what happened there that was not recorded."]
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
