@@ -235,7 +235,7 @@ def _at_times(found: Discovery) -> list[str]:
     if not told:
         return []
     where = " and ".join(f"{t.name} from {t.begin:.4g} to {t.end:.4g} s" for t in told)
-    return [f"More than half of what is left beyond noise is in {where}: look what happened there that was not recorded."]
+    return [f"More than half of what is left beyond noise is in {where}: what happened then, unrecorded?"]
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
