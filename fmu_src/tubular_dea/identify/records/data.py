@@ -48,14 +48,20 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     files = _files(folder, plant)
     said = read_bench(folder / BENCH_FILE, plant, [path.stem for path in files])
     chosen = said.columns | choices(columns, plant)
-    experiments, left_out, still, faults = [], [], {}, []
+    experiments, left_out, still = [], [], {}
+    faults: list[DataError] = []
     for path in files:
         try:
-            experiments += _experiments(path.stem, read(path, signals(plant), pipe=False), plant, chosen, said)
-        except NoTableError:
+            table = read(path, signals(plant), pipe=False)
+        except NoTableError as finding:
             if path.suffix.lower() not in NOTES:
-                raise
+                raise _all_of([*faults, finding]) from None
             left_out.append(path.name)
+            continue
+        except DataError as finding:
+            raise _all_of([*faults, finding]) from None
+        try:
+            experiments += _experiments(path.stem, table, plant, chosen, said)
         except StillError as finding:
             still[path.name] = finding
         except DataError as finding:
