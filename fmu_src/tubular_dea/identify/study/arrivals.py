@@ -48,7 +48,7 @@ class Arrivals:
 
 def arrivals(study: Study, ids: Ids, values: Mapping[str, float], names: Sequence[str]) -> list[list[Arrivals]]:
     """What every piece tells of the delays `names` at the model with effects `ids` and parameters `values` (SI)."""
-    model = study.compiled.model(ids)
+    model = study.compiled.kernel(ids).model
     asked = [(d, outputs) for d in model.delays if d.by in names and (outputs := direct(model, d))]
     if not asked:
         return [[] for _ in study.pieces]
@@ -157,7 +157,7 @@ def _training(study: Study, told: Sequence[list[Arrivals]]) -> list[tuple[Piece,
 
 def _within(piece: Piece, told: Sequence[Arrivals], values: Mapping[str, float]) -> Piece:
     """The piece with edges that happened so that they arrive as outputs tell, where their delays are those of `values`
-    (SI): by all of them that may be seen to be the delay's (`sent_as_recorded`)."""
+    (SI). That they then happened between two samples of their input, `sent_as_recorded` sees to."""
     low, high = bounds(piece)
     for one in told:
         sent, mine = one.sent(piece) + values[one.by], one.numbers
