@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,9 +15,11 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import cumulative_trapezoid
 
 import tubular_dea as td
+from tubular_dea.discover.scores.parameters import all_off
 from tubular_dea.emit import tables
 from tubular_dea.emit.python import compile_python
 from tubular_dea.export.package import native_fmu
+from tubular_dea.identify.fitting.compiled import Compiled
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.dea import tubular_dea
 from tubular_dea.model.declare import DeclarationError
@@ -247,6 +250,16 @@ def test_an_effect_goes_in_once(base) -> None:
         with_effects(base, ["sensor_lag", "sensor_lag"])
     with pytest.raises(DeclarationError, match="did you mean sensor_lag"):
         with_effects(base, ["sensor_leg"])
+
+
+def test_a_plant_is_not_offered_an_effect_that_it_has() -> None:
+    """It was in a model with many of them, and no longer in the catalogue that tells how it is switched off."""
+    have = "sensor_delay"
+    plant = replace(PLANT, model=PLANT.catalogue[have](PLANT.model))
+    assert {*PLANT.catalogue} - {*plant.catalogue} == {have}
+    kernels = Compiled(plant).scorers(())
+    off = all_off(kernels["sensor_lag"].model.effects, plant.catalogue)
+    assert not any(q.name in off for q in PLANT.catalogue[have].parameters)
 
 
 @pytest.mark.parametrize("version", [2, 3])

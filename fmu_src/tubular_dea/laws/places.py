@@ -109,7 +109,7 @@ def effects_at(model: Model, place: Place, held: Collection[str] = ()) -> list[E
         effect = module.law(replace(at, law=name)) if isinstance(place, module.KINDS) else None
         if effect is not None:
             found.append(replace(effect, documentation=(module.__doc__ or "").strip()))
-        elif place.laws is not None:
+        elif place.laws is not None and place.names.get(name, f"{name}({place.name})") not in model.effects:
             raise DeclarationError(f"{at}: the law {name} cannot act there: it needs {module.NEEDS}")
     return found
 

@@ -323,14 +323,14 @@ class Plant:
 
     @cached_property
     def catalogue(self) -> Mapping[str, Effect]:
-        """All candidate effects by id: the plant's own, then every law at its places."""
+        """All candidate effects by id: the plant's own, then every law at its places, but those its model has."""
         found, held = dict(self.own), [s.name for s in self.inputs if s.held]
         for number, place in enumerate(self.places):
             there = effects_at(self.model, place, held)
             if any(type(p) is type(place) and p.name == place.name for p in self.places[:number]):
                 there = self._of_another(place, held)
             found |= {effect.id: effect for effect in there if effect.id not in found}
-        return MappingProxyType(found)
+        return MappingProxyType({name: effect for name, effect in found.items() if name not in self.model.effects})
 
     def _of_another(self, place: Place, held: Sequence[str]) -> list[Effect]:
         """The effects at a place that is declared once more because it may depend on a further quantity: only what that

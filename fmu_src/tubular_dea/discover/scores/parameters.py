@@ -134,7 +134,7 @@ def switched_off(effect: Effect) -> dict[str, float]:
 
 def all_off(ids: Iterable[str], catalogue: Mapping[str, Effect]) -> dict[str, float]:
     """The same of several effects, as a model with many of them has it where none acts."""
-    return {n: v for name in ids for n, v in switched_off(catalogue[name]).items()}
+    return {n: v for name in ids if name in catalogue for n, v in switched_off(catalogue[name]).items()}
 
 
 def clipped(free: Free, value: float) -> float:
