@@ -17,7 +17,7 @@ from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from ..search.rounds import Round
-from . import between_files, reservations, when
+from . import between_files, follows, reservations, when
 from .oscillations import Oscillation
 
 
@@ -40,6 +40,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *_implausible(found),
         *_as_declared(found),
         *_at_times(found),
+        *_following(found),
         *swinging,
     ]
     said += [
@@ -236,6 +237,16 @@ def _at_times(found: Discovery) -> list[str]:
         return []
     where = " and ".join(f"{t.name} from {t.begin:.4g} to {t.end:.4g} s" for t in told)
     return [f"More than half of what is left beyond noise is in {where}: what happened then, unrecorded?"]
+
+
+def _following(found: Discovery) -> list[str]:
+    """Columns that are not used, and that what is left of the residual follows."""
+    told = follows.columns_followed(found) if found.verdict in ("unexplained", "partly_explained") else {}
+    return [
+        f"What is left follows the column {heading!r}, which is not used: it explains {part:.0%} of the slower part. "
+        "If that acts on the plant, declare it as an input."
+        for heading, part in sorted(told.items(), key=lambda one: -one[1])
+    ]
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:

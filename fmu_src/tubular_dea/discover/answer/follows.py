@@ -1,0 +1,76 @@
+"""Which unused columns the residual follows: a room's temperature, a second sensor, a pump's speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...identify.records.columns import signals
+from ...identify.study.nuisances import with_nuisances
+from ...recordings import Table, read
+from ..engine import Discovery
+
+# Set by judgement. Check: `pytest tests/test_follows.py`
+MEANS_OF_ALL = 200  # [1] means of all samples together that are compared,
+LEAST_MEAN = 20  # [samples] of as many each at least: noise hardly moves them,
+LEAST_MEANS = 30  # [1] and so many of them at least
+FOLLOWS_IT = 0.5  # [1] of the variance of these means that a column explains, where it is told
+
+Course = tuple[np.ndarray, np.ndarray, np.ndarray]  # residual, column and output, each (n,), of a file
+
+
+def columns_followed(found: Discovery) -> dict[str, float]:
+    """The unused columns, by heading, that explain a good part of what the named model leaves, and which part."""
+    experiments = {e.name: e for e in found.recordings.experiments}
+    study, named = found.named_study, found.named
+    answers = study.response(named.ids, study.pieces).possible(study.shared(named.fitted.values))
+    tables: dict[str, Table] = {}
+    courses: dict[str, list[Course]] = {}
+    for piece, answer in zip(study.pieces, answers, strict=True):
+        experiment = experiments.get(piece.source)
+        source = None if experiment is None else experiment.source
+        if answer is None or experiment is None or source is None or not source.unused or not source.path.is_file():
+            continue
+        if str(source.path) not in tables:
+            tables[str(source.path)] = read(source.path, signals(study.plant), pipe=False)
+        columns = _columns(tables[str(source.path)], source.unused, experiment.lines)
+        left = piece.record - with_nuisances(study, piece, answer)
+        reading, part = piece.case.readings[0], piece.case.parts[0]
+        for heading, values in columns.items():
+            there = np.interp(reading.times, experiment.time, values)
+            courses.setdefault(heading, []).append((left[part], there, answer[part]))
+    shares = {heading: share(each) for heading, each in courses.items()}
+    return {heading: part for heading, part in shares.items() if part >= FOLLOWS_IT}
+
+
+def _columns(table: Table, headings: Sequence[str], lines: np.ndarray) -> Mapping[str, np.ndarray]:
+    """Those of the columns that hold a number in every one of the `lines` (n,), and move other than a counter."""
+    rows = np.searchsorted(table.lines, lines)
+    found = {c.heading: c.values[rows] for c in table.columns if c.heading in headings and not c.problem}
+    return {
+        heading: values
+        for heading, values in found.items()
+        if np.isfinite(values).all() and np.any(steps := np.diff(values)) and np.any(steps <= 0) and np.any(steps >= 0)
+    }
+
+
+def share(courses: Sequence[Course]) -> float:
+    """The part of the variance of a residual's means that a column explains, alone and in proportion to the output, in
+    all files alike; 0 where there are few means."""
+    size = max(LEAST_MEAN, sum(left.size for left, *_ in courses) // MEANS_OF_ALL)
+    rows = []
+    for left, column, output in courses:
+        count = left.size // size
+        if count:
+            own = column - column.mean()
+            table = np.column_stack([left, own, own * (output - output.mean())])[: count * size]
+            means = table.reshape(count, size, -1).mean(axis=1)
+            rows.append(means - means.mean(axis=0))
+    if sum(len(r) for r in rows) < LEAST_MEANS:
+        return 0.0
+    means = np.concatenate(rows)
+    means /= np.maximum(np.abs(means).max(axis=0), 1e-300)
+    left, known = means[:, 0], means[:, 1:]
+    rest = left - known @ np.linalg.lstsq(known, left, rcond=None)[0]
+    return float(1 - rest @ rest / max(left @ left, 1e-300))
