@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...identify.records.columns import signals
-from ...identify.study.nuisances import with_nuisances
 from ...recordings import Table, read
 from ..engine import Discovery
+from .left_over import left_over
 
 # Set by judgement. Check: `pytest tests/test_follows.py`
 MEANS_OF_ALL = 200  # [1] means of all samples together that are compared,
@@ -23,19 +23,16 @@ Course = tuple[np.ndarray, np.ndarray, np.ndarray]  # residual, column and outpu
 def columns_followed(found: Discovery) -> dict[str, float]:
     """The unused columns, by heading, that explain a good part of what the named model leaves, and which part."""
     experiments = {e.name: e for e in found.recordings.experiments}
-    study, named = found.named_study, found.named
-    answers = study.response(named.ids, study.pieces).possible(study.shared(named.fitted.values))
     tables: dict[str, Table] = {}
     courses: dict[str, list[Course]] = {}
-    for piece, answer in zip(study.pieces, answers, strict=True):
-        experiment = experiments.get(piece.source)
-        source = None if experiment is None else experiment.source
-        if answer is None or experiment is None or source is None or not source.unused or not source.path.is_file():
+    for piece, answer, left in left_over(found):
+        experiment = experiments[piece.source]
+        source = experiment.source
+        if source is None or not source.unused or not source.path.is_file():  # a table in memory is no file
             continue
         if str(source.path) not in tables:
-            tables[str(source.path)] = read(source.path, signals(study.plant), pipe=False)
+            tables[str(source.path)] = read(source.path, signals(found.study.plant), pipe=False)
         columns = _columns(tables[str(source.path)], source.unused, experiment.lines)
-        left = piece.record - with_nuisances(study, piece, answer)
         reading, part = piece.case.readings[0], piece.case.parts[0]
         for heading, values in columns.items():
             there = np.interp(reading.times, experiment.time, values)

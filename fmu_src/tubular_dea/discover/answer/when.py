@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...identify.study.nuisances import with_nuisances
 from ...stretches import true_stretches
 from ..engine import Discovery
+from .left_over import left_over
 
 # Set by judgement. Check: `pytest tests/test_when.py`
 PARTS_OF_ALL = 200  # [1] parts of all samples together, in each of which a residual is looked at,
@@ -31,16 +31,11 @@ class Stretch:
 def brief_misses(found: Discovery) -> list[Stretch]:
     """The few short stretches in which the named model leaves most of what is beyond noise; none where it is left
     everywhere."""
-    study, named = found.named_study, found.named
-    answers = study.response(named.ids, study.pieces).possible(study.shared(named.fitted.values))
     times, squares = [], []
-    for piece, answer in zip(study.pieces, answers, strict=True):
-        if answer is None:
-            return []
-        left = piece.record - with_nuisances(study, piece, answer)
+    for piece, _, left in left_over(found):
         for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             times.append((piece.name, reading.times))
-            squares.append((left[part] / study.noise[reading.output].rms) ** 2)
+            squares.append((left[part] / found.named_study.noise[reading.output].rms) ** 2)
     marked = _marked(squares)
     told: list[Stretch] = []
     for (name, at), there in zip(times, marked, strict=True):
