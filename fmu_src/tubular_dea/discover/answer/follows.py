@@ -9,7 +9,7 @@ import numpy as np
 from ...identify.records.columns import signals
 from ...recordings import Table, read
 from ..engine import Discovery
-from .left_over import left_over
+from .left_over import Left
 
 # Set by judgement. Check: `pytest tests/test_follows.py`
 MEANS_OF_ALL = 200  # [1] means of all samples together that are compared,
@@ -20,12 +20,12 @@ FOLLOWS_IT = 0.5  # [1] of the variance of these means that a column explains, w
 Course = tuple[np.ndarray, np.ndarray, np.ndarray]  # residual, column and output, each (n,), of a file
 
 
-def columns_followed(found: Discovery) -> dict[str, float]:
-    """The unused columns, by heading, that explain a good part of what the named model leaves, and which part."""
+def columns_followed(found: Discovery, rest: Sequence[Left]) -> dict[str, float]:
+    """The unused columns, by heading, that explain a good part of the `rest` that the named model leaves, and which."""
     experiments = {e.name: e for e in found.recordings.experiments}
     tables: dict[str, Table] = {}
     courses: dict[str, list[Course]] = {}
-    for piece, answer, left in left_over(found):
+    for piece, answer, left in rest:
         experiment = experiments[piece.source]
         source = experiment.source
         if source is None or not source.unused or not source.path.is_file():  # a table in memory is no file

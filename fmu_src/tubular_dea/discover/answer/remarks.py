@@ -18,6 +18,7 @@ from ..options.options import Option
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from ..search.rounds import Round
 from . import between_files, follows, reservations, when
+from .left_over import Left, left_over
 from .oscillations import Oscillation
 
 
@@ -39,8 +40,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *not_named(found),
         *_implausible(found),
         *_as_declared(found),
-        *_at_times(found),
-        *_following(found),
+        *_told_of_the_rest(found),
         *swinging,
     ]
     said += [
@@ -230,18 +230,23 @@ def _unit(effect: Effect, parameter: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _at_times(found: Discovery) -> list[str]:
-    """A remark if most of what is left of the residual is in a few short stretches."""
-    told = when.brief_misses(found) if found.verdict in ("unexplained", "partly_explained") else []
+def _told_of_the_rest(found: Discovery) -> list[str]:
+    """Of what no effect explains, when it is and which unused columns it follows."""
+    if found.verdict not in ("unexplained", "partly_explained"):
+        return []
+    rest = [*left_over(found)]
+    return [*_at_times(when.brief_misses(rest, found.named_study.noise)), *_following(found, rest)]
+
+
+def _at_times(told: Sequence[when.Stretch]) -> list[str]:
     if not told:
         return []
     where = " and ".join(f"{t.name} from {t.begin:.4g} to {t.end:.4g} s" for t in told)
     return [f"More than half of what is left beyond noise is in {where}: what happened then, unrecorded?"]
 
 
-def _following(found: Discovery) -> list[str]:
-    """Columns that are not used, and that what is left of the residual follows."""
-    told = follows.columns_followed(found) if found.verdict in ("unexplained", "partly_explained") else {}
+def _following(found: Discovery, rest: Sequence[Left]) -> list[str]:
+    told = follows.columns_followed(found, rest)
     return [
         f"What is left follows the column {heading!r}, which is not used: it explains {part:.0%} of the slower part. "
         "If that acts on the plant, declare it as an input."

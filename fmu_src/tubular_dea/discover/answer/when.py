@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...identify.signals.noise import Noise
 from ...stretches import true_stretches
-from ..engine import Discovery
-from .left_over import left_over
+from .left_over import Left
 
 # Set by judgement. Check: `pytest tests/test_when.py`
 PARTS_OF_ALL = 200  # [1] parts of all samples together, in each of which a residual is looked at,
@@ -28,14 +29,14 @@ class Stretch:
     end: float
 
 
-def brief_misses(found: Discovery) -> list[Stretch]:
-    """The few short stretches in which the named model leaves most of what is beyond noise; none where it is left
+def brief_misses(rest: Sequence[Left], noise: Mapping[str, Noise]) -> list[Stretch]:
+    """The few short stretches in which is most of the `rest` beyond noise, that of each output; none where it is left
     everywhere."""
     times, squares = [], []
-    for piece, _, left in left_over(found):
+    for piece, _, left in rest:
         for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             times.append((piece.name, reading.times))
-            squares.append((left[part] / found.named_study.noise[reading.output].rms) ** 2)
+            squares.append((left[part] / noise[reading.output].rms) ** 2)
     marked = _marked(squares)
     told: list[Stretch] = []
     for (name, at), there in zip(times, marked, strict=True):

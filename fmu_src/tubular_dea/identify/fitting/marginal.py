@@ -73,7 +73,7 @@ class Marginal:
         if self.columns is not None:
             out += self.columns @ ((self.turned * weights) @ (self.turned.T @ (self.columns.T @ out)))
 
-    def with_columns(self, places: np.ndarray, columns: np.ndarray, sd: np.ndarray) -> Marginal:
+    def with_columns_at(self, places: np.ndarray, columns: np.ndarray, sd: np.ndarray) -> Marginal:
         """The nuisances with other whitened columns (n, k) throughout, and sd (k,), at some `places` (k,) of theirs."""
         if self.columns is None:
             return self

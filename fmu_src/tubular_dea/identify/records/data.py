@@ -53,13 +53,11 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
     for path in files:
         try:
             table = read(path, signals(plant), pipe=False)
-        except NoTableError as finding:
-            if path.suffix.lower() not in NOTES:
+        except DataError as finding:
+            if not isinstance(finding, NoTableError) or path.suffix.lower() not in NOTES:
                 raise _all_of([*faults, finding]) from None
             left_out.append(path.name)
             continue
-        except DataError as finding:
-            raise _all_of([*faults, finding]) from None
         try:
             experiments += _experiments(path.stem, table, plant, chosen, said)
         except StillError as finding:

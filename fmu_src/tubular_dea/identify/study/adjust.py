@@ -53,7 +53,7 @@ def adjusted(
     """
     given = study
     study, values = with_arrivals(study, ids, study.shared(values), [f.name for f in free])
-    fixed = study.shared(values) | study.geometry
+    fixed = values | study.geometry
     owned = side_by_side(lambda p: with_columns(study, ids, fixed, p), study.pieces)
     known = [p for p in owned if p is not None]
     work = replace(
@@ -99,7 +99,7 @@ def _with_starts_at(study: Study, ids: Ids, values: Mapping[str, float], piece: 
     columns = own.columns.copy()
     columns[:, mine] = start_columns(study, ids, values, piece)
     white = whitened(piece.case, columns[:, mine], study.noise, piece.weight)
-    made = piece.marginal.with_columns(mine, white, own.sd[mine])
+    made = piece.marginal.with_columns_at(mine, white, own.sd[mine])
     return replace(piece, marginal=made, nuisances=replace(own, columns=columns))
 
 

@@ -7,7 +7,7 @@ A fit does not find it: what it costs falls in steps, one wherever an edge passe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,28 +131,30 @@ def with_arrivals(
     """The study with edges that may have happened only so that they arrive as outputs tell, behind delays among `names`
     at which most of them can; and the parameters (SI) with these delays."""
     study = replace(study, pieces=[p if p.arrived is None else replace(p, arrived=None) for p in study.pieces])
-    told, values = arrivals(study, ids, values, names), dict(values)
-    for by in dict.fromkeys(one.by for each in told for one in each):
-        possible = [one.delays(p, *bounds(p)) for p, each in _training(study, told) for one in each if one.by == by]
-        values[by] = likeliest_delay(possible, values[by])
+    told = arrivals(study, ids, values, names)
+    values = dict(values) | _likeliest(study, told, values, bounds)
     pieces = [_within(p, each, values) if each else p for p, each in zip(study.pieces, told, strict=True)]
     return replace(study, pieces=pieces), values
 
 
 def delays_of_arrivals(study: Study, ids: Ids, values: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
     """The delays [s] of those `names` at which most edges arrive as outputs tell, where edges are now."""
-    found = {}
-    told = arrivals(study, ids, values, names)
-    for by in dict.fromkeys(one.by for each in told for one in each):
-        possible = [
-            one.delays(p, p.shifts, p.shifts) for p, each in _training(study, told) for one in each if one.by == by
-        ]
-        found[by] = likeliest_delay(possible, values[by])
-    return found
+    study = replace(study, pieces=study.training)
+    return _likeliest(study, arrivals(study, ids, values, names), values, lambda p: (p.shifts, p.shifts))
 
 
-def _training(study: Study, told: Sequence[list[Arrivals]]) -> list[tuple[Piece, list[Arrivals]]]:
-    return [(p, each) for p, each in zip(study.pieces, told, strict=True) if not p.held_out]
+def _likeliest(
+    study: Study,
+    told: Sequence[list[Arrivals]],
+    values: Mapping[str, float],
+    reach: Callable[[Piece], tuple[np.ndarray, np.ndarray]],
+) -> dict[str, float]:
+    """The likeliest of each delay that the pieces in training tell of, with edges shifted as far as they `reach`."""
+    possible: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for piece, each in zip(study.pieces, told, strict=True):
+        for one in each if not piece.held_out else ():
+            possible.setdefault(one.by, []).append(one.delays(piece, *reach(piece)))
+    return {by: likeliest_delay(ends, values[by]) for by, ends in possible.items()}
 
 
 def _within(piece: Piece, told: Sequence[Arrivals], values: Mapping[str, float]) -> Piece:

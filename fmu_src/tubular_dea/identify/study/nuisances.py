@@ -149,11 +149,14 @@ def start_columns(study: Study, ids: Ids, values: Mapping[str, float], piece: Pi
     which a step of 5 % leaves what looks as if these were determined.
     """
     sizes = study.unknown(ids, piece)
+    none = np.zeros((piece.record.size, len(sizes)))
+    if not sizes:
+        return none
     own = dict.fromkeys(sizes, 0.0) | dict(piece.case.own)
     try:
         _, (columns,) = study.asked(ids, [replace(piece.case, own=own)]).sensitivities(values, list(sizes))
     except KernelError:
-        return np.zeros((piece.record.size, len(sizes)))
+        return none
     return columns * np.array([*sizes.values()])
 
 
