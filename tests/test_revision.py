@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -356,6 +357,29 @@ def test_no_rival_is_settled_that_what_was_fitted_leaves_far_behind() -> None:
     search = found(option(excess=LARGE, held_out=6e5), option("line", excess=900.0))
     hopeless, near = (option("stop", excess=e * LARGE, held_out=5e4) for e in (0.9, 0.1))
     assert [selection._may_pass(search, before, r, 598100.0) for r in (hopeless, near)] == [False, True]
+
+
+@pytest.mark.parametrize(("behind", "settled"), [(0.0, True), (20.0, False)], ids=["as well", "worse"])
+def test_what_fitted_as_well_is_settled_whatever_held_out_experiments_said(
+    monkeypatch: pytest.MonkeyPatch, behind: float, settled: bool
+) -> None:
+    """A delay of the laser and one of the command; the start of a held-out experiment belonged to another model, and
+    one of them was "distinguished from every rival"."""
+    before, rival = option("lag", excess=1000.0), option("slew", excess=1000.0 + behind, held_out=9e3)
+    numbers_taken = []
+
+    def own_nuisances(study: Any, one: Option) -> tuple[Any, Option]:
+        numbers_taken.append(one.ids)
+        return study, option(*one.ids, excess=900.0)
+
+    monkeypatch.setattr(selection, "own_nuisances", own_nuisances)
+    rounds = [
+        replace(Round((), [], None, 30.0, [before, rival], True, ""), scores=[SimpleNamespace(id="lag", statistic=9.0)])
+    ]
+    search = found(BASE, before, rivals=[rival], rounds=rounds)
+    selection._settle(search, BASE, lambda what: None)
+    assert numbers_taken == [("lag",), ("slew",)][: 1 + settled]
+    assert search.rivals[0].held_out == pytest.approx(2000.0 if settled else 9e3)
 
 
 def test_no_base_is_sought_where_nothing_was_chosen() -> None:

@@ -29,7 +29,7 @@ DEEPER = 0.02  # [1] share of what an effect gains: a base that costs so much le
 # Set by measurement: a leaking line that looks like one of second order is found from either of two bases, 2 % apart.
 # Check: `python -m blind.score --external 1 --seed 2100001 --no-identify`
 MUCH_DEEPER = 0.2  # [1] the same where that effect leaves noise alone
-SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it
+SETTLED_RIVALS = 3  # [1] rivals of a choice that are settled with it, and all that fitted as well before
 
 # Set by measurement: an offset of the pressure was behind one of the radius by a sixteenth of what that explains, and
 # before it with instants of its own. Check: `python -m blind.score --singles 1 --only pressure_offset --seed 420000`
@@ -165,16 +165,17 @@ def _pairs_with(study: Study, first: Option, tell: Progress) -> list[Option]:
 
 def _settle(found: Search, without: Option, tell: Progress) -> None:
     """Estimate the nuisance parameters again with the chosen effects and refit the choice; then the same for rivals
-    that were behind by so little that it may bring them before it, or had promised more over the choice `without`
-    it."""
+    that were behind by so little that it may bring them before it, that fit as well where only held-out experiments
+    are behind (of a start that was taken at another model), or had promised more over the choice `without` it."""
     tell("switching instants and zeros")
     before, name = found.chosen, found.chosen.ids[-1]
     found.study, found.chosen = own_nuisances(found.study, before)
     gained = found.chosen.gain_over(before)
     alike = [r for r in found.rivals if r.ids[:-1] == before.ids[:-1] and not r.impossible]
     stuck = [r for r in alike if _promised_more(found, without, r)]
-    near = [r for r in alike if _may_pass(found, before, r, gained) and not any(r is s for s in stuck)]
-    near = near[:SETTLED_RIVALS]
+    fair = [r for r in alike if not any(r is s for s in stuck)]
+    near = [r for r in fair if _may_pass(found, before, r, gained)][:SETTLED_RIVALS]
+    near += [r for r in fair if r.cost - before.cost < CHANCE and not any(r is n for n in near)]
     if not near and not stuck:
         return
     settled = side_by_side(lambda r: own_nuisances(found.study, r), near)
