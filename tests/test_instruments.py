@@ -109,6 +109,21 @@ FILES: dict[str, tuple[str, str, list[str]]] = {
         "utf-8",
         [],
     ),
+    "LabVIEW with a time for every channel": (
+        "LabVIEW Measurement\t\nX_Columns\tOne\t\n***End_of_Header***\t\n\t\nChannels\t3\t\t\t\n"
+        "Samples\t400\t400\t400\t\nY_Unit_Label\tVolts\tVolts\tVolts\t\nX_Dimension\tTime\tTime\tTime\t\n"
+        "Delta_X\t0.004\t0.004\t0.004\t\n***End_of_Header***\t\t\t\t\nX_Value\tPressure\tHV_mon\tLaser\tComment\n"
+        + table(lambda t, p, v, r: f"{t:.3f}\t{p / 2500:.8f}\t{v / 1e3:.7f}\t{r * 1e3:.7f}\t"),
+        "utf-8",
+        ["pressure=Pressure[2500 Pa]", "voltage=HV_mon[1000 V]", "radius=Laser[mm]"],
+    ),
+    "an oscilloscope": (
+        "Model,MSO54\n\nWaveform Type,ANALOG,,\nHorizontal Units,s,,\nSample Interval,0.004,,\n"
+        "Vertical Units,V,V,V\nLabel,PRESS,HV/1000,LASER\nTIME,CH1,CH2,CH3\n"
+        + table(lambda t, p, v, r: f"{t:.7e},{p / 2500:.8f},{v / 1e3:.7f},{r * 1e3:.7f}"),
+        "utf-8",
+        ["pressure=CH1[2500 Pa]", "voltage=CH2[1000 V]", "radius=CH3[1 mm]"],
+    ),
     "a meter": (
         "Time;Pressure;Voltage;Radius\n"
         + table(lambda t, p, v, r: f"{t:.3f} s;{p / 1e3:.6f} kPa;{v / 1e3:.5f} kV;{r * 1e3:.5f} mm", True),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from tubular_dea.identify.records.data import read_experiment, read_folder
 from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, DataError
 from tubular_dea.identify.records.start import detected
 from tubular_dea.identify.study.study import study
-from tubular_dea.kernel import Kernel
+from tubular_dea.kernel import Kernel, KernelError
 from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants import Path as Place
 from tubular_dea.plants.tube import PLANT
@@ -165,6 +167,11 @@ def test_advice_on_columns_can_be_followed_where_it_is_given(
     columns = '{"pressure": "ITS_NAME_OR_NUMBER", "radius": "COLUMN"}'
     assert f"say columns={columns} in read_recordings" in str(problem.value)
     tubular_dea.read_recordings(data, columns={"pressure": "AI1[kPa]", "voltage": 3, "radius": "laser_2[um]"})
+    strange(tmp_path / "data", "b.csv")
+    assert main(["identify", data, "--dry-run"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2 and all("--columns pressure=ITS_NAME_OR_NUMBER" in line for line in told)
+    (tmp_path / "data" / "b.csv").unlink()
     (tmp_path / "data" / "bench.toml").write_text(
         '[columns]\npressure = "AI1 [kPa]"\nvoltage = 3\nradius = "laser_2 [um]"\n'
     )
@@ -437,6 +444,27 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
         experiments.append(dataclasses.replace(e, time=time, inputs=inputs, outputs=outputs))
     said = scales.findings(dataclasses.replace(recordings, experiments=experiments))
     assert words in said[0] and "=COLUMN[0.5 mm]" in said[0] if words else not said, said
+
+
+def test_no_unit_is_asked_about_where_a_step_to_a_start_leads_too_far() -> None:
+    """An armature that a start of ten usual sizes pulls in for good had no answer, and its pressure was "100 times too
+    small"; from a part of that step there is one."""
+
+    def at(start: Mapping[str, float]) -> np.ndarray:
+        if start["x"] > 2.0:
+            raise KernelError("pulled in")
+        return np.array([1.0, 2.0, 3.0]) * np.arctan(start["x"])
+
+    plant = SimpleNamespace(
+        each_start={"x": 1.0},
+        model=SimpleNamespace(
+            parameter_values=lambda: {"x": 0.0}, quantity=lambda name: SimpleNamespace(inside=lambda value: value)
+        ),
+    )
+    seen = np.array([1.0, 2.0, 3.0]) * 1.3
+    found = scales.from_best_start(cast(Plant, plant), at, seen)
+    assert np.abs(found - seen).max() < 0.25 * seen.max()
+    np.testing.assert_array_equal(scales.from_best_start(cast(Plant, plant), at, np.zeros(3)), np.zeros(3))
 
 
 @pytest.mark.parametrize("heading", ["Diameter (mm)", "Durchmesser [mm]", "tube_diameter_mm", "Diamètre [mm]"])

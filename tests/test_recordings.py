@@ -541,6 +541,9 @@ def test_clocks_temperatures_and_set_points_that_contradict_the_other_files_are_
     assert flickers.startswith(
         "d: current is said to have no noise, but leaves its value for a sample 2 times (by 0.01 A)"
     )
+    fast, slow = (10 + 30 * np.sin(w * time) for w in (1.7, 0.11))
+    for turning in (fast, slow):  # rounded, it passes its largest value for a sample and comes back
+        assert not unusual._flickered(np.round(turning, 2)).size
 
 
 def test_joined_records_and_records_without_their_means_are_asked_about() -> None:

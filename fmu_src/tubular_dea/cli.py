@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from . import __version__
 from .commands import COMMANDS, declare
-from .errors import ArgumentError, ColumnError, UserError
+from .errors import ArgumentError, ColumnError, SeveralErrors, UserError
 
 OPTIONS = {"parameters": "set", "settings": "set", "cases": "compare", "tube": "model"}  # arguments called otherwise
 FILES = (".html", ".toml")  # endings of an --out that is one file, not a folder
@@ -93,6 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def as_option(problem: UserError, options: argparse.Namespace) -> str:
     """The error, with the option in the place of the argument that it is about."""
+    if isinstance(problem, SeveralErrors):
+        return problem.each(lambda one: as_option(one, options))
     if isinstance(problem, ColumnError):
         return problem.as_option() if hasattr(options, "columns") else problem.in_bench_file()
     if not isinstance(problem, ArgumentError):

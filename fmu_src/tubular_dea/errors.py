@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 
 class UserError(Exception):
@@ -64,6 +64,21 @@ class ColumnError(ReadError):
         """For a command that has not."""
         columns = " and ".join(f'{signal} = "{column}"' for signal, column in self.columns.items())
         return f"{self.problem} {columns} below [columns] in the folder's bench.toml"
+
+
+class SeveralErrors(ReadError):
+    """What is wrong with each of several files, of many with the first ones; `more` counts the others."""
+
+    def __init__(self, errors: Sequence[ReadError], more: int = 0) -> None:
+        super().__init__(errors, more)
+        self.errors, self.more = errors, more
+
+    def __str__(self) -> str:
+        return self.each(str)
+
+    def each(self, told: Callable[[ReadError], str]) -> str:
+        """A line for every error, as it is `told`, and how many there are besides."""
+        return "\n".join([*map(told, self.errors), *([f"and {self.more} more files"] if self.more > 0 else [])])
 
 
 def list_of_names(argument: str, given: Iterable[str]) -> list[str]:

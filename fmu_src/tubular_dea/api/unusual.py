@@ -218,16 +218,26 @@ def _flickers(recordings: Recordings) -> Iterator[str]:
     """Inputs that are said to have no noise, and yet leave the value that they are held at for a sample."""
     for name in (s.name for s in recordings.plant.inputs if s.held and s.name in recordings.commanded):
         for e in recordings.experiments:
-            values = _values(e, name)
-            step = np.diff(values)
-            back = (step[:-1] == -step[1:]) & (step[1:] != 0) & (np.abs(step[1:]) <= FAINT * np.ptp(values))
-            if np.count_nonzero(back) >= FLICKERS:
-                by = recordings.plant.quantity(name).told(float(np.abs(step[1:][back]).max()))
+            by = _flickered(_values(e, name))
+            if by.size >= FLICKERS:
+                most = recordings.plant.quantity(name).told(float(by.max()))
                 yield (
-                    f"{e.name}: {name} is said to have no noise, but leaves its value for a sample {np.sum(back)} "
-                    f"times (by {by}): was it measured? If so, leave that line of bench.toml out"
+                    f"{e.name}: {name} is said to have no noise, but leaves its value for a sample {by.size} "
+                    f"times (by {most}): was it measured? If so, leave that line of bench.toml out"
                 )
                 break
+
+
+def _flickered(values: np.ndarray) -> np.ndarray:
+    """By how much an input (n,) leaves a value for a sample, each time; nothing where most of its small moves do not
+    come back, as those of a rounded sine do at its turning points."""
+    step = np.diff(values)
+    small = (step != 0) & (np.abs(step) <= FAINT * np.ptp(values))
+    back = small[1:] & (step[:-1] == -step[1:])
+    back[1:] &= step[:-2] == 0
+    back[:-1] &= step[2:] == 0
+    by = np.abs(step[1:][back])
+    return by if 4 * by.size > np.count_nonzero(small) else by[:0]
 
 
 def _ends(experiments: Sequence[Experiment], name: str) -> dict[str, tuple[float, float]]:

@@ -133,9 +133,12 @@ def _units(cells: Sequence[str]) -> list[str]:
 
 
 def _aptness(row: tuple[int, Sequence[str]], width: int, names: Collection[str]) -> tuple[int, bool, int, int]:
-    """The rank of a row as headings: expected names, at least as many as columns, filled, close to the numbers."""
+    """The rank of a row as headings: expected names, at least as many as columns, filled, close to the numbers.
+
+    A name counts once: LabVIEW writes `X_Dimension Time Time Time` above the headings.
+    """
     i, cells = row
-    known = sum(parts(c)[0] in names for c in cells)
+    known = len({parts(c)[0] for c in cells} & {*names})
     return known, len(cells) >= width, sum(map(bool, cells)), i
 
 

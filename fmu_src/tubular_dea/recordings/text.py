@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ReadError
-from ..model.units import NUMBER
+from ..model.units import NUMBER, is_unit
 from .cells import SCPI, SOME, Numbers, decimal_mark, is_missing, numbers
 from .encoding import decoded, lines_of
 from .head import Head, head
@@ -20,6 +20,7 @@ from .table import Column, NoTableError, Table, shortened, some
 
 LEAST, PROSE = 2, 0.2  # rows that make a table, and the share of words in every column of a text with some numbers
 QUOTED = 20  # lines that a quoted cell may run over
+UNITS_OF_TIME = ("horizontal_units", "x_units", "x_unit")  # what oscilloscopes call them above their headings
 OFTEN = 0.1  # of the rows: what so many lack at their end is left empty on purpose
 
 
@@ -221,6 +222,8 @@ def _left_out(body: Body, empty: np.ndarray, above: Head) -> list[str]:
 def _column(i: int, found: Numbers, above: Head, body: Body, kept: np.ndarray) -> Column:
     """A column as others see it, with what is wrong with it in words."""
     name, unit, heading = above.column(i)
+    if name == "time" and not unit:
+        unit = next((above.notes[n] for n in UNITS_OF_TIME if is_unit(above.notes.get(n, ""))), "")
     if found.kind == "clock" or (name == "x_value" and not unit):  # LabVIEW's, in seconds
         unit = "s"
     unit = unit or found.unit

@@ -10,14 +10,17 @@ which an output counts, as the distance that a laser reads. Nothing is changed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...kernel import KernelError
+from ...model.declare import Model
 from ...model.units import converted, three
 from ...plants.plant import Plant
 from ...protocol import Protocol
+from ...recordings.table import either
 from ..records.experiment import RESTED, Experiment, Recordings
 from ..records.labels import matching
 from .compiled import Compiled
@@ -32,6 +35,7 @@ ROUGHLY = 1e-4  # [1] tolerance of the answers
 STARTS_SOUGHT = 2  # [1] Gauss-Newton steps to a record's own start,
 START_MOVED = 0.05  # [1] of its usual size by which it is moved for them
 FARTHEST_START = 10.0  # [1] and usual sizes that a step takes at most
+START_PARTS = (1.0, 0.3, 0.1, 0.03)  # [1] of a step that are tried in turn
 SCALE_STEPS = 10_000  # [1] internal steps after which an answer is given up: the plant diverges
 
 # Set by measurement: the bench's and the laboratory's tubes, whatever they hide, are missed by up to 22 %, and no
@@ -134,7 +138,7 @@ class DeclaredAnswers:
         agreed = [replace(w, words=words) for w, words in fitting if words or " labelled " not in w.words]
         chosen = [w for w in agreed if w.words or w.other] or list(likely)
         scaled = [f"{self.name(w.signal)} {_times(w.factor)}{f' ({w.words})' if w.words else ''}" for w in chosen]
-        asked = [f"is {' or '.join(s for s, w in zip(scaled, chosen, strict=True) if not w.other)}"]
+        asked = [f"is {either([s for s, w in zip(scaled, chosen, strict=True) if not w.other])}"]
         exchanges = [f"are the columns of {w.signal} and {w.other} exchanged" for w in chosen if w.other]
         return " or ".join([*(a for a in asked if a != "is "), *exchanges])
 
@@ -156,10 +160,13 @@ def findings(recordings: Recordings) -> list[str]:
     found = declared.likely(records, mislabellings(plant, [declared.output.name]), LEFT * base)
     if not found:
         return [*_counted_from_elsewhere(declared, records, base), *_single_files(declared)]
+    now = "has no answer to them" if base == np.inf else f"misses {_percent(base)} of these records (rms)"
+    measured = plant.quantity(declared.output.name)
+    half = f"0.5 {measured.display_unit or measured.unit}"
     return [
         f"{declared.told(records[0], [w for _, w in found])}? With the numbers as they are, the declared {plant.name} "
-        f"misses {_percent(base)} of these records (rms), else {_percent(found[0][0])}; if so, correct it in the files "
-        f"(a unit or a factor also with --columns, as in {heading}=COLUMN[0.5 mm] for a column that reads 1 for 0.5 mm)"
+        f"{now}, else it misses {_percent(found[0][0])}; if so, correct it in the files (a unit or a factor also with "
+        f"--columns, as in {heading}=COLUMN[{half}] for a column that reads 1 for {half})"
     ]
 
 
@@ -222,19 +229,41 @@ def _from_elsewhere(
 
 
 def from_best_start(plant: Plant, at: Callable[[Mapping[str, float]], np.ndarray], seen: np.ndarray) -> np.ndarray:
-    """The answer `at` the starts that the plant leaves free, which are those that what was `seen` (n,) tells."""
+    """The answer `at` the starts that the plant leaves free, which are those that what was `seen` (n,) tells.
+
+    Each step is the largest part of a Gauss-Newton step that comes closer: a whole one may lead to where a plant has no
+    answer, as an armature beyond its stop.
+    """
     sizes, model = plant.each_start, plant.model
     starts = {n: model.parameter_values()[n] for n in sizes}
     here = at(starts)
     for _ in range(STARTS_SOUGHT if sizes else 0):
-        moved = [at(starts | {n: starts[n] + START_MOVED * size}) for n, size in sizes.items()]
-        columns = np.column_stack([(m - here) / START_MOVED for m in moved])
-        by, *_ = np.linalg.lstsq(columns, seen - here, rcond=None)
-        away = np.clip(by, -FARTHEST_START, FARTHEST_START)
-        sought = {n: starts[n] + by * sizes[n] for n, by in zip(sizes, away.tolist(), strict=True)}
-        starts = {n: model.quantity(n).inside(value) for n, value in sought.items()}
-        here = at(starts)
+        with suppress(KernelError):
+            moved = [at(starts | {n: starts[n] + START_MOVED * size}) for n, size in sizes.items()]
+            columns = np.column_stack([(m - here) / START_MOVED for m in moved])
+            by, *_ = np.linalg.lstsq(columns, seen - here, rcond=None)
+            away = dict(zip(sizes, np.clip(by, -FARTHEST_START, FARTHEST_START).tolist(), strict=True))
+            starts, here = _closer(model, at, seen, (starts, here), {n: sizes[n] * a for n, a in away.items()})
     return here
+
+
+def _closer(
+    model: Model,
+    at: Callable[[Mapping[str, float]], np.ndarray],
+    seen: np.ndarray,
+    before: tuple[dict[str, float], np.ndarray],
+    step: Mapping[str, float],
+) -> tuple[dict[str, float], np.ndarray]:
+    """Starts and the answer there after the largest part of a `step` that comes closer to what was `seen` (n,) than
+    `before`; those before where none does."""
+    starts, here = before
+    for part in START_PARTS:
+        tried = {n: model.quantity(n).inside(starts[n] + part * by) for n, by in step.items()}
+        with suppress(KernelError):
+            answer = at(tried)
+            if np.sum((answer - seen) ** 2) < np.sum((here - seen) ** 2):
+                return tried, answer
+    return before
 
 
 def _runs_away(plant: Plant) -> str:

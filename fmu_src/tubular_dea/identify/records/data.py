@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...errors import SeveralErrors
 from ...model.units import converted
 from ...plants.plant import Input, Plant
 from ...recordings import NoTableError, Table, is_no_recording, is_recording, is_spreadsheet, read
@@ -84,9 +85,7 @@ def read_folder(folder: Path, plant: Plant, columns: Sequence[str] = ()) -> Reco
 
 def _all_of(faults: Sequence[DataError]) -> DataError:
     """One error that says what is wrong with every file, of many with the first ones."""
-    more = len(faults) - FEW
-    lines = [*(str(fault) for fault in faults[:FEW]), *([f"and {more} more files"] if more > 0 else [])]
-    return faults[0] if len(faults) == 1 else DataError("\n".join(lines))
+    return faults[0] if len(faults) == 1 else SeveralErrors(faults[:FEW], len(faults) - FEW)
 
 
 def of_tables(
