@@ -185,6 +185,16 @@ def test_an_orifice_counts_its_load_from_nothing(start: float | str, spool: bool
     assert ends[0][-1] == pytest.approx(-ends[1][-1], rel=1e-6)
 
 
+def test_what_warms_up_does_so_as_one_body() -> None:
+    """A coil's resistance beside its current: 1 - exp(-t / tau) after a step of what warms it."""
+    effect = next(e for e in at("sensor", 1) if e.id == "warming(strain)")
+    kernel, time = Kernel(effect(sensor())), np.linspace(0, 5, 11)
+    drive = Protocol.of([0, 1, 1, 5], load=[100] * 4, supply=[0, 0, 10, 10])
+    values = {"strain_warming_rise": 0.3, "strain_warming_tau": 1.7}
+    expected = np.where(time < 1, 0, 1e-2 * (1 + 0.3 * (1 - np.exp(-(time - 1) / 1.7))))
+    np.testing.assert_allclose(kernel.simulate(drive, time, values, 1e-9)["bridge"], expected, atol=1e-9)
+
+
 def test_an_absolute_pressure_loads_an_orifice_from_that_of_the_air() -> None:
     model, effect = valve(1e5, spool=False)
     assert float(effect(model).expression("flow_orifice_start")) == 1e5
