@@ -550,7 +550,10 @@ def test_the_verdict_says_for_which_effect_another_stands(monkeypatch: pytest.Mo
 
     two = said({"sensor_lag": ["sensor_delay", "pneumatic_line"], "sensor_drift": []})
     assert ", or sensor_delay or pneumatic_line in place of sensor_lag: these recordings cannot" in two
-    assert two.endswith("them, as laws are seldom exact (pneumatic_line fits worse than by chance).")
+    assert two.endswith(
+        "cannot distinguish them for certain: pneumatic_line fits less well, as even the right law may, because laws "
+        "are seldom exact."
+    )
     one = said({"sensor_lag": ["sensor_delay"]})
     assert ", or sensor_delay in place of it: these" in one and one.endswith("distinguish them.")
     strained = said({"rigid_stop": []}, "C_2", "C_3")

@@ -119,7 +119,10 @@ def _inexact(found: Discovery) -> str:
     """Which effects are equivalent to another only because laws are inexact; "" where all are within chance."""
     worse = [o for name, group in found.equivalent.items() for o in group if apart_by_form(found, name, o)]
     fit = "fits" if len(worse) == 1 else "fit"
-    return f", as laws are seldom exact ({some(worse, FEW)} {fit} worse than by chance)" if worse else ""
+    words = (
+        f" for certain: {some(worse, FEW)} {fit} less well, as even the right law may, because laws are seldom exact"
+    )
+    return words if worse else ""
 
 
 def _reserved(found: Discovery, outcome: Mapping[str, Any]) -> str:
