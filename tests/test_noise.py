@@ -15,7 +15,7 @@ from tubular_dea.identify.signals.colour import Colour, filtered
 from tubular_dea.identify.signals.colour_estimate import as_told
 from tubular_dea.identify.signals.colour_estimate import coloured as colour_of
 from tubular_dea.identify.signals.hum import is_hum
-from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, of_repetitions, rounded
+from tubular_dea.identify.signals.noise import BRIEF, Noise, estimate, of_residual, rounded
 from tubular_dea.identify.signals.quiet import Clock, calm, stretches
 from tubular_dea.identify.signals.repeats import Repeated, unrepeated
 
@@ -482,10 +482,10 @@ def test_a_stated_noise_stays_as_it_was_stated() -> None:
     beats = unrepeated([Repeated(times, left, begins, np.sort(np.append(begins, begins + 0.3)))])
     for rms in (30e-6, 100e-6):
         known = Noise(rms, 0.0, quiet=False)
-        assert noise_bound.limited(known, [left]) == of_repetitions(known, beats) == known
+        assert noise_bound.limited(known, [left]) == of_residual(known, beats) == known
     estimated = Noise(100e-6, 0.0, 1000.0, quiet=False)
     assert noise_bound.limited(estimated, [left]).rms < 80e-6
-    assert of_repetitions(estimated, beats).rms == pytest.approx(20e-6, rel=0.02)
+    assert of_residual(estimated, beats).rms == pytest.approx(20e-6, rel=0.02)
 
 
 @pytest.mark.parametrize(("count", "size"), [(1000, 256), (1001, 255), (300, 300)])

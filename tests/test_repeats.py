@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tubular_dea.identify.signals.colour import Colour
-from tubular_dea.identify.signals.noise import Noise, of_repetitions
+from tubular_dea.identify.signals.noise import Noise, of_residual
 from tubular_dea.identify.signals.repeats import LEAST_REPETITIONS, NEAR, Repeated, unrepeated
 
 STEP, RMS = 0.004, 15e-6
@@ -31,15 +31,15 @@ def beats(colour: Colour, lacks: float, count: int = 240, seed: int = 5) -> Repe
 @pytest.mark.parametrize("colour", [Colour(0.0), Colour(0.83), Colour(0.9, 0.3)], ids=["white", "ar1", "arma"])
 def test_the_noise_of_beats_is_told_whatever_repeats(colour: Colour, lacks: float) -> None:
     """Level and colour are those of the noise, also beside what a model lacks, and where switchings are missed."""
-    found = of_repetitions(UNKNOWN, unrepeated([beats(colour, lacks)]))
-    assert found.quiet and found.repeated
+    found = of_residual(UNKNOWN, unrepeated([beats(colour, lacks)]))
+    assert found.quiet and found.by_residual
     assert found.innovation == pytest.approx(RMS * np.sqrt(colour.innovation), rel=0.05)
     assert found.slow == pytest.approx(RMS * np.sqrt(colour.density()), rel=0.25)
 
 
 def test_few_beats_tell_nothing() -> None:
     """Noise stays as it is known where too few repetitions follow each other."""
-    assert of_repetitions(UNKNOWN, unrepeated([beats(Colour(0.5), 0.0, LEAST_REPETITIONS)])) is UNKNOWN
+    assert of_residual(UNKNOWN, unrepeated([beats(Colour(0.5), 0.0, LEAST_REPETITIONS)])) is UNKNOWN
 
 
 def test_nothing_is_told_near_switchings() -> None:

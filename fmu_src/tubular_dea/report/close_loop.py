@@ -254,8 +254,11 @@ def _trace(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     noise = outcome["noise"]["sensors"][found.study.plant.outputs[0].name]
     first = found.study.noise[found.study.plant.outputs[0].name]
     where = "in the quietest parts of the recordings" if first.quiet else "between the events, as no part is quiet"
-    if first.repeated:
-        where = "from what one repetition (beat) of the residual does not share with the others, as no part is quiet"
+    if first.by_residual:
+        where = (
+            "from what the model leaves while its answer stands still, or what one repetition (beat) of that does not "
+            "share with the others, as no part is quiet"
+        )
     counts = noise["from_monitors"] > NEGLIGIBLE * noise["rms"]
     told = "as bench.toml states it" if stated(found) else f"estimated {where}"
     page.text(

@@ -114,7 +114,8 @@ class Noise:
     (infinite: it was stated), `form` the relative error of the variance, where effects are sought, that the colour
     leaves. `hum` are the frequencies [Hz] of lines of the mains beside the noise, `lines` those of other lines, which
     are no noise either.
-    `repeated` is whether no stretch is quiet, but repetitions of the plant's course tell the noise (`repeats`).
+    `by_residual` is whether no stretch is quiet, but what a model leaves tells the noise: while its answer stands
+    still, or by what repetitions of its course do not share (`repeats`).
     `faster` is the time constant of the plant's bandwidth [s]: a memory as short is no signal's; 0 where none is known.
     `pace` is how many times as long as usual the plant takes for all that it does (`quiet.pace_of`).
     `quiet` is False where no stretch was quiet enough to tell it from the signal, `slow_known` where none was long
@@ -136,7 +137,7 @@ class Noise:
     slower: tuple[float, float] = (0.0, 0.0)
     slow_known: bool = True
     grain: float = 0.0
-    repeated: bool = False
+    by_residual: bool = False
     faster: float = 0.0
     pace: float = 1.0
     clocked: bool = False
@@ -278,10 +279,10 @@ def _at_rest(still: Sequence[Stretches]) -> bool:
     return first < LOUDER * last
 
 
-def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
-    """The noise that the `rest` of repetitions tells, as quiet stretches do; `known` where that is too little, or where
-    it was stated."""
-    if known.stated or freedom(rest) < ENOUGH_FREEDOM:
+def of_residual(known: Noise, rest: Sequence[Stretches]) -> Noise:
+    """The noise that a `rest` tells which a model leaves, as quiet stretches do; `known` where that is too little, or
+    where it was stated."""
+    if known.stated or freedom(rest) < SOME_FREEDOM:
         return known
     found = coloured(rest, min(s.step for s in rest), pace=known.pace)
     colour = found.at_step
@@ -296,7 +297,7 @@ def of_repetitions(known: Noise, rest: Sequence[Stretches]) -> Noise:
         quiet=True,
         slower=(colour.pole, colour.zero),
         slow_known=not colour.pole,
-        repeated=True,
+        by_residual=True,
         clocked=found.clocked,
     )
 

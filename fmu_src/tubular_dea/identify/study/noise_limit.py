@@ -14,13 +14,18 @@ import numpy as np
 from ..fitting.compiled import Ids
 from ..fitting.fit import Fit
 from ..signals import hum as hums
-from ..signals.noise import Noise, estimate, of_repetitions, rounded, usual_resolution
+from ..signals.colour_estimate import freedom
+from ..signals.noise import ENOUGH_FREEDOM, Noise, estimate, of_residual, rounded, usual_resolution
 from ..signals.noise_bound import TOO_MUCH, limited
-from ..signals.quiet import Records
+from ..signals.quiet import LEAST_STRETCH, Records, Stretches, calm, stretches
 from ..signals.repeats import Repeated, unrepeated
 from ..signals.sampling import SAME_STEP, usual_step
 from .nuisances import with_nuisances
 from .study import Study, happenings
+
+# Set by judgement: far below any noise, far above the integrator's error.
+# Check: `pytest tests/test_unquiet.py -k stands_still`
+STILL = 1e-4  # [1] of its span that a model's answer moves at most, within the shortest stretch, while it stands still
 
 
 def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
@@ -46,8 +51,8 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
             step = usual_resolution([(t, values, events) for t, values, _, events in read])
             known = _without_hum(known, rests, study.plant.bandwidth, step)
         left = [rest for _, rest, _ in rests]
-        if not known.quiet or known.repeated:
-            known = of_repetitions(known, unrepeated(_repeated(study, name, left), known.pace))
+        if not known.quiet or known.by_residual:
+            known = of_residual(known, _telling(study, name, rests, [there for _, _, there, _ in read], known.pace))
         noise[name] = limited(known, left, more)
     return replace(study, noise=noise)
 
@@ -57,6 +62,20 @@ def _without_hum(known: Noise, rests: Records, bandwidth: float, step: float) ->
     reads in steps; a level that was stated stays."""
     told = rounded(estimate(rests, bandwidth, known.pace), step)
     return replace(told, hum=known.hum) if told.quiet and not known.stated else known
+
+
+def _telling(study: Study, output: str, rests: Records, answers: Sequence[np.ndarray], pace: float) -> list[Stretches]:
+    """What is noise alone of the residuals of an output: what repetitions do not share, and where these are too few,
+    what is left while the model's `answers` (each (n,)) stand still, though an input that does not move it then may.
+
+    The pressure of a valve's supply jumps while its spool is at rest: no stretch of the records was quiet.
+    """
+    again = unrepeated(_repeated(study, output, [rest for _, rest, _ in rests]), pace)
+    if freedom(again) >= ENOUGH_FREEDOM:
+        return again
+    moves = [np.abs(np.diff(there)) > STILL * np.ptp(there) / LEAST_STRETCH for there in answers]
+    still = [(t, rest, t[1:][moved]) for (t, rest, _), moved in zip(rests, moves, strict=True)]
+    return calm(stretches(still, 0.0, pace=pace), usual_resolution(still))
 
 
 def _repeated(study: Study, output: str, left: Sequence[np.ndarray]) -> list[Repeated]:
