@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -14,6 +15,8 @@ from tubular_dea.discover.options.options import fitted_option
 from tubular_dea.discover.scores.parameters import lost
 from tubular_dea.discover.search import settle
 from tubular_dea.discover.search.settle import iterated, own_nuisances
+from tubular_dea.identify.records.experiment import UNKNOWN
+from tubular_dea.identify.study.adjust import adjusted, with_starts_at
 from tubular_dea.identify.study.study import PRIOR, Study, study
 from tubular_dea.kernel import KernelError
 from tubular_dea.plants.tube import PLANT
@@ -43,6 +46,22 @@ def test_a_lost_fit_is_found_again() -> None:
     found = own_nuisances(work, astray)[1]
     assert found.misfit < stuck.misfit - 100
     assert not lost(PLANT, found.fitted)
+
+
+def test_starts_of_states_that_only_a_model_with_an_effect_has_are_not_those_of_a_record() -> None:
+    """A record that the model with the effect could not follow kept its own numbers: a traceback after a minute."""
+    read = td.read_recordings({f"beats {n}": beats(n) for n in range(2)})
+    read = replace(read, experiments=[replace(e, start=UNKNOWN) for e in read.experiments])
+    values, ids = PLANT.model.parameter_values(), ("third_maxwell_branch",)
+    work = adjusted(study(read, [], PRIOR), (), values)
+    assert len(work.unknown(ids, work.pieces[0])) > len(work.unknown((), work.pieces[0])) > 0
+    there = with_starts_at(work, ids, values | dict(PLANT.catalogue[ids[0]].typical))
+    for before, after in zip(work.pieces, there.pieces, strict=True):
+        assert after.nuisances.names == before.nuisances.names
+        moved = np.any(after.nuisances.columns != before.nuisances.columns, axis=0)
+        assert moved.any() and all(
+            n.startswith("start") for n, m in zip(before.nuisances.names, moved, strict=True) if m
+        )
 
 
 def test_a_model_without_an_answer_at_the_declared_values_stays_as_it_settled(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -202,7 +202,7 @@ def assist(
     scheme : {"implicit", "gauss-seidel", "jacobi"}
         The coupling scheme; explicit ones diverge in stiff arteries and near the fold, which is reported.
     step : float
-        Communication step [s], at most 0.02.
+        Communication step [s], at most 0.005.
     variable : bool
         Let the error estimate choose the step, up to ten times `step`.
     progress : bool

@@ -74,6 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Simulate and write response.csv and response.png."""
     _check_together(options)
+    _check_kept(options)
     try:
         response = _response(options, _given(options))
     except MissingError as problem:
@@ -94,6 +95,13 @@ def _check_together(options: argparse.Namespace) -> None:
             raise UserError(
                 f"--inputs and --{name} exclude each other: the file has all inputs, and the times; give one of the two"
             )
+
+
+def _check_kept(options: argparse.Namespace) -> None:
+    """`UserError` where the table would be written over the file of inputs."""
+    written = options.out / "response.csv"
+    if options.inputs is not None and written.exists() and options.inputs.exists() and written.samefile(options.inputs):
+        raise UserError(f"--out {options.out}: {written} is the file of inputs; expected another folder")
 
 
 def _given(options: argparse.Namespace) -> dict[str, str]:

@@ -363,12 +363,12 @@ def least(found: Discovery) -> str:
 
 
 def _rivals(outcome: dict[str, Any]) -> list[str]:
-    """The nearest rival, and its residual."""
+    """The nearest rival that can be as it was fitted, and its residual."""
     named = [e["id"] for e in outcome["effects"]]
     equal = {other for e in outcome["effects"] for other in e["equivalent"]}
     best = next((r for r in outcome["ranking"] if r["effects"] == named), None)
     rivals = [r for r in outcome["ranking"] if len(r["effects"]) <= len(named) and r["effects"] != named]
-    rivals = [r for r in rivals if not equal & set(r["effects"])]
+    rivals = [r for r in rivals if not equal & set(r["effects"]) and not r.get("implausible")]
     if best is None or not rivals:
         return []
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import fmpy
 
-from ..files import FullDiskError, unpack, working_folder
+from ..files import FileError, FullDiskError, unpack, working_folder
 from ..model.declare import Quantity
 from .expression import PlanError
 from .models import ExternalFmu
@@ -28,9 +28,12 @@ def unpacked(fmu: ExternalFmu) -> tuple[str, Any]:
             description = fmpy.read_model_description(str(folder))
         except FullDiskError:
             raise
+        except FileError as problem:
+            raise PlanError(f"model: {str(problem).replace(str(path), fmu.name)}") from None
         except Exception as problem:
+            why = str(problem).replace(f"{folder}/", "")
             raise PlanError(
-                f"model: {fmu.name}: cannot be read as an FMU: {problem}; expected an archive with a valid description"
+                f"model: {fmu.name}: cannot be read as an FMU: {why}; expected an archive with a valid description"
             ) from None
         atexit.register(stack.pop_all().close)
     return str(folder), description

@@ -306,7 +306,8 @@ def _output_errors(q: Quantity, pairs: Sequence[tuple[Piece, np.ndarray, np.ndar
 
 
 def ranking(found: Discovery) -> list[dict[str, Any]]:
-    """Every refitted option with its evidence over the base, best first."""
+    """Every refitted option with its evidence over the base, best first; `implausible` are effects that cannot be as
+    they were fitted."""
     options = {
         o.ids: o
         for o in [*(o for r in found.search.rounds for o in r.options), found.chosen, *found.search.rivals]
@@ -314,7 +315,12 @@ def ranking(found: Discovery) -> list[dict[str, Any]]:
     }
     ordered = sorted(options.values(), key=lambda o: -o.evidence)
     return [
-        {"effects": list(o.ids), "evidence": _finite(o.evidence - found.base.evidence), "ratio": o.lack_of_fit.ratio}
+        {
+            "effects": list(o.ids),
+            "evidence": _finite(o.evidence - found.base.evidence),
+            "ratio": o.lack_of_fit.ratio,
+            "implausible": list(o.impossible),
+        }
         for o in ordered
     ]
 

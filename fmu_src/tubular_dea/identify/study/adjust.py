@@ -93,11 +93,12 @@ def with_starts_at(study: Study, ids: Ids, values: Mapping[str, float]) -> Study
 
 def _with_starts_at(study: Study, ids: Ids, values: Mapping[str, float], piece: Piece) -> Piece:
     own = piece.nuisances
-    mine = np.array([k for k, name in enumerate(own.names) if name.startswith(START_OF)], dtype=int)
+    known = [f"{START_OF}{name}" for name in study.unknown(ids, piece)]  # of this model: others stay as they are
+    mine = np.array([k for k, name in enumerate(own.names) if name in known], dtype=int)
     if not mine.size:
         return piece
     columns = own.columns.copy()
-    columns[:, mine] = start_columns(study, ids, values, piece)
+    columns[:, mine] = start_columns(study, ids, values, piece)[:, [known.index(own.names[k]) for k in mine]]
     white = whitened(piece.case, columns[:, mine], study.noise, piece.weight)
     made = piece.marginal.with_columns_at(mine, white, own.sd[mine])
     return replace(piece, marginal=made, nuisances=replace(own, columns=columns))
