@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 import tubular_dea as td
 from made_up import option
@@ -15,7 +17,7 @@ from tubular_dea.discover.experiments.next_experiment import Proposal, at_channe
 from tubular_dea.laws.places import Balance, Coefficient, Path
 from tubular_dea.model.build import Build
 from tubular_dea.model.declare import DeclarationError
-from tubular_dea.model.smooth import root
+from tubular_dea.model.smooth import root, step
 from tubular_dea.plants.effects import catalogue
 from tubular_dea.plants.plant import Exchange, Input, Output, Plant, Stage
 from tubular_dea.plants.tube import PLANT, TABLE_II
@@ -233,3 +235,19 @@ def test_the_width_of_a_root_may_be_a_parameter() -> None:
     m.output("flow", "m3/s", gain * root(drop, width))
     run = td.simulate(Plant(m.model(), [Input("drop")], [Output("flow")]), drop=1e4, stop=1.0)
     assert run["flow"][-1] == pytest.approx(1e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize("size", ["5 um", float("nan"), -1.0, True])
+def test_a_size_of_a_signal_is_a_number(size: Any) -> None:
+    """`zero="5 um"` was a traceback once a file had been read."""
+    with pytest.raises(DeclarationError, match=r"Output\('position'\): zero: expected a number that is not negative"):
+        Output("position", zero=size)
+    with pytest.raises(DeclarationError, match=r"Input\('load'\): least: expected a number"):
+        Input("load", least=size)
+    assert Output("position", zero=np.float64(5e-6)).known_zero == 5e-6
+
+
+def test_a_step_at_a_number_is_one() -> None:
+    """A friction of 2 step(v) - 1 with v at rest was a traceback."""
+    x = sympy.Symbol("x", real=True)
+    assert [step(x).subs(x, at) for at in (-1, 0, sympy.Float(0.0), 1)] == [0, 0, 0, 1]

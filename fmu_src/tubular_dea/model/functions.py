@@ -7,7 +7,7 @@ from sympy.core.function import AppliedUndef
 from sympy.core.relational import Relational
 
 INSTEAD = (  # what has no derivative that could be printed, and what does
-    (sympy.sign, "2*step(x) - 1, with step of tubular_dea.plants"),
+    (sympy.sign, "tanh(x / small) where it holds x still, as friction does, else 2*step(x) - 1 (tubular_dea.plants)"),
     (sympy.Heaviside, "step(x) of tubular_dea.plants"),
     ((sympy.floor, sympy.ceiling, sympy.Mod, sympy.frac), "a state or a smooth function"),
     ((sympy.DiracDelta, sympy.Derivative, sympy.Integral, AppliedUndef), "a state of its own, with its derivative"),

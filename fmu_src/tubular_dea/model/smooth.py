@@ -15,7 +15,7 @@ class step(sympy.Function):  # noqa: N801 - reads like a function in equations
     @classmethod
     def eval(cls, x: sympy.Expr) -> sympy.Expr | None:
         """Numbers at once."""
-        return sympy.Integer(int(x > 0)) if x.is_number else None
+        return sympy.Integer(int(bool(x > 0))) if x.is_number else None
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
         """0, at the corner too."""

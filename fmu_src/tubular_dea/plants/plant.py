@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from types import MappingProxyType
 
 import numpy as np
@@ -61,6 +62,7 @@ class Input:
     mean: bool = False
 
     def __post_init__(self) -> None:
+        _check_numbers(self, "least", "most", "zero")
         if self.mean and not self.held:
             raise DeclarationError(
                 f"Input({self.name!r}): expected held=True beside mean=True, as a mean says nothing of the course; or "
@@ -115,6 +117,9 @@ class Output:
     feels_rates: bool = False
     multiples: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        _check_numbers(self, "least", "most", "zero", "rest")
+
     @property
     def known_zero(self) -> float:
         """The usual size of its zero error where that is declared, else 0."""
@@ -134,6 +139,19 @@ class Output:
     def size_at_rest(self) -> str:
         """The parameter that is subtracted under one of its headings; "" where there is none."""
         return next((parameter for parameter in self.columns.values() if parameter), "")
+
+
+def _check_numbers(signal: Input | Output, *names: str) -> None:
+    """`DeclarationError` for a size that is no number, as "5 um" is not, or one below 0 that cannot be."""
+    for name in names:
+        value = getattr(signal, name)
+        number = isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
+        if value is not None and not (number and (value >= 0 or name in ("rest", "most"))):
+            wanted = "a number" if name in ("rest", "most") else "a number that is not negative"
+            raise DeclarationError(
+                f"{type(signal).__name__}({signal.name!r}): {name}: expected {wanted} (in SI units) but was given "
+                f"{value!r}"
+            )
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ STEPS_SHOWN = 2.5  # [1] steps for every sample and point of inputs beyond which
 CHEAP_STEPS = 20_000  # [1] steps that are always allowed: few samples may follow many a switch
 
 # Set by theory: squares of it are still numbers. Check: `pytest tests/test_plant_files.py -k runs_away`
-RUN_AWAY = 1e100  # [SI] that no plant reaches
+RUN_AWAY = 1e50  # [SI] that no plant reaches
 STEPS_A_SAMPLE = 20  # [1] and so many more for every sample and point of its inputs
 
 
@@ -134,8 +134,7 @@ class Response:
             wanted=case.outputs,
             keep_mesh=keep_mesh,
         )
-        if any(float(np.abs(v).max(initial=0.0)) > RUN_AWAY for v in found.values.values()):
-            raise KernelError(f"{self.kernel.model.name} runs away: it reaches more than {RUN_AWAY:g}")
+        self._check_stays(found.values)
         if found.mesh is not None:
             self._meshes[id(shared)] = (parameters, found.mesh)
         return shared.read(found.values)
@@ -198,9 +197,16 @@ class Response:
     def _differentiated(
         self, shared: SharedTrajectory, values: Mapping[str, float], names: Sequence[str], mesh: np.ndarray
     ) -> Trajectory:
-        return self.kernel.simulate(
+        found = self.kernel.simulate(
             self._drive(shared.case), shared.times, values, sensitivities=names, mesh=mesh, wanted=shared.case.outputs
         )
+        self._check_stays(found.sensitivities)
+        return found
+
+    def _check_stays(self, found: Mapping[str, np.ndarray]) -> None:
+        """`KernelError` where a plant, or its derivatives, grow beyond what can be reckoned with."""
+        if any(float(np.abs(v).max(initial=0.0)) > RUN_AWAY for v in found.values()):
+            raise KernelError(f"{self.kernel.model.name} runs away: it reaches more than {RUN_AWAY:g}")
 
     def _all(self, work: Callable[[SharedTrajectory], T]) -> list[T]:
         return side_by_side(work, self.shared)
