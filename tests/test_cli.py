@@ -91,6 +91,16 @@ def test_help_says_which_files_of_inputs_are_read(tmp_path: Path, capsys: pytest
     assert "column 'voltage [V]' is missing" in capsys.readouterr().err
 
 
+def test_simulate_does_not_write_over_its_inputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--inputs run/response.csv` without --out was lost, as the usual folder is `run`."""
+    file = tmp_path / "response.csv"
+    file.write_text("time [s],pressure [mmHg],voltage [kV]\n0,0,0\n1,95,5\n", encoding="utf-8")
+    before = file.read_bytes()
+    assert run("simulate", "--inputs", str(file), "--out", str(tmp_path)) == 2
+    assert "response.csv is the file of inputs; expected another folder" in capsys.readouterr().err
+    assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
+
+
 def test_simulate_reads_what_it_wrote(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     assert (

@@ -808,3 +808,16 @@ def test_slow_noise_that_one_file_has_alone_is_not_called_nothing(
     found = SimpleNamespace(verdict="no_effect", strained=(), named=SimpleNamespace(lack_of_fit=state))
     why = between_files.in_few_files(found, {"unit": "m", "per_experiment": each})
     assert why == ("rec3 has an error of 20.2 um, the others of 8.05 um" if said else "")
+
+
+def test_what_cannot_be_is_no_explanation_that_can_be_told() -> None:
+    """A preload beyond its bounds "can be told", with 0 in log evidence of which 5 is very strong."""
+    rows = [
+        {"effects": ["power"], "evidence": 100.0, "ratio": 0.66, "implausible": []},
+        {"effects": ["preload"], "evidence": 100.0, "ratio": 0.66, "implausible": ["preload"]},
+        {"effects": ["lag"], "evidence": 60.0, "ratio": 0.7, "implausible": []},
+    ]
+    outcome = {"effects": [{"id": "power", "equivalent": []}], "ranking": rows}
+    (said,) = in_short._rivals(outcome)
+    assert "preload" not in said and "lag" in said and "40 in log evidence" in said
+    assert in_short._rivals(outcome | {"ranking": rows[:2]}) == []
