@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from zipfile import BadZipFile
 
 import fmpy
 import numpy as np
@@ -41,7 +42,10 @@ def main() -> None:
     fmu = Path("build/fmi2/TubularDEA.fmu")
     if not fmu.exists():
         native_fmu(tubular_dea(), 2, fmu)
-    response = drive(fmu, time, pressure, voltage)
+    try:
+        response = drive(fmu, time, pressure, voltage)
+    except BadZipFile:
+        raise SystemExit(f"measured_pressure.py: {fmu} is damaged; build it anew with python build_fmu.py") from None
     draw(options.out, response, f"{options.csv.name}: {beats} beats")
     stroke = 1e3 * np.ptp(response["radial_displacement"])
     field = 1e-6 * response["electric_field"].max()

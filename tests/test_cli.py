@@ -91,6 +91,16 @@ def test_help_says_which_files_of_inputs_are_read(tmp_path: Path, capsys: pytest
     assert "column 'voltage [V]' is missing" in capsys.readouterr().err
 
 
+def test_a_unit_that_was_left_out_is_asked_about(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """5.5 V and 95 Pa were computed in silence."""
+    assert run("simulate", "--pressure", "95", "--voltage", "5.5", "--stop", "1", "--out", str(tmp_path / "run")) == 0
+    said = capsys.readouterr().err
+    assert "pressure: the largest value is 95 Pa; expected at least 400 Pa: was its unit left out?" in said
+    assert "voltage: the largest value is 5.5 V; expected at least 25 V" in said
+    assert run("assist", "--voltage", "5.5", "--out", str(tmp_path / "assisted")) == 2
+    assert "--voltage: expected 0, or at least 25 V, but was given 5.5 V; was 5.5 kV meant?" in capsys.readouterr().err
+
+
 def test_simulate_does_not_write_over_its_inputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`--inputs run/response.csv` without --out was lost, as the usual folder is `run`."""
     file = tmp_path / "response.csv"

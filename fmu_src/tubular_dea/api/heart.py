@@ -24,6 +24,7 @@ from ..plants.saved import as_json
 from .given import Amount, AnyModel, amount, settings_of, tube_of
 
 LONGEST_STEP = 0.005  # s; with 10 ms a run without assist is off by a tenth of what the assist changes
+NO_PULSE = 25.0  # V; a smaller one moves nothing: its unit was left out
 MODEL_FILE, PATIENT_FILE = "model.json", "patient.toml"
 GIVEN = "given"  # the name of a patient that has no other
 
@@ -155,6 +156,10 @@ def _voltage(scheduler: Model, given: Amount) -> float:
     if not q.allows(value):
         allowed = f"{1e-3 * (q.minimum or 0):g} to {1e-3 * (q.maximum or math.inf):g} kV"
         raise ArgumentError("voltage", f": expected {allowed} but was given {1e-3 * value:g} kV")
+    if 0 < value < NO_PULSE:
+        raise ArgumentError(
+            "voltage", f": expected 0, or at least {NO_PULSE:g} V, but was given {value:g} V; was {value:g} kV meant?"
+        )
     return value
 
 

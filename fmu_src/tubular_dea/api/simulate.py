@@ -210,6 +210,8 @@ def simulate(
         owner = _owner(model, chosen, plant)
         remarks = tuple(_odd(Path(timed), protocol, owner)) if owner is not None else ()
         protocol, between = _as_recorded(protocol, owner)
+    elif isinstance(inputs, Mapping) and (owner := _owner(model, chosen, plant)) is not None:
+        remarks = tuple(_faint(protocol, owner))
     sampled = _times(protocol, spacing) if wanted is None else wanted
     remarks += tuple(_unset(chosen, values))
     kernel = Kernel(chosen, differentiated=False)
@@ -311,6 +313,19 @@ def _odd(path: Path, protocol: Protocol, plant: Plant) -> list[str]:
         problem = mislabelled(protocol.inputs[signal.name], signal, plant.quantity(signal.name))
         if problem:
             said.append(f"{path}: column {signal.name!r}: {problem}")
+    return said
+
+
+def _faint(protocol: Protocol, plant: Plant) -> list[str]:
+    """Inputs that were given, and are too small for their unit: it may have been left out."""
+    said = []
+    for signal in plant.inputs:
+        top, q = float(np.abs(protocol.inputs[signal.name]).max()), plant.quantity(signal.name)
+        if 0 < top < signal.least:
+            said.append(
+                f"{signal.name}: the largest value is {q.told(top)}; expected at least {q.told(signal.least)}: was its "
+                "unit left out?"
+            )
     return said
 
 
