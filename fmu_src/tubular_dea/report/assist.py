@@ -21,6 +21,7 @@ from .rhythm import GREY, ML, MMHG, Panel, Trace, panels, window
 HEADER = ("figure (assisted beats)", "without", "with, mean ± sd", "worst", "change")
 MARKS = {"triangle": ("triangle-down", "v"), "cross": ("x", "x")}  # as plotly and as matplotlib call them
 PULSE = "rgba(200, 64, 47, 0.12)"
+BESIDE = 0.05  # of its span that is free on either side of a loop
 
 Loops = dict[str, tuple[np.ndarray, np.ndarray]]
 
@@ -78,7 +79,10 @@ def plotly_loops(loops: Loops) -> go.Figure:
     figure, colours = go.Figure(), loop_colours(list(loops))
     for name, (x, y) in loops.items():
         figure.add_trace(go.Scatter(x=x, y=y, name=name, line={"color": colours[name], "width": 2}))
-    return figure.update_layout(xaxis_title="volume [mL]", yaxis_title="pressure [mmHg]", height=480)
+    volumes = np.concatenate([x for x, _ in loops.values()])
+    room = BESIDE * float(np.ptp(volumes))  # or the sides of a loop, which are upright, lie on the frame
+    figure.update_xaxes(title="volume [mL]", range=[float(volumes.min()) - room, float(volumes.max()) + room])
+    return figure.update_yaxes(title="pressure [mmHg]", rangemode="tozero").update_layout(height=480)
 
 
 def draw_loops(loops: Loops, figure: Figure | None = None) -> Figure:
