@@ -11,13 +11,13 @@ from ...identify.study.remembered import at_corners
 from ...identify.study.study import Piece, Study
 from ...model.effect import Effect
 from ...model.units import in_words
-from ...recordings.table import either
+from ...recordings.table import FEW, either, some
 from ..engine import Discovery
 from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
 from ..options.options import Option
 from ..scores.parameters import at_bounds, implausible, strengths_at_bounds
 from ..search.rounds import Round
-from . import between_files, follows, reservations, when
+from . import between_files, follows, jumps, reservations, when
 from .left_over import Left, left_over
 from .oscillations import Oscillation
 
@@ -231,11 +231,12 @@ def _unit(effect: Effect, parameter: str) -> str:
 
 
 def _told_of_the_rest(found: Discovery) -> list[str]:
-    """Of what no effect explains, when it is and which unused columns it follows."""
+    """Of what no effect explains, when it is, when it jumps, and which unused columns it follows."""
     if found.verdict not in ("unexplained", "partly_explained"):
         return []
     rest = [*left_over(found)]
-    return [*_at_times(when.brief_misses(rest, found.named_study.noise)), *_following(found, rest)]
+    brief = when.brief_misses(rest, found.named_study.noise)
+    return [*_at_times(brief), *_jumping(found, jumps.jumps(rest)), *_following(found, rest)]
 
 
 def _at_times(told: Sequence[when.Stretch]) -> list[str]:
@@ -243,6 +244,24 @@ def _at_times(told: Sequence[when.Stretch]) -> list[str]:
         return []
     where = " and ".join(f"{t.name} from {t.begin:.4g} to {t.end:.4g} s" for t in told)
     return [f"More than half of what is left beyond noise is in {where}: what happened then, unrecorded?"]
+
+
+def _jumping(found: Discovery, told: Sequence[jumps.Jumps]) -> list[str]:
+    if not told:
+        return []
+    largest = max(told, key=lambda one: one.largest)
+    by = found.study.plant.quantity(largest.of).in_words(largest.largest)
+    files = [f"{one.name} at {_listed(one.times)}" for one in told]
+    return [
+        f"What is left jumps while the model stands still, by up to {by}: in {some(files, FEW)}. Did something slip or "
+        "let go there, or was the sensor moved?"
+    ]
+
+
+def _listed(times: Sequence[float]) -> str:
+    more = len(times) - FEW
+    again = f" and {more} times more" if more > 1 else " and once more" if more == 1 else ""
+    return f"{', '.join(f'{t:.4g}' for t in times[:FEW])} s{again}"
 
 
 def _following(found: Discovery, rest: Sequence[Left]) -> list[str]:

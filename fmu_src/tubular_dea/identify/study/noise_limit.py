@@ -25,7 +25,9 @@ from .study import Study, happenings
 
 # Set by judgement: far below any noise, far above the integrator's error.
 # Check: `pytest tests/test_unquiet.py -k stands_still`
-STILL = 1e-4  # [1] of its span that a model's answer moves at most, within the shortest stretch, while it stands still
+STANDS_STILL = (
+    1e-4  # [1] of its span that a model's answer moves at most, within the shortest stretch, while it stands still
+)
 
 
 def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
@@ -73,7 +75,7 @@ def _telling(study: Study, output: str, rests: Records, answers: Sequence[np.nda
     again = unrepeated(_repeated(study, output, [rest for _, rest, _ in rests]), pace)
     if freedom(again) >= ENOUGH_FREEDOM:
         return again
-    moves = [np.abs(np.diff(there)) > STILL * np.ptp(there) / LEAST_STRETCH for there in answers]
+    moves = [np.abs(np.diff(there)) > STANDS_STILL * np.ptp(there) / LEAST_STRETCH for there in answers]
     still = [(t, rest, t[1:][moved]) for (t, rest, _), moved in zip(rests, moves, strict=True)]
     return calm(stretches(still, 0.0, pace=pace), usual_resolution(still))
 
