@@ -25,9 +25,7 @@ from .study import Study, happenings
 
 # Set by judgement: far below any noise, far above the integrator's error.
 # Check: `pytest tests/test_unquiet.py -k stands_still`
-STANDS_STILL = (
-    1e-4  # [1] of its span that a model's answer moves at most, within the shortest stretch, while it stands still
-)
+STANDS_STILL = 1e-4  # [1] of its span that a model's answer moves at most within the shortest stretch
 
 
 def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
