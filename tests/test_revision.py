@@ -272,7 +272,7 @@ def test_the_least_supported_effect_is_withdrawn(monkeypatch: pytest.MonkeyPatch
     )
     assert judgement._withdrawn(study, search, both) is alone  # creep's interval includes 1, whatever it gained
     assert search.rivals == [both]
-    assert search.withdrawn == {"creep": "the interval of its size includes nothing"}
+    assert search.withdrawn == {"creep": "the interval of its size includes zero"}
     assert judgement._withdrawn(study, found(BASE, alone, gains={"lag": 9.0}), alone) is BASE
 
 

@@ -214,7 +214,7 @@ def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
         if name in described.impossible:
             why[name] = f"it would need {described.wrong_with(name)}"
         elif not acceptance.bounded_away(work.catalogue[name], described.fitted):
-            why[name] = "the interval of its size includes nothing"
+            why[name] = "the interval of its size includes zero"
         elif _no_more_than_a_zero(work, found, described, name):
             why[name] = "a zero no larger than that signal usually has explains as much"
         elif found.gains.get(name, np.inf) < acceptance.EARNS * slow:
