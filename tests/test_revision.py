@@ -370,7 +370,7 @@ def test_what_fitted_as_well_is_settled_whatever_held_out_experiments_said(
 
     def own_nuisances(study: Any, one: Option) -> tuple[Any, Option]:
         numbers_taken.append(one.ids)
-        return study, option(*one.ids, excess=900.0)
+        return study, option(*one.ids)
 
     monkeypatch.setattr(selection, "own_nuisances", own_nuisances)
     rounds = [

@@ -175,7 +175,8 @@ def _settle(found: Search, without: Option, tell: Progress) -> None:
     stuck = [r for r in alike if _promised_more(found, without, r)]
     fair = [r for r in alike if not any(r is s for s in stuck)]
     near = [r for r in fair if _may_pass(found, before, r, gained)][:SETTLED_RIVALS]
-    near += [r for r in fair if r.cost - before.cost < CHANCE and not any(r is n for n in near)]
+    if clean(found.chosen.lack_of_fit):  # else their own numbers make up for what both lack
+        near += [r for r in fair if r.cost - before.cost < CHANCE and not any(r is n for n in near)]
     if not near and not stuck:
         return
     settled = side_by_side(lambda r: own_nuisances(found.study, r), near)
