@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...identify.signals.monitors import GAUSSIAN_MAD
 from ...stretches import true_stretches
 from .left_over import Left
 
@@ -17,9 +18,6 @@ JUMP_STAYS = 0.5  # [1] share of it at least: what comes back is a spike, or noi
 JUMP_BEYOND = 8.0  # [standard deviations] of how much the rest usually changes meanwhile, that a jump is at least
 HELD_STILL = 0.3  # [1] share of a jump that the model's answer moves at most: else it is how that follows an input
 MOST_JUMPS = 20  # [1] in a file, with more of which it is how a record looks
-
-# Set by theory: a normal distribution's quartiles. Check: `pytest tests/test_jumps.py`
-QUARTILE = 0.6745  # [standard deviations] that half of all changes are less than
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ def jumped(answer: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if left.size < 2 * JUMP_BESIDE + JUMP_WITHIN:
         return np.empty(0, dtype=int), np.empty(0)
     change, moved = (values[JUMP_WITHIN:] - values[:-JUMP_WITHIN] for values in (left, answer))
-    usual = float(np.median(np.abs(change))) / QUARTILE
+    usual = GAUSSIAN_MAD * float(np.median(np.abs(change)))
     large = (np.abs(change) > JUMP_BEYOND * usual) & (np.abs(moved) < HELD_STILL * np.abs(change))
     places, by = [], []
     for a, b in true_stretches(large):
