@@ -89,6 +89,20 @@ def test_same_accepted_steps(
     assert apart < 1e-11 / tolerance, "Python: to rounding, which its equations do in another order"
 
 
+def test_corners_cost_no_refusals(kernel: Kernel) -> None:
+    """The noise of a monitor bends the pressure at every sample; half of all attempts were refused there. Lanes take
+    the same steps, whatever row was in them before."""
+    time = np.linspace(0, 1, 251)
+    pressure = 1.2e4 + 30 * np.random.default_rng(1).standard_normal(time.size)
+    drive = Protocol.of(time, pressure=pressure, voltage=np.zeros(time.size))
+    plain = kernel.simulate(drive, END, START, 1e-6)
+    assert plain.rejected < 0.1 * plain.steps
+    inputs = {"pressure": Breakpoints(time[None], pressure[None]), "voltage": Breakpoints(time[None], time[None] * 0)}
+    rows = Batch(kernel.model, [Probe("final", "lambda_2")]).trajectories(20, START, inputs, 1.0, 1e-6)
+    assert np.all(rows.steps == plain.steps)
+    np.testing.assert_allclose(rows.values, plain["lambda_2"][-1], rtol=1e-12)
+
+
 def test_a_method_of_order_five_with_an_error_of_order_four() -> None:
     """The coefficients, by what they do: x' = -x and x' = cos t over one step of h and one of h / 2."""
 

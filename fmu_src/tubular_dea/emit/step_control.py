@@ -79,6 +79,16 @@ def resolving(second: float, third: float, limit: float) -> float:
     return smaller(limit, inverse_root(RESOLVED * reach, RESOLVING_ROOT) / sqrt(speed))
 
 
+def at_corner(wanted: float, corner: float) -> float:
+    """The step size to begin with at a corner of the inputs, where only rates jump: no larger than what the corner
+    before it allowed, if there was one (`corner` > 0).
+
+    Noise of a monitor bends inputs at every sample by about as much. What was wanted before says little of that, and
+    half of all attempts were refused; where corners are faint, they allow more than is wanted.
+    """
+    return smaller(wanted, corner) if corner > 0 else wanted
+
+
 def is_last(wanted: float, left: float, time: float) -> bool:
     """Whether a step as large as wanted reaches the end of what is left, or leaves no more than a crumb of it."""
     return wanted >= left - larger(CRUMB * left, TIME_ROUNDING * abs(time))

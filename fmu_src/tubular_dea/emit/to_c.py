@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable
 from typing import Any
 
-from .step_control import growth, is_accepted, is_last, is_too_short, larger, resolving, smaller, wanted_next
+from .step_control import at_corner, growth, is_accepted, is_last, is_too_short, larger, resolving, smaller, wanted_next
 
 TYPES = {"float": "double", "bool": "int", "int": "int"}
 NAMES = {"inf": "INFINITY", "abs": "fabs"}
@@ -104,7 +104,7 @@ def _sign(sign: ast.AST) -> str:
 
 def step_control_header() -> str:
     """`step_control.h`: the same for C; the including file has `inverse_root`."""
-    translated = (smaller, larger, growth, resolving, is_last, is_too_short, is_accepted, wanted_next)
+    translated = (smaller, larger, growth, resolving, at_corner, is_last, is_too_short, is_accepted, wanted_next)
     lines = [
         "/* The choice of step sizes, printed from emit/step_control.py. */",
         "#ifndef STEP_CONTROL_H",

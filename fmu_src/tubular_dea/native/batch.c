@@ -221,7 +221,7 @@ static void set_piece(BatchRun *run, int l, double time)
     }
     lanes->piece_start[l] = time;
     lanes->piece_end[l] = trip->stop - end <= trip->near ? trip->stop : end;
-    lanes->fresh[l] = jumps;
+    lanes->fresh[l] = jumps ? JUMPED : CORNER;
 }
 
 /* The initial states under the inputs of the first piece; 0 where there are none. */
@@ -276,6 +276,7 @@ static void begin(BatchRun *run, int l)
         for (int i = 0; i < MODEL_NQ; i++) lanes->q[i][l] = q[i];
         lanes->time[l] = trip->start;
         lanes->wanted[l] = INFINITY;
+        lanes->corner[l] = lanes->cornered[l] = 0;
         lanes->rejected[l] = 0;
         set_piece(run, l, trip->start);
         if (!set_start(run, l)) finish(run, l, NO_REST_STATE);

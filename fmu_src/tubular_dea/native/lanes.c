@@ -19,8 +19,9 @@ static inline void source_inputs(const Lanes *lanes, int l, double time, double 
 static void begin_piece(Lanes *lanes, const Start *start, int l)
 {
     const double limit = lanes->wanted[l] < INFINITY ? lanes->wanted[l] : lanes->piece_end[l] - lanes->time[l];
-    lanes->wanted[l] = resolving_step(start, l, limit);
-    lanes->fresh[l] = 0;
+    lanes->cornered[l] = lanes->fresh[l] == CORNER;
+    lanes->wanted[l] = lanes->cornered[l] > 0 ? at_corner(limit, lanes->corner[l]) : resolving_step(start, l, limit);
+    lanes->fresh[l] = NOTHING;
 }
 
 static void choose(Lanes *lanes)
@@ -37,6 +38,10 @@ static void judge(Lanes *lanes, const Lane error)
     for (int l = 0; l < WIDTH; l++) {
         lanes->wanted[l] = wanted_next(error[l], lanes->h[l], lanes->wanted[l], lanes->last[l] > 0, lanes->rejected[l] > 0);
         lanes->accepted[l] = is_accepted(error[l]);
+        if (lanes->cornered[l] > 0 && lanes->accepted[l] > 0) {
+            lanes->corner[l] = lanes->h[l] * growth(error[l]);
+            lanes->cornered[l] = 0;
+        }
         lanes->rejected[l] = !is_accepted(error[l]);
         lanes->below[l] = error[l] < 0;
     }

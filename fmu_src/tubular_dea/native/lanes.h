@@ -11,6 +11,8 @@
 
 #define WIDTH 8
 
+enum { NOTHING, JUMPED, CORNER }; /* what inputs have just done: in a corner only their rates jump */
+
 typedef double Lane[WIDTH];
 
 typedef struct {
@@ -20,7 +22,9 @@ typedef struct {
     Lane u[AT_LEAST_ONE(MODEL_NU)], du[AT_LEAST_ONE(MODEL_NU)]; /* inputs at piece_start, and their slopes */
     Lane q[AT_LEAST_ONE(MODEL_NQ)];                             /* the parameters, as model_prepare leaves them */
     Lane wanted;   /* step size to try next; a lane is idle where it is 0 */
-    Lane fresh;    /* 1: inputs have just jumped, `wanted` is an upper bound only (infinite at the start) */
+    Lane fresh;    /* JUMPED: inputs have, `wanted` is an upper bound only (infinite at the start); CORNER; or NOTHING */
+    Lane corner;   /* the step size that the last corner allowed; 0: not known yet */
+    Lane cornered; /* 1: the step that is tried is the first behind a corner */
     Lane rejected; /* 1: the last attempt was refused */
     /* Results of the last attempt: a step of size h to x_new, accepted or not, to the end of the piece or not. */
     Lane h, accepted, last;

@@ -52,7 +52,7 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
     Work work;
     Step step;
     long tries = 0, since_below = LATELY;
-    int jumped = !solver->unbroken;
+    int begins = 1;
     model_prepare(solver->p, q);
     const Tried trial = {&step.time, &step.h, (const Lane *)step.x, (const Lane *)q};
     while (*time < end) {
@@ -62,8 +62,7 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
         step.time = *time;
         memcpy(step.x, x, sizeof step.x);
         linearise(&solver->inputs, &trial, solver->tolerance, &start);
-        if (jumped) wanted = resolving_step(&start, 0, wanted);
-        jumped = 0;
+        if (begins) wanted = solver->unbroken ? at_corner(wanted, solver->corner) : resolving_step(&start, 0, wanted);
         for (;;) {
             if (tries++ >= solver->max_steps) return SOLVER_TOO_MANY_STEPS;
             last = is_last(wanted, left, *time);
@@ -76,6 +75,8 @@ SolverStatus solver_advance(Solver *solver, double *time, double end, double *x,
             rejected = 1;
             solver->rejected++;
         }
+        if (begins && solver->unbroken) solver->corner = step.h * growth(error);
+        begins = 0;
         *h = wanted;
         *time = last ? end : *time + step.h;
         solver->steps++;

@@ -42,6 +42,7 @@ typedef struct {
     double tolerance; /* relative to |x| + nominal, per step */
     long max_steps;
     int unbroken;      /* 1: where it begins nothing has jumped since the last call, at most rates */
+    double corner;     /* the step size that the last such place allowed; 0: not known yet */
     Observer observer; /* may be NULL */
     void *context;
     long steps, rejected; /* counters, added to */
