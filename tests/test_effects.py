@@ -77,6 +77,7 @@ PAIRS = (
     ("stretch_dependent_permittivity", "field_dependent_permittivity"),
     ("pressure_gain", "pressure_offset"),
     ("pressure_delay", "pneumatic_line"),
+    ("voltage_delay", "electrode_resistance"),
     ("sensor_lag", "sensor_delay"),
     ("radius_gain", "sensor_lag"),
     ("prestretch", "permanent_set"),
@@ -131,10 +132,10 @@ def evaluate(model, point: dict[str, float]) -> dict[str, float]:
     """State derivatives and outputs of plain Python at a point; other states anywhere, what is delayed as it is."""
     tube = plain(*model.effects)
     late = {d.quantity.name: point.get(d.of, 0.0) for d in model.delays}
-    names = [d.quantity.name for d in model.delays]
     x = tuple(point.get(s.quantity.name, 0.5) for s in model.states)
-    u = (*(point[q.name] for q in model.inputs), *(late[n] for n in names))
-    du = (*(point.get(f"{q.name}_rate", 0.0) for q in model.inputs), *(0.0 for _ in names))
+    u = (*(point[q.name] for q in model.inputs), *late.values())
+    moving = [*(q.name for q in model.inputs), *(d.of for d in model.delays)]
+    du = tuple(point.get(f"{name}_rate", 0.0) for name in moving)
     p = tuple(model.parameter_values().values())
     dx = tube.derivatives(0.0, x, u, du, p, (2e4,))
     y = tube.outputs(0.0, x, u, du, p, (2e4,))

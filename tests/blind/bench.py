@@ -21,7 +21,15 @@ RATE = 250.0  # Hz
 TABLE_III = tuple(tubes.TABLE_III.values())
 NAMES = tuple(tubes.TABLE_III)
 R_O = tubes.TABLE_I["r_o"]
-SINCE = ("permittivity_drift", "prestretch", "added_mass", "stiffness_drift", "pressure_gain", "sensor_drift")
+SINCE = (
+    "permittivity_drift",
+    "prestretch",
+    "added_mass",
+    "stiffness_drift",
+    "pressure_gain",
+    "sensor_drift",
+    "voltage_delay",
+)
 EFFECTS = {name: hidden for name, hidden in effects.EFFECTS.items() if name not in SINCE}  # as the sets were drawn
 EXTERNAL = {name: hidden for name, hidden in effects.EXTERNAL.items() if name.startswith("odd_")}
 

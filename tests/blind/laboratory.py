@@ -21,7 +21,7 @@ import numpy as np
 
 from blind import protocols, recordings, tubes
 from blind.conventions import MAX_SAMPLES, NAMES, Conventions, draw, stream
-from blind.effects import EFFECTS, EVERYTHING, EXTERNAL
+from blind.effects import DRAWN, EVERYTHING, EXTERNAL
 from blind.tubes import TABLE_III, BurstError, Drive, Tube
 
 SPREAD = 0.08  # of the nine parameters about Table III
@@ -109,7 +109,7 @@ def _hidden(seed: int, kind: str, attempt: int) -> dict[str, tuple[float, ...]]:
     if kind == "none":
         return {}
     if kind in ("one", "two"):
-        names = [str(n) for n in random.choice(sorted(EFFECTS), size=1 + (kind == "two"), replace=False)]
+        names = [str(n) for n in random.choice(DRAWN, size=1 + (kind == "two"), replace=False)]
     elif kind == "external":
         names = [sorted(EXTERNAL)[seed % len(EXTERNAL)]]
     else:

@@ -22,6 +22,7 @@ PER_UNIT: Mapping[str, tuple[float, float]] = {  # bench's number = what it is a
     "sensor_delay": (0.0, 1.0),
     "sensor_lag": (0.0, 1.0),
     "pressure_delay": (0.0, 1.0),
+    "voltage_delay": (0.0, 1.0),
     "added_mass": (0.0, 1 / OWN_MASS),
     "pressure_offset": (0.0, 1.0),
     "radius_gain": (1.0, 1.0),

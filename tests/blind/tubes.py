@@ -64,20 +64,23 @@ class Drive:
         """Where it begins, with the tube at rest [s]."""
         return float(self.pressure.x[0])
 
-    def pieces(self, late: float) -> tuple[np.ndarray, ...]:
-        """Starts of common pieces, and their coefficients in rising powers; the pressure comes `late` [s]."""
-        pressure = self.pressure
-        if late:
-            first = pressure(pressure.x[0])
-            c = np.column_stack([np.append(np.zeros(pressure.c.shape[0] - 1), first), pressure.c])
-            x = np.concatenate([[pressure.x[0]], pressure.x + late])
-            pressure = PPoly(c, x)
-        stop = min(pressure.x[-1], self.voltage.x[-1])
-        inner = np.concatenate([pressure.x, self.voltage.x, self.hard, self.hard + late])
+    def pieces(self, pressure_late: float = 0.0, voltage_late: float = 0.0) -> tuple[np.ndarray, ...]:
+        """Starts of common pieces, and their coefficients in rising powers, each signal as late [s] as it comes."""
+        stop = min(self.pressure.x[-1], self.voltage.x[-1])
+        pressure, voltage = _late(self.pressure, pressure_late), _late(self.voltage, voltage_late)
+        corners = np.concatenate([self.hard + late for late in (0.0, pressure_late, voltage_late)])
+        inner = np.concatenate([pressure.x, voltage.x, corners])
         grid = np.unique(np.round(inner[(inner > self.start) & (inner < stop)], 12))
         grid = np.concatenate([[self.start], grid[np.diff(grid, prepend=self.start) > 1e-9], [stop]])
-        corners = np.append(np.concatenate([self.hard, self.hard + late]), stop)
-        return grid, rising(pressure, grid), rising(self.voltage, grid), _among(grid, np.sort(corners))
+        return grid, rising(pressure, grid), rising(voltage, grid), _among(grid, np.sort(np.append(corners, stop)))
+
+
+def _late(signal: PPoly, by: float) -> PPoly:
+    """The signal `by` seconds later, and until then what it is at first."""
+    if not by:
+        return signal
+    c = np.column_stack([np.append(np.zeros(signal.c.shape[0] - 1), signal(signal.x[0])), signal.c])
+    return PPoly(c, np.concatenate([[signal.x[0]], signal.x + by]))
 
 
 def _among(grid: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -136,7 +139,7 @@ def run(
     Drifts begin at `clock` [s] on the drive's own time. BurstError where the tube does not survive.
     """
     hidden = tube.hidden
-    grid, p, v, hard = drive.pieces(hidden.get("pressure_delay", (0.0,))[0])
+    grid, p, v, hard = drive.pieces(*(hidden.get(name, (0.0,))[0] for name in ("pressure_delay", "voltage_delay")))
     on = np.zeros((TABLE_ROWS, 4))
     for name, numbers in hidden.items():
         on[EVERYTHING[name].number, : 1 + len(numbers)] = (1, *numbers)

@@ -109,6 +109,7 @@ RADIUS = {
     "average.swing": "averaged_reading",
     "drift": "sensor_drift",
 }
+VOLTAGE = {"delay": "voltage_delay", "delay.late": "delayed_voltage"}
 PLACES = (
     Path(
         "pressure",
@@ -120,6 +121,17 @@ PLACES = (
         delayed=True,
         names=PRESSURE,
         laws=("offset", "gain", "delay", "lead", "resonance"),
+    ),
+    Path(
+        "voltage",
+        words="the recorded voltage",
+        channel="electrical",
+        signal="electrode_voltage",
+        seconds=0.02,
+        size=5e3,
+        delayed=True,
+        names=VOLTAGE,
+        laws=("delay",),
     ),
     Path(
         "measured_displacement",

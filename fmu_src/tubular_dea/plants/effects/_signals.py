@@ -9,22 +9,18 @@ from __future__ import annotations
 import sympy
 
 from ...model.change import added, arriving, reading, tapped
-from ...model.declare import Definition, Model, Quantity, rate
+from ...model.declare import Definition, Model, Quantity
 
 
 def electrodes(model: Model) -> Model:
     """`electrode_voltage` and its rate: what reaches the layers; `capacitance_rate` for the current."""
-    if "electrode_voltage" in model.quantities():
+    if "capacitance_rate" in model.quantities():
         return model
-    voltage = model.quantity("voltage")
-    signal = Quantity("electrode_voltage", "V", "Voltage at the electrodes", nominal=5e3, display_unit="kV")
-    moving = Quantity("electrode_voltage_rate", "V/s", "Its rate", nominal=5e3)
+    model = arriving(model, "voltage", "electrode_voltage")
     slope = Quantity("capacitance_rate", "F/s", "Rate of the capacitance", nominal=1e-8)
-    model = tapped(model, signal, voltage.symbol, ("electric_field", "charge", "current"))
-    model = tapped(model, moving, rate(voltage), ("current",))
-    capacitance = model["capacitance"]
+    capacitance, voltage, moving = (model[n] for n in ("capacitance", "electrode_voltage", "electrode_voltage_rate"))
     model = model.extend(definitions=[Definition(slope, 2 * capacitance * area_growth(model))], before="current")
-    return model.replace("current", capacitance * moving.symbol + signal.symbol * slope.symbol)
+    return model.replace("current", capacitance * moving + voltage * slope.symbol)
 
 
 def area_growth(model: Model) -> sympy.Expr:
