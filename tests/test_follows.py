@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tubular_dea.discover.answer.follows import FOLLOWS_IT, Course, _columns, share
+from tubular_dea.discover.answer.follows import FOLLOWS_IT, Course, _behind, _columns, best_lag, share
 from tubular_dea.recordings.table import Column, Table
 
 RANDOM = np.random.default_rng(7)
@@ -29,6 +29,23 @@ def test_a_column_that_says_nothing_is_not() -> None:
     assert share([course(0.0, 0.0), course(0.0, 0.0)]) < 0.2
     one, other = course(1.0, 0.0), course(-1.0, 0.0)  # it acts otherwise in the other file
     assert share([one, other]) < 0.2
+
+
+@pytest.mark.parametrize("lag", [0.0, 1.0])
+def test_a_column_may_be_followed_slowly(lag: float) -> None:
+    """A wall that is behind its box by `lag` [s], in files with samples every 10 ms."""
+    courses = []
+    for _ in range(2):
+        left, box, output = course(0.0, 0.0, wave=6.0)
+        courses.append((left + 3 * (_behind(box, lag / 0.01) - box.mean()), box, output))
+    found = best_lag(courses, 0.01)
+    assert found.part > FOLLOWS_IT
+    assert found.lag == pytest.approx(lag, rel=0.5)
+    assert found.part > share(courses) + 0.2 or not lag
+
+
+def test_no_lag_makes_noise_follow() -> None:
+    assert best_lag([course(0.0, 0.0), course(0.0, 0.0)], 0.01).part < 0.2
 
 
 def test_counters_and_remarks_are_no_columns_to_follow(tmp_path) -> None:

@@ -267,10 +267,14 @@ def _listed(times: Sequence[float]) -> str:
 def _following(found: Discovery, rest: Sequence[Left]) -> list[str]:
     told = follows.columns_followed(found, rest)
     return [
-        f"What is left follows the column {heading!r}, which is not used: it explains {part:.0%} of the slower part. "
-        "If that acts on the plant, declare it as an input."
-        for heading, part in sorted(told.items(), key=lambda one: -one[1])
+        f"What is left follows the column {heading!r}, which is not used{_with_lag(one)}: it explains {one.part:.0%} "
+        "of the slower part. If that acts on the plant, declare it as an input."
+        for heading, one in sorted(told.items(), key=lambda pair: -pair[1].part)
     ]
+
+
+def _with_lag(one: follows.Followed) -> str:
+    return f", with a lag of about {one.lag:.1g} s" if one.lag else ""
 
 
 def _swinging(found: Discovery, wave: Oscillation) -> str:
