@@ -22,7 +22,7 @@ MEANS_OF_ALL = 200  # [1] means of all samples together that are compared,
 LEAST_MEAN = 20  # [samples] of as many each at least: noise hardly moves them,
 LEAST_MEANS = 30  # [1] and so many of them at least
 FOLLOWS_IT = 0.5  # [1] of the variance of these means that a column explains, where it is told
-LAGS = (0.0, 1.0, 2.0, 4.0, 8.0)  # [means] how slowly a residual may follow it: the best of them is told
+FOLLOWING_LAGS = (0.0, 1.0, 2.0, 4.0, 8.0)  # [means] how slowly a residual may follow it: the best of them is told
 
 Course = tuple[np.ndarray, np.ndarray, np.ndarray]  # residual, column and output, each (n,), of a file
 
@@ -76,7 +76,7 @@ def best_lag(courses: Sequence[Course], step: float) -> Followed:
         Followed(
             share([(left, _behind(column, lag * size), output) for left, column, output in courses]), lag * size * step
         )
-        for lag in LAGS
+        for lag in FOLLOWING_LAGS
     ]
     return max(tried, key=lambda one: one.part)
 
