@@ -18,7 +18,7 @@ from tubular_dea.api import identify as estimates
 from tubular_dea.cli import main
 from tubular_dea.commands.identify import _to_find as to_find
 from tubular_dea.discover.scores.parameters import base_parameters
-from tubular_dea.identify.fitting.fit import Fit, begun_at_bounds, fit, goodness, inverse
+from tubular_dea.identify.fitting.fit import Fit, begun_at_bounds, fit, goodness, inverse, search
 from tubular_dea.identify.fitting.intervals import interval, profile_interval
 from tubular_dea.identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from tubular_dea.identify.fitting.problem import Free, Problem
@@ -70,6 +70,7 @@ def test_a_model_that_rings_faster_than_is_sampled_is_not_followed(work: Study) 
     assert np.all(np.isfinite(problem.residuals(ringing)))
     assert problem.response.steps > problem.response.most_steps
     assert np.all(np.isinf(problem.residuals(ringing, problem.response.most_steps)))
+    assert search(problem, ringing, 1, most_steps=problem.response.most_steps) is None
 
 
 def test_joint_fit_finds_the_tube_and_its_intervals_hold(work: Study, null: tuple[Path, bench.Tube]) -> None:

@@ -90,3 +90,8 @@ def test_a_trajectory_is_given_up_when_asked(kernel: Kernel) -> None:
     assert kernel.simulate(protocol, np.array([5.0]), max_steps=2 * steps).steps == steps
     with pytest.raises(KernelError, match="too many internal steps"):
         kernel.simulate(protocol, np.array([5.0]), max_steps=steps // 2)
+    pieces = Protocol.of(np.linspace(0, 5, 11), pressure=np.full(11, 1e4), voltage=np.full(11, 4e3))
+    in_all = kernel.simulate(pieces, np.array([5.0])).steps
+    assert kernel.simulate(pieces, np.array([5.0]), total_steps=2 * in_all).steps == in_all
+    with pytest.raises(KernelError, match="too many internal steps"):
+        kernel.simulate(pieces, np.array([5.0]), total_steps=in_all - 1)

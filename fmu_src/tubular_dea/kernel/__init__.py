@@ -6,6 +6,15 @@ their sensitivities and many rows at once take one call each.
 
 from .checks import KernelError
 from .tangents import SensitivityError
-from .trajectories import DEFAULT_TOLERANCE, MOST_STEPS, Driven, Kernel, Trajectory
+from .trajectories import DEFAULT_TOLERANCE, MOST_STEPS, NO_LIMIT, Driven, Kernel, Trajectory
 
-__all__ = ["DEFAULT_TOLERANCE", "MOST_STEPS", "Driven", "Kernel", "KernelError", "SensitivityError", "Trajectory"]
+__all__ = [
+    "DEFAULT_TOLERANCE",
+    "MOST_STEPS",
+    "NO_LIMIT",
+    "Driven",
+    "Kernel",
+    "KernelError",
+    "SensitivityError",
+    "Trajectory",
+]

@@ -39,6 +39,7 @@ from .tangents import TangentLibrary
 DEFAULT_TOLERANCE = 1e-6
 ROOM, LEAST_ROOM = 8, 1000  # [1] steps for which there is room at first: for every point of a protocol, and at least
 MOST_STEPS = 10_000_000
+NO_LIMIT = 2**31 - 1  # what C's long holds everywhere
 
 Vector: TypeAlias = Sequence[float] | np.ndarray
 
@@ -213,6 +214,7 @@ class Kernel:
         sensitivities: Sequence[str] = (),
         mesh: np.ndarray | None = None,
         max_steps: int = MOST_STEPS,
+        total_steps: int = NO_LIMIT,
         wanted: Sequence[str] | None = None,
         keep_mesh: bool = False,
     ) -> Trajectory:
@@ -238,6 +240,8 @@ class Kernel:
             `tolerance` is ignored.
         max_steps : int
             Internal steps at most between two points of the protocol (without sensitivities).
+        total_steps : int
+            Internal steps at most in the whole run (without sensitivities).
         wanted : sequence of str, optional
             Values to hand over (default: all); of few of them a short run is quicker.
         keep_mesh : bool
@@ -274,7 +278,7 @@ class Kernel:
             return self._differentiated(protocol, points, u, times, values, tolerance, sensitivities, mesh, wanted)
         sampled, here, earlier = self._samples(protocol, times, values)
         needed = _up_to(points, times)
-        most = whole("max_steps", max_steps)
+        most = whole("max_steps", max_steps), whole("total_steps", total_steps)
         found = self._solved(points[needed], u[needed], values, tolerance, most, sampled, with_fold, keep_mesh)
         named = self._named(protocol, times, found.x[here], found.y[here], with_fold, wanted)
         values_later = self._delayed_values(found.y, earlier)
@@ -286,12 +290,13 @@ class Kernel:
         u: np.ndarray,
         values: np.ndarray,
         tolerance: float,
-        max_steps: int,
+        most: tuple[int, int],
         sampled: np.ndarray,
         with_fold: bool,
         keep_mesh: bool,
     ) -> _Solved:
-        """A call of the library: states and outputs at `sampled` times, and where the steps end."""
+        """A call of the library: states and outputs at `sampled` times, and where the steps end. `most` are the steps
+        between two points and in all."""
         x, y = np.empty((sampled.size, len(self.states))), np.empty((sampled.size, len(self.outputs) + 1))
         mesh = np.empty(ROOM * points.size + LEAST_ROOM if keep_mesh else 0)
         counts, reached = (ctypes.c_long * 2)(), ctypes.c_double()
@@ -302,7 +307,8 @@ class Kernel:
                 pointer(points),
                 pointer(u),
                 ctypes.c_double(tolerance),
-                ctypes.c_long(max_steps),
+                ctypes.c_long(most[0]),
+                ctypes.c_long(most[1]),
                 ctypes.c_long(sampled.size),
                 pointer(sampled),
                 ctypes.c_int(with_fold),
@@ -341,7 +347,7 @@ class Kernel:
         return self._mesh(*self._drive(self._checked(protocol), values), values, positive("tolerance", tolerance))
 
     def _mesh(self, points: np.ndarray, u: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
-        found = self._solved(points, u, values, tolerance, MOST_STEPS, np.empty(0), False, True)
+        found = self._solved(points, u, values, tolerance, (MOST_STEPS, NO_LIMIT), np.empty(0), False, True)
         return found.mesh if found.mesh is not None else np.empty(0)
 
     def _differentiated(

@@ -53,8 +53,8 @@ static int sample(void *context, const Step *step)
 }
 
 int kernel_trajectory(const double *p, long n_points, const double *points, const double *u, double tolerance,
-                      long max_steps, long n_samples, const double *samples, int with_fold, double *x, double *y,
-                      long room, double *mesh, long *counts, double *reached)
+                      long max_steps, long total_steps, long n_samples, const double *samples, int with_fold,
+                      double *x, double *y, long room, double *mesh, long *counts, double *reached)
 {
     double state[AT_LEAST_ONE(MODEL_NX)], rates[NU], here[NU], time = points[0], h = 0;
     Solver solver = {0};
@@ -66,7 +66,6 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
     while (last > first && piece_is_jump(points, last)) last--;
     solver.p = p;
     solver.tolerance = tolerance;
-    solver.max_steps = max_steps;
     solver.observer = sample;
     solver.context = &recorder;
     *reached = time;
@@ -81,6 +80,7 @@ int kernel_trajectory(const double *p, long n_points, const double *points, cons
         before = u + (k + 1) * MODEL_NU;
         if (!(h > 0)) h = points[k + 1] - time;
         while (recorder.next < n_samples && samples[recorder.next] <= time) record(&recorder, time, state, here);
+        solver.max_steps = total_steps - solver.steps < max_steps ? total_steps - solver.steps : max_steps;
         status = solver_advance(&solver, &time, points[k + 1], state, &h);
     }
     while (status == SOLVER_OK && recorder.next < n_samples && samples[recorder.next] <= time)

@@ -108,14 +108,16 @@ def fit(
     evaluations: int = EVALUATIONS,
     move: float = 0.0,
     precision: float = PRECISION,
+    most_steps: float = np.inf,
 ) -> Fit:
-    """The best of `starts` searches: from `start` (moved by `move`) and from points around it (about `spread`)."""
+    """The best of `starts` searches: from `start` (moved by `move`) and from points around it (about `spread`), where
+    the integrator takes no more than `most_steps`."""
     random = np.random.default_rng(seed)
     first = problem.scaled(start)
     found = []
     for number in range(starts):
         moved = begun_at_bounds(problem, first + (spread if number else move) * random.standard_normal(first.size))
-        solution = search(problem, moved, evaluations, precision)
+        solution = search(problem, moved, evaluations, precision, most_steps)
         if solution is not None:
             found.append(solution)
     if not found:
@@ -128,13 +130,13 @@ def fit(
 
 
 def search(
-    problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION
+    problem: Problem, start: np.ndarray, evaluations: int, precision: float = PRECISION, most_steps: float = np.inf
 ) -> OptimizeResult | None:
-    """scipy's bounded least squares; None where the model cannot be solved at the start.
+    """scipy's bounded least squares; None where the model cannot be solved at the start in `most_steps`.
 
     Where there is an answer but no sensitivities, it ends at the best point that has them.
     """
-    first = problem.residuals(start)
+    first = problem.residuals(start, most_steps)
     if not np.all(np.isfinite(first)):
         return None
     most = problem.most_steps()

@@ -146,7 +146,7 @@ class Problem:
         try:
             if any(f.logarithmic and abs(s) > FARTHEST for f, s in zip(self.free, scaled, strict=True)):
                 raise KernelError("a parameter is far from any usual size")
-            outputs = self.response.outputs(self.values(scaled))
+            outputs = self.response.outputs(self.values(scaled), total_steps=most_steps)
             if self.response.steps > most_steps:
                 raise KernelError("the model moves faster than these records show")
         except KernelError:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...kernel import Driven, Kernel, KernelError, Trajectory
+from ...kernel import NO_LIMIT, Driven, Kernel, KernelError, Trajectory
 from ..threads import free_processors, side_by_side
 from .cases import Case, SharedTrajectory, shared_trajectories
 
@@ -83,11 +83,11 @@ class Response:
         """The same cases by another model."""
         return Response(kernel, self.cases, self.fixed, self.tolerance)
 
-    def outputs(self, values: Mapping[str, float], finer: float = 1.0) -> list[np.ndarray]:
-        """What is read in every case, each (N,); `KernelError` where it cannot be computed. `finer` divides the
-        tolerance."""
+    def outputs(self, values: Mapping[str, float], finer: float = 1.0, total_steps: float = np.inf) -> list[np.ndarray]:
+        """What is read in every case, each (N,); `KernelError` where it cannot be computed, or a trajectory takes more
+        than `total_steps`. `finer` divides the tolerance."""
         parameters = self.fixed | dict(values)
-        return self._joined(self._all(lambda shared: self._outputs(shared, parameters, finer, finer == 1)))
+        return self._joined(self._all(lambda shared: self._outputs(shared, parameters, finer, finer == 1, total_steps)))
 
     def outputs_alone(self, values: Mapping[str, float], finer: float = 1.0) -> list[np.ndarray]:
         """As `outputs`, in the calling thread: for callers that are many threads themselves."""
@@ -115,7 +115,12 @@ class Response:
         )
 
     def _outputs(
-        self, shared: SharedTrajectory, parameters: dict[str, float], finer: float = 1.0, keep_mesh: bool = False
+        self,
+        shared: SharedTrajectory,
+        parameters: dict[str, float],
+        finer: float = 1.0,
+        keep_mesh: bool = False,
+        total_steps: float = np.inf,
     ) -> dict[int, np.ndarray]:
         """The readings of every case that shares a trajectory.
 
@@ -131,6 +136,7 @@ class Response:
             self._of(case, parameters),
             self.tolerance / finer,
             max_steps=allowed,
+            total_steps=int(min(total_steps, NO_LIMIT)),
             wanted=case.outputs,
             keep_mesh=keep_mesh,
         )
