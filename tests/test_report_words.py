@@ -389,6 +389,15 @@ def test_a_channel_that_all_tell_is_not_uncertain(monkeypatch: pytest.MonkeyPatc
     assert outcome.advice(found).endswith("because the residual is largest where the electrical channel acts.")
 
 
+@pytest.mark.parametrize(("evidence", "nearly"), [(1907.0, True), (907.0, False)])
+def test_channels_that_explain_nearly_as_much_are_told(evidence: float, nearly: bool) -> None:
+    """A laser that heard the amplifier was to be sought in the pressure alone: 1990 beside 1907."""
+    found = Isolation("pressure", {"pressure": 1990.0, "sensor": evidence}, {}, False)
+    assert ("and the sensor channel nearly as much" in outcome.isolated_words(found)) == nearly
+    acts = outcome.isolated_words(Isolation("pressure", {"pressure": 1990.0, "sensor": evidence}, {}, True))
+    assert acts.endswith("where the sensor channel does") == nearly
+
+
 @pytest.mark.parametrize(("equal", "told"), [("stiffness_drift", "sensor"), ("permittivity_drift", "electrical")])
 def test_among_equals_the_channel_is_the_one_that_the_isolation_finds(equal: str, told: str) -> None:
     """A leak at a capacitor was to be sought with a second sensor of the source, where one of its equals acts."""
@@ -496,11 +505,14 @@ def test_a_zero_as_far_apart_as_it_may_be_is_no_estimate(monkeypatch: pytest.Mon
 def test_what_delay_the_errors_allow_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
     delays = {"now": {"load": "3 ms (1 samples) late"}, "before": {"load": "1 ms (0.3 samples) late", "flow": "early"}}
     monkeypatch.setattr(remarks, "_delays", lambda study, option: delays[study])
-    search = SimpleNamespace(base_study="before")
-    found = SimpleNamespace(named_study="now", named=SimpleNamespace(ids=("lag",)), base=None, search=search)
+    search, named = SimpleNamespace(base_study="before"), SimpleNamespace(ids=("lag",))
+    found = SimpleNamespace(named_study="now", named=named, base=None, search=search, verdict="effect_found")
     now, before = remarks._late(found)
     assert now.startswith("The recorded load was found to be 3 ms (1 samples) late")
     assert before.startswith("The error before allows for a recorded flow that is early")
+    found.verdict, named.ids = "unexplained", ()
+    (now,) = remarks._late(found)
+    assert now.startswith("In the fit the recorded load is 3 ms (1 samples) late") and "may make up" in now
 
 
 def test_what_explains_less_well_is_said_to() -> None:

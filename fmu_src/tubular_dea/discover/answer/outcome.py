@@ -52,6 +52,7 @@ OFTEN = 4  # [1] times that an experiment is proposed at most
 ONE_THING = 1e-3  # [1] discrimination of the best experiment, below which names are those of one thing
 
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
+NEARLY_AS_MUCH = 0.9  # [1] share of the evidence for a channel from which on another explains nearly as much
 MOSTLY = 0.9  # [1] share of what is not noise that an effect explains whose channel is told though it is not named
 
 # Set by measurement: C_3 alone, which hardly matters below a stretch of 1.2, was six and twelve times the declared one
@@ -226,10 +227,14 @@ def _own_channel(found: Discovery, output: str) -> str:
 
 
 def isolated_words(isolation: Isolation) -> str:
-    """Why the isolation tells its channel."""
+    """Why the isolation tells its channel, and which others it hardly tells from that."""
+    best = isolation.evidence.get(isolation.channel, 0.0)
+    near = [c for c, e in isolation.evidence.items() if c != isolation.channel and e > NEARLY_AS_MUCH * best]
     if isolation.disturbance:
-        return f"the residual is largest where the {isolation.channel} channel acts"
-    return f"the {isolation.channel} channel explains most of it"
+        nearly = f", and nearly as large where the {' or the '.join(near)} channel does" if near else ""
+        return f"the residual is largest where the {isolation.channel} channel acts{nearly}"
+    nearly = f", and the {' or the '.join(near)} channel nearly as much" if near else ""
+    return f"the {isolation.channel} channel explains most of it{nearly}"
 
 
 def contested(found: Discovery) -> str:
@@ -381,7 +386,7 @@ def _beside(found: Discovery) -> str:
     if found.repeated and found.verdict == "partly_explained" and alike:
         moved = " and ".join(s.name for s in found.study.plant.inputs)
         return f"record other levels of {moved}, because at one level {' and '.join(alike)} look alike"
-    if found.unlike and not found.named.ids:
+    if between_files.disagree(found):
         return (
             "find out what differs between the files (another specimen, other dimensions, a part that was lost, a "
             "monitor's scale), and analyse those that are alike on their own"

@@ -117,6 +117,12 @@ def _early(found: Discovery) -> list[str]:
 def _late(found: Discovery) -> list[str]:
     """Monitors whose delay is allowed for, where that moves an output by more than its noise."""
     now = _delays(found.named_study, found.named)
+    if found.verdict == "unexplained":
+        return [
+            f"In the fit the recorded {name} is {by}. Filters against aliasing make it so; here it may make up for "
+            "what the model lacks."
+            for name, by in now.items()
+        ]
     said = [
         f"The recorded {name} was found to be {by}, as filters against aliasing or channels read in turn make it. "
         "All errors here allow for that; the FMU does not, and needs what it is given shifted by as much."
