@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 import peers
 from casadi_peer import solve_casadi
 from tubular_dea.emit.python import compile_python
-from tubular_dea.kernel import MOST_STEPS, Kernel
+from tubular_dea.kernel import MOST_STEPS, NO_LIMIT, Kernel
 from tubular_dea.model.dea import tubular_dea
 
 CASES = (peers.PRESTRETCHED, "step_4kV", "ramp_4kV", "ramp_7kV_snap_through")
@@ -59,6 +59,7 @@ def solve_kernel(name: str, rtol: float) -> np.ndarray:
         u,
         ctypes.c_double(rtol),
         ctypes.c_long(MOST_STEPS),
+        ctypes.c_long(NO_LIMIT),
         ctypes.c_long(len(times)),
         times,
         0,

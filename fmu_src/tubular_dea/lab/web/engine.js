@@ -1,6 +1,8 @@
 /* The compiled models, called from JavaScript: arrays in, arrays out. Used by the page and by its worker. */
 "use strict";
 
+const NO_LIMIT = 2 ** 31 - 1; // of the steps in all: what C's long holds
+
 const SOLVER_WORDS = {
   "-1": "there is no rest state to start at: the pressure is beyond the fold at this voltage; lower one of them, or do not start at equilibrium",
   2: "too many internal steps were needed",
@@ -73,7 +75,7 @@ class Engine {
     try {
       const status = this.wasm[`${prefix}_kernel_trajectory`](
         this.doubles(parameters), driven.time.length, this.doubles(driven.time), this.doubles(driven.u), tolerance,
-        maxSteps, n, this.doubles(times), withFold ? 1 : 0, x, y, 0, 0, counts, reached);
+        maxSteps, NO_LIMIT, n, this.doubles(times), withFold ? 1 : 0, x, y, 0, 0, counts, reached);
       const end = this.floats(reached, 1)[0];
       return named(facts, samples, places, this.floats(x, nx * n), this.floats(y, ny * n), withFold, {
         status, reached: end, steps: this.integer(counts), reason: status ? SOLVER_WORDS[status] ?? `status ${status}` : "",
