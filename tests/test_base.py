@@ -37,6 +37,7 @@ def searched(
     """The base that such a search ends in; where records are long, their `beginning` is a problem of its own."""
     monkeypatch.setattr(base, "fit", search.fit)
     monkeypatch.setattr(base, "base_parameters", lambda plant: [])
+    monkeypatch.setattr(base, "_most_steps", lambda problem, best: 10.0 * best.values["stiffness"])
     model = SimpleNamespace(parameter_values=lambda: dict(DECLARED))
     known = SimpleNamespace(
         **{"model": model, "restarts": {"branch": DECLARED["branch"]}, "safer": (), "stages": ()} | plant
@@ -54,6 +55,8 @@ def test_further_places_confirm_the_first(monkeypatch: pytest.MonkeyPatch) -> No
     assert again["start"]["stiffness"] == moved["start"]["stiffness"] == 5.0  # where the first ended
     assert again["start"]["branch"] == DECLARED["branch"]
     assert moved["start"]["branch"] == 7.0
+    assert again["most_steps"] == moved["most_steps"] == 50.0  # where the first ended, and no limit before
+    assert not any("most_steps" in a for a in search.asked if a["kind"] == "first")
 
 
 def test_a_better_place_is_gone_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
