@@ -18,8 +18,8 @@
  * Writes states (n_samples x MODEL_NX) and outputs (n_samples x MODEL_NY + 1, the fold last; it is computed only if
  * `with_fold`; none at all where `y` is NULL) at the ascending times `samples`; at a jump they carry the values after
  * it. Between two points, no more than `max_steps` steps are tried, and once `total_steps` have been taken, no more
- * at all. `mesh` receives the ends of the steps (of the first `room` ones), `counts` the number of steps and of rejected ones, `reached` the time at which the
- * integration ended. Returns 0, a SolverStatus, or NO_REST_STATE. */
+ * at all. `mesh` receives the ends of the steps (of the first `room` ones), `counts` the number of steps and of
+ * rejected ones, `reached` the time at which the integration ended. Returns 0, a SolverStatus, or NO_REST_STATE. */
 KERNEL_EXPORT int kernel_trajectory(const double *p, long n_points, const double *points, const double *u,
                                     double tolerance, long max_steps, long total_steps, long n_samples,
                                     const double *samples, int with_fold, double *x, double *y, long room,

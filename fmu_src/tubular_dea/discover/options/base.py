@@ -49,6 +49,8 @@ def _searched(study: Study, starts: int, seed: int, start: Mapping[str, float] |
     """The best of the fits to all training pieces of a study."""
     problem = study.problem((), base_parameters(study.plant), {})
     best = _somewhere(study, problem, _begin(study, problem) if start is None else start, seed)
+    if starts == 1:
+        return best
     most = _most_steps(problem, best)
 
     def confirm(number: int) -> Fit:
