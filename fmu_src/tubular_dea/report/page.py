@@ -106,7 +106,7 @@ class Page:
     def figure(self, figure: go.Figure | Drawing, caption: str) -> None:
         """A plotly figure, or its JSON, with a caption in words; its legend is above it, below the toolbar, unless it
         has a place."""
-        drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
+        drawn = figure if isinstance(figure, dict) else figure.to_plotly_json()
         layout = drawn["layout"]
         above = len(drawn["data"]) > 1 and "x" not in layout.get("legend", {})
         margin = {"l": 60, "r": 20, "t": 64 if above else 30, "b": 50}

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from ..model.declare import Model, Quantity
 from ..model.units import factor, readable, with_ends
@@ -55,13 +54,20 @@ def thinned(values: np.ndarray) -> np.ndarray:
     return values[: values.size // size * size].reshape(-1, size).mean(axis=1)
 
 
-def bars(values: Mapping[str, float], label: str, line: float | None = None) -> go.Figure:
+def bars(values: Mapping[str, float], label: str, line: float | None = None) -> Drawing:
     """Named values as horizontal bars in their order, the first on top; `line` marks a value to compare with."""
-    drawn = go.Figure(go.Bar(x=list(values.values()), y=list(values), orientation="h", marker={"color": AFTER}))
+    drawn = {"type": "bar", "x": list(values.values()), "y": list(values), "orientation": "h"}
+    layout: Drawing = {
+        "height": 120 + 24 * len(values),
+        "xaxis": {"title": {"text": label}},
+        "yaxis": {"autorange": "reversed", "automargin": True},
+    }
     if line is not None:
-        drawn.add_vline(x=line, line={"color": BEFORE, "width": 2})
-    drawn.update_yaxes(autorange="reversed", automargin=True).update_xaxes(title=label)
-    return drawn.update_layout(height=120 + 24 * len(values))
+        mark = {"color": BEFORE, "width": 2}
+        layout["shapes"] = [
+            {"type": "line", "x0": line, "x1": line, "y0": 0, "y1": 1, "yref": "y domain", "line": mark}
+        ]
+    return {"data": [drawn | {"marker": {"color": AFTER}}], "layout": layout}
 
 
 def parameter_row(name: str, p: Mapping[str, Any], *others: float, told: bool = True) -> list[str]:

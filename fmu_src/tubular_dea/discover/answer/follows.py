@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ...identify.records.columns import signals
 from ...recordings import Table, read
@@ -84,6 +83,8 @@ def best_lag(courses: Sequence[Course], step: float) -> Followed:
 def _behind(column: np.ndarray, lag: float) -> np.ndarray:
     """The column (n,) behind a lag of first order of so many samples, which had settled at its first value."""
     gain = 1 / (1 + lag)
+    from scipy.signal import lfilter  # half a second, for which only few sets have to wait
+
     return column[0] + lfilter([gain], [1, gain - 1], column - column[0])
 
 
