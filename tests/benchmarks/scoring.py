@@ -1,6 +1,6 @@
 """How many effects of the tube's catalogue should share a library for scores: compiling against running.
 
-Usage: python tests/benchmarks/scoring.py [SIZE ...]        (default: 1 6 30; compiles anew, one minute or two)
+Usage: python tests/benchmarks/scoring.py [SIZE ...]        (default: 1 6 15 30; compiles anew, one minute or two)
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def measured(compiled: Compiled, ids: tuple[str, ...]) -> tuple[float, float]:
 def main() -> None:
     """One line for every size of a group."""
     told = parser(__doc__)
-    told.add_argument("sizes", nargs="*", type=int, default=[1, 6, 30], metavar="SIZE")
+    told.add_argument("sizes", nargs="*", type=int, default=[1, 6, 15, 30], metavar="SIZE")
     sizes = told.parse_args().sizes
     with tempfile.TemporaryDirectory() as cache:
         os.environ["TUBULAR_DEA_CACHE"] = cache

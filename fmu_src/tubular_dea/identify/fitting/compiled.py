@@ -28,8 +28,11 @@ from ..threads import side_by_side
 Ids = tuple[str, ...]
 
 # Set by measurement: a step costs 1.2 us in a library each, 2.0 us with six and 6.8 us with all thirty of the tube's in
-# one; compiling them all takes 35, 8.5 and 4.3 s on one core. Check: `python tests/benchmarks/scoring.py`
+# one; compiling them all takes 35, 8.5 and 4.3 s on one core. Two of fifteen take no longer than one of thirty, and can
+# be compiled side by side; of a plant with 119 effects a round beside a friction takes 5 s with fifteen and 17 s with
+# all in one. Check: `python tests/benchmarks/scoring.py`
 SHARED = 6  # [1] effects in one library for scores
+BESIDE_FOUND = 15  # [1] the same beside effects that were found, for which each other find needs a library of its own
 
 # Set by measurement: of the silverbox's six laws that switch, a trajectory of 1000 samples takes 22 ms in a library of
 # all nine that are lively and the 22 without dynamics, 18 with these six alone, 6.5 with three; three delays 1 ms.
@@ -114,8 +117,8 @@ class Compiled:
     def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
         """A compiled model with each candidate in addition to `present`, by the candidate's id.
 
-        The catalogue's effects (`effects` None) share libraries: SHARED a library, or all of a kind beside those
-        present, which so are the same whatever was found, and compiled once. Other effects have one each.
+        The catalogue's effects (`effects` None) share libraries: SHARED a library, BESIDE_FOUND a library where effects are
+        present, and of short records all of a kind where it has no dynamics. Other effects have one each.
         """
         if effects is not None:
             made = side_by_side(lambda effect: self._scorer(self._ordered(present), effect), effects)
@@ -147,7 +150,7 @@ class Compiled:
             return [*still, *delayed, *_cut(self._of(CALM), SHARED), *_cut(self._of(LIVELY), SWITCHING)]
         lively = [n for n in names if self.kinds[n] in (DELAYED, LIVELY)]
         calm = [n for n in names if n not in lively]
-        size = len(names) if present else SHARED
+        size = BESIDE_FOUND if present else SHARED
         return [*_cut(calm, size), *_cut(lively, 1 if self._many else size)]
 
     def _of(self, kind: str) -> Ids:
