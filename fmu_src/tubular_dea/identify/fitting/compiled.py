@@ -117,8 +117,8 @@ class Compiled:
     def scorers(self, present: Ids, effects: Sequence[Effect] | None = None) -> dict[str, Kernel]:
         """A compiled model with each candidate in addition to `present`, by the candidate's id.
 
-        The catalogue's effects (`effects` None) share libraries: SHARED a library, BESIDE_FOUND where effects are present,
-        and of short records all of a kind where it has no dynamics. Other effects have one each.
+        The catalogue's effects (`effects` None) share libraries: SHARED a library, BESIDE_FOUND where effects are
+        present, and of short records all of a kind where it has no dynamics. Other effects have one each.
         """
         if effects is not None:
             made = side_by_side(lambda effect: self._scorer(self._ordered(present), effect), effects)
