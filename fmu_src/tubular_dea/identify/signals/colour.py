@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 # Set by theory: what is left of its start is 2 %. Check: `pytest tests/test_noise.py -k colour`
 FADED = 4.0  # [time constants] after which a filter has settled
@@ -87,10 +86,8 @@ class Colour:
 
     def whiten(self, values: np.ndarray) -> np.ndarray:
         """Values (n,) or columns (n, k) without a gap, in units of the innovation; the first in units of 1."""
-        phi, theta, new = self.phi, self.theta, self._new
-        white = _sieved(self._unfiltered(values), phi, theta, new)
-        white[1:] /= np.sqrt(new)
-        return white
+        new = self._new
+        return _sieved(self._unfiltered(values), self.phi, self.theta, new, 1 / np.sqrt(new))
 
     def _unfiltered(self, values: np.ndarray) -> np.ndarray:
         """Values (n,) or (n, k) before the filter, of variance 1."""
@@ -98,9 +95,7 @@ class Colour:
             return values
         raised, d = self.raised, self.pole - self.zero
         known = (1 + d * (1 - self.white) * self.phi / (1 - self.pole * self.phi)) / raised
-        found = _sieved(values * np.sqrt(raised), self.pole, self.zero, known)
-        found[:1] = values[:1]
-        return found
+        return _sieved(values, self.pole, self.zero, known, np.sqrt(raised))
 
     def sample(self, count: int, random: np.random.Generator) -> np.ndarray:
         """Noise of this colour."""
@@ -114,27 +109,25 @@ class Colour:
         return np.sqrt(1 - self.white) * coloured + np.sqrt(self.white) * random.standard_normal(count)
 
 
-def _sieved(values: np.ndarray, pole: float, zero: float, known: float) -> np.ndarray:
-    """Values (n,) or (n, k) behind (1 - pole z) / (1 - zero z); of what comes out first, a share `known` of the first
-    value is known. The first value stays."""
+def _sieved(values: np.ndarray, pole: float, zero: float, known: float, scale: float) -> np.ndarray:
+    """Values (n,) or (n, k) behind `scale` (1 - pole z) / (1 - zero z); of what comes out first, a share `known` of the
+    first value is known. The first value stays."""
     if zero == 0:
-        found = values.copy()
-        found[1:] -= pole * values[:-1]
-        return found
-    begin = (zero * known - pole) * values[:1]
-    return np.concatenate([values[:1], filtered([1.0, -pole], [1.0, -zero], values[1:], begin)])
+        found = scale * values
+        found[1:] -= scale * pole * values[:-1]
+    else:
+        found = filtered([scale, -scale * pole], [1.0, -zero], values, scale * (known - 1) * values[:1])
+    found[:1] = values[:1]
+    return found
 
 
 def filtered(
     above: Sequence[float], below: Sequence[float], values: np.ndarray, begin: np.ndarray | None = None
 ) -> np.ndarray:
     """Values (n,) or (n, k) behind a recursive filter with these coefficients, of a pole and a zero at most, from the
-    state `begin` or from rest: the forward substitution of a banded matrix."""
-    driven = above[0] * values
-    driven[:1] += 0.0 if begin is None else begin
-    for lag, coefficient in enumerate(above[1:], start=1):
-        driven[lag:] += coefficient * values[:-lag]
-    if driven.size == 0:
-        return driven
-    bands = np.broadcast_to(np.asarray(below)[:, None], (len(below), len(values)))
-    return dtbtrs(bands, driven, uplo="L", diag="U")[0].reshape(values.shape)
+    state `begin` (1,) or (1, k), or from rest."""
+    from scipy.signal import lfilter  # half a second, for which white noise does not wait
+
+    if values.size == 0:
+        return values.copy()
+    return lfilter(above, below, values, axis=0, zi=np.zeros_like(values[:1]) if begin is None else begin)[0]
