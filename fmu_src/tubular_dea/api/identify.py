@@ -104,7 +104,8 @@ class IdentificationResult:
 
     def lines(self) -> list[str]:
         """The parameters and the goodness of fit as text."""
-        said, fits = [_estimate(name, p) for name, p in self.parameters.items()], []
+        vague = self.content["undetermined"]
+        said, fits = [_estimate(name, p, name in vague) for name, p in self.parameters.items()], []
         each = self.content.get("outputs", {"": self.content})
         for name, e in each.items():
             said_of = f"{name}: " if name else ""
@@ -136,7 +137,8 @@ class IdentificationResult:
         if self.content["slow_noise_unknown"]:
             said.append(
                 "no stretch rests long enough in these recordings to tell how slow the noise is: with slow noise the "
-                "model explains them, without it the model lacks something; record longer ones, in which nothing moves"
+                "model explains them, without it the model lacks something, and the intervals are too narrow; record "
+                "longer ones, in which nothing moves"
             )
         return said
 
@@ -339,11 +341,13 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
     }
 
 
-def _estimate(name: str, told: ParameterEstimate) -> str:
+def _estimate(name: str, told: ParameterEstimate, vague: bool = False) -> str:
     """A parameter with its standard error, in a unit that suits the larger of the two; or the one end that is known of
-    its interval."""
+    its interval; or the value alone of what is `vague`."""
     for end, words in zip(told.ci95, ("above", "below"), strict=True):
         if math.isfinite(end) and not all(map(math.isfinite, told.ci95)):
             return f"{name:8s} {words} {in_words(end, told.unit)} (95 %)"
+    if vague:
+        return f"{name:8s} {in_words(told.value, told.unit)}, not determined"
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
     return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")

@@ -10,7 +10,7 @@ import numpy as np
 from ..discover.answer import between_files
 from ..discover.answer.outcome import beyond_noise
 from ..discover.answer.remarks import not_named
-from ..discover.answer.reservations import hidden_by_noise, loud
+from ..discover.answer.reservations import forced, hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
@@ -29,8 +29,8 @@ CONFIDENCE = {
     "effect_found": "Everything that was tried in its place explains the recordings worse than chance allows.",
     "ambiguous": "It is certain that something of this kind is missing. These recordings cannot show which of "
     "the named effects it is.",
-    "partly_explained": "Each named effect reduces the error on experiments that took no part in the fits. The "
-    "remaining residual is larger than the noise, so something else is missing too.",
+    "partly_explained": "Each named effect reduces what is left of experiments that took no part in the fits, weighted "
+    "as in the fits. The remaining residual is larger than the noise, so something else is missing too.",
     "unexplained": "It is certain that something is missing: the residual is larger than the noise. No effect of the "
     "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
     "the fits.",
@@ -113,7 +113,13 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     questions = [
         (
             "How certain is it?",
-            [APART if odd else _confidence(found), *_driven(found, outcome), *_left(found, outcome), *_rivals(outcome)],
+            [
+                APART if odd else _confidence(found),
+                *forced(found),
+                *_driven(found, outcome),
+                *_left(found, outcome),
+                *_rivals(outcome),
+            ],
         ),
         ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
@@ -408,7 +414,7 @@ def _hidden(found: Discovery, outcome: dict[str, Any]) -> list[str]:
         seen = "Stronger ones would have been seen; the table below lists all effects."
     texts = [f"{said}. {seen}{_beside_misfit(found)}"] if said else []
     if strongest:
-        texts.append(f"{some(strongest, LISTED)}, {STRONGEST}.")
+        texts.append(f"{some(strongest, LISTED)}: not {STRONGEST}.")
     if none:
         texts.append(f"{some(none, LISTED)} at any size: the model's own parameters compensate for it.")
     return texts

@@ -143,6 +143,7 @@ def starts(found: Discovery) -> list[str]:
     own, starts = {p.source for p in found.study.pieces if p.loose}, found.recordings.starts
     after = [e for e in found.recordings.experiments if e.follows]
     loaded = [e.name for e in found.recordings.experiments if starts[e.name] == UNKNOWN and not e.follows]
+    cut = {e.name for e in found.recordings.experiments if e.part_of not in ("", e.name)}
     free, settled = ([n for n in loaded if (n in own) == is_free] for is_free in (True, False))
     said = []
     if after:
@@ -155,7 +156,7 @@ def starts(found: Discovery) -> list[str]:
         settled_there = (
             " If a file began at rest under its first load, say so in bench.toml ([start] and NAME = "
             '"equilibrium"): smaller effects can then be seen in it.'
-            if found.study.plant.model.curve
+            if found.study.plant.model.curve and not cut.issuperset(free)
             else ""
         )
         said.append(

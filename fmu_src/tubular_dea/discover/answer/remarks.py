@@ -117,7 +117,7 @@ def _early(found: Discovery) -> list[str]:
 def _late(found: Discovery) -> list[str]:
     """Monitors whose delay is allowed for, where that moves an output by more than its noise."""
     now = _delays(found.named_study, found.named)
-    if found.verdict == "unexplained":
+    if found.verdict in ("unexplained", "partly_explained"):
         return [
             f"In the fit the recorded {name} is {by}. Filters against aliasing make it so; here it may make up for "
             "what the model lacks."

@@ -8,10 +8,12 @@ from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean
 from ..options.residuals import LackOfFit
+from ..scores.parameters import at_bounds
 
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
+ENDS = 2  # [1] parameters of one effect that ended at bounds, from which on its law is in doubt
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
 
 
@@ -25,6 +27,18 @@ def thin(found: Discovery) -> str:
     if found.verdict == "no_effect" and ratio > PREDICTED:
         return f"the error is {ratio:.1f} times the noise, and they hardly tell how large that is"
     return ""
+
+
+def forced(found: Discovery) -> list[str]:
+    """That a law explains the recordings only at ends of what its parameters may be, so that it may stand in for
+    another."""
+    ended = {name: [*at_bounds(found.study.catalogue[name], found.named.fitted)] for name in found.named.ids}
+    return [
+        f"But {name} explains them only at the ends of what {' and '.join(its)} may be: something else, perhaps in no "
+        "catalogue, may act like it."
+        for name, its in ended.items()
+        if len(its) >= ENDS
+    ]
 
 
 def loud(found: Discovery) -> str:

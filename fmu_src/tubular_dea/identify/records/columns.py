@@ -23,6 +23,7 @@ ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tel
 AT_REST = 0.9  # [1] times its value at rest that the middle number is at least, and
 GROWN = 1.8  # [1] at most, where that value is in it: a diameter is twice a radius
 CHANGED = 0.6  # [1] times that value that it is at most, where it is not
+SERIAL_DAYS = (36526, 73051)  # [d] since 1900 of the years 2000 to 2100, as spreadsheets count them
 ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value", "datetime", "date_time", "zeit")
 
 
@@ -344,6 +345,11 @@ def _no_size(column: Column, output: Output, plant: Plant) -> str:
     )
 
 
+def _serial_days(values: np.ndarray) -> bool:
+    """Whether times are a spreadsheet's dates: days since 1900 that move by far less than one."""
+    return bool(np.all((values > SERIAL_DAYS[0]) & (values < SERIAL_DAYS[1])) and np.ptp(values) < 1)
+
+
 def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expected: str) -> Assigned:
     unit = (choice.unit if choice else "") or column.unit
     if column.problem:
@@ -351,6 +357,7 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
     if name == TRIGGER:
         return Assigned(column, unit, column.values)
     if not unit:
+        expected = "d" if name == "time" and _serial_days(column.values) else expected
         problem = f"{table.heading_place}: column {column.shown} names no unit; write it as '{name} [{expected}]'"
         raise ColumnError(f"{problem} or say", {name: f"{column.number}[{expected}]"}, problem)
     times, zero = (choice.factor, choice.zero) if choice else (1.0, 0.0)

@@ -188,10 +188,18 @@ function timesOf(columns) {
   return [named, clocks].find((list) => list.length === 1) ?? [];
 }
 
+/* Whether times are a spreadsheet's dates: days since 1900 (here of the years 2000 to 2100) that move by far less than one. */
+function serialDays(values) {
+  return values.every((v) => v > 36526 && v < 73051) && values[values.length - 1] - values[0] < 1;
+}
+
 function inSi(table, name, column, expected, times) {
   if (column.problem) throw new ReadError(`${table.path}, ${column.problem}`);
   if (name === TRIGGER) return { column, values: column.values };
-  if (!column.unit) throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${expected}]'`);
+  if (!column.unit) {
+    const wanted = name === "time" && serialDays(column.values) ? "d" : expected;
+    throw new ReadError(`${table.headingPlace}: column ${column.shown} names no unit; write it as '${name} [${wanted}]'`);
+  }
   try {
     return { column, values: convertedUnit(column.values.map((v) => v * times), column.unit, expected), times };
   } catch (problem) {
