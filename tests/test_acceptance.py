@@ -117,6 +117,17 @@ def _fitted(times: float) -> SimpleNamespace:
     return SimpleNamespace(fitted=one)
 
 
+def test_a_value_far_from_a_bound_in_its_own_uncertainty_is_at_none() -> None:
+    """A compliance declared a thousand times too large was found at 260 times its least value, to 0.05 %, and "ended at
+    the least value": the bound was a thousandth of the declared size away."""
+    free = Free("C", 3e-11, 1e-16)
+    at = {}
+    for value, error in ((2.6e-14, 1.3e-17), (1.1e-16, 1.3e-17)):
+        scaled, none = np.array([free.to_scaled(value)]), np.zeros((1, 1))
+        at[value] = Fit({"C": value}, scaled, 1.0, none[0], none, none, [free], {"C": error}, True).at_bounds()
+    assert at == {2.6e-14: {}, 1.1e-16: {"C": -1}}
+
+
 def test_verdict_where_effects_cannot_be_told_apart() -> None:
     clean, partly = option("lag", excess=100.0), option("lag", excess=0.3 * LARGE)
     assert judgement.decide(found(BASE, clean), 1.0, {"lag": ["slew"]}) == "ambiguous"

@@ -253,6 +253,17 @@ def test_an_effect_goes_in_once(base) -> None:
         with_effects(base, ["sensor_leg"])
 
 
+def test_an_effect_that_is_none_is_refused_in_words(base) -> None:
+    """A function without `return` ended in an AttributeError, a parameter that is in no tuple in a TypeError."""
+    lag = PLANT.catalogue["sensor_lag"]
+    with pytest.raises(DeclarationError, match="sensor_lag: apply: expected a function that returns the changed model"):
+        replace(lag, apply=lambda model: None)(base)
+    with pytest.raises(DeclarationError, match="parameters: expected a tuple of Quantity"):
+        replace(lag, parameters=lag.parameters[0])
+    with pytest.raises(DeclarationError, match="off: expected a parameter"):
+        replace(lag, off={})
+
+
 def test_a_plant_is_not_offered_an_effect_that_it_has() -> None:
     """It was in a model with many of them, and no longer in the catalogue that tells how it is switched off."""
     have = "sensor_delay"

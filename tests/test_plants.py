@@ -61,6 +61,16 @@ def test_a_plant_that_names_what_its_model_has_not_is_refused(change: dict, word
     assert words in str(refusal.value)
 
 
+def test_an_output_that_never_changes_is_refused() -> None:
+    """It took 41 s to an answer in which a drift of that output was the nearest effect."""
+    m = Build("Still", "A gauge on nothing")
+    x, k = m.state("x", "m", "Position"), m.parameter("k", "N/m", 2.0, "Stiffness")
+    m.derivative(x, m.input("push", "m/s", "Speed"))
+    m.output("gauge", "N/m", 2 * k, "Stiffness")
+    with pytest.raises(DeclarationError, match=r"Output\('gauge'\) depends on no state and no input of Still"):
+        Plant(m.model(), inputs=[Input("push")], outputs=[Output("gauge")])
+
+
 def test_the_headings_of_a_file_are_told_with_their_units() -> None:
     assert PLANT.headers() == "time [s],pressure [Pa],voltage [V],radius [m]"
     second = replace(PLANT, outputs=[*PLANT.outputs[:1], Output("current", required=False)])

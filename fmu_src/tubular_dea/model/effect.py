@@ -70,6 +70,13 @@ class Effect:
     limits: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.parameters, Sequence):
+            raise DeclarationError(
+                f"{self.id}: parameters: expected a tuple of Quantity, as (Quantity(...),), but was given "
+                f"{type(self.parameters).__name__}"
+            )
+        if not self.off:
+            raise DeclarationError(f"{self.id}: off: expected a parameter with the value at which there is no effect")
         names = {q.name for q in self.parameters}
         shaped = (self.shapes, self.strengths, self.trades, self.levels)
         for mentioned in (self.off, self.typical, self.on, self.refine, self.hard, *shaped):
@@ -119,6 +126,11 @@ class Effect:
         declared = [Parameter(replace(q, value=values[q.name]), tunable=True) for q in self.parameters]
         with unchecked():
             changed = self.apply(model.extend(parameters=declared))
+        if not isinstance(changed, Model):
+            raise DeclarationError(
+                f"{self.id}: apply: expected a function that returns the changed model, as `return model.extend(...)`, "
+                f"but it returned {changed!r}"
+            )
         return changed.marked(self.id)
 
 

@@ -237,6 +237,11 @@ class Plant:
                     f"{self.name}: Output({output.name!r}): {self.model.name} puts out no such "
                     f"quantity{nearest(output.name, self.model.outputs)}"
                 )
+            if _constant(self.model, output.name):
+                raise DeclarationError(
+                    f"{self.name}: Output({output.name!r}) depends on no state and no input of {self.model.name}: it "
+                    "would never change; look at its equation"
+                )
         for what, names in self._named().items():
             for name in names:
                 if name not in self.model.parameter_values():
@@ -401,10 +406,22 @@ class Plant:
         return {name: float(v[int(np.argmax(np.abs(v)))]) for name, v in joined.items()}
 
 
-def _at_once(model: Model, outputs: Sequence[str]) -> set[str]:
-    """The inputs with direct feedthrough to some output."""
+def _reached(model: Model, outputs: Sequence[str]) -> set[sympy.Symbol]:
+    """All symbols that some outputs depend on at once."""
     reached = {model.quantity(name).symbol for name in outputs}
     for definition in reversed(model.definitions):
         if definition.quantity.symbol in reached:
             reached |= sympy.sympify(definition.expression).free_symbols
+    return reached
+
+
+def _constant(model: Model, output: str) -> bool:
+    """Whether an output depends on parameters alone."""
+    fixed = {p.quantity.symbol for p in model.parameters} | {d.quantity.symbol for d in model.definitions}
+    return _reached(model, [output]) <= fixed
+
+
+def _at_once(model: Model, outputs: Sequence[str]) -> set[str]:
+    """The inputs with direct feedthrough to some output."""
+    reached = _reached(model, outputs)
     return {q.name for q in model.inputs if reached & {q.symbol, rate(q)}}

@@ -31,7 +31,8 @@ AROUND = 0.15  # [1] distance of further starts, in the solver's numbers
 
 # Set by judgement: far less than any interval, far more than the searches' precision. Check:
 # `pytest tests/test_acceptance.py tests/test_identify.py -k bound`
-AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there
+AT_BOUND = 1e-3  # [1] of the solver's numbers: nearer to a bound a search has ended there,
+CLEAR_OF_IT = 10.0  # [1] times its standard error that a value is off a bound at least, to be at none however near
 
 # Set by theory: a little above what rounding leaves of 1. Check:
 # `pytest tests/test_identify.py::test_what_is_not_determined_is_named`
@@ -84,9 +85,13 @@ class Fit:
         return {
             free.name: side
             for free, scaled in zip(self.free, self.scaled, strict=True)
-            for side, bound in zip((-1, 1), free.bounds(), strict=True)
-            if abs(scaled - bound) < AT_BOUND
+            for side, bound, end in zip((-1, 1), free.bounds(), (free.lower, free.upper), strict=True)
+            if abs(scaled - bound) < AT_BOUND and not self._clear_of(free.name, end)
         }
+
+    def _clear_of(self, name: str, end: float | None) -> bool:
+        """Whether a parameter is known to be off an end of its range."""
+        return end is not None and abs(self.values[name] - end) > CLEAR_OF_IT * self.stderr[name]
 
 
 @one_blas_thread
