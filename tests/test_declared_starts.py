@@ -168,3 +168,23 @@ def test_a_mass_is_found_where_the_base_ran_away(tmp_path: Path) -> None:
     tried = {one.ids[0]: one for _, one in begun_as_declared(made, base)}
     assert tried["added_mass"].fitted.values["added_mass"] == pytest.approx(0.028, rel=0.1)
     assert tried["added_mass"].lack_of_fit.ratio < 1.2
+
+
+@pytest.mark.parametrize("start", [0.0, 3e-4])
+def test_a_declared_start_at_which_no_file_begins_is_asked_about(start: float) -> None:
+    """A stroke declared to start at 0.3 mm began at 0 in every file: "the model lacks a gain of the laser"."""
+    m = Build("Piston", "A piston on oil")
+    x, k = m.state("x", "m", "Stroke", start=start, nominal=4e-4, display_unit="um"), m.parameter("k", "1/s", 2.0)
+    m.derivative(x, k * (m.input("drive", "m", nominal=4e-4) - x))
+    m.output("stroke", "m", x, display_unit="um")
+    plant = Plant(m.model(), [Input("drive", held=True)], [Output("stroke", zero=5e-6)])
+    time, rng = np.arange(600) * 0.01, np.random.default_rng(4)
+    pushed = np.where(time > 1.0, 4e-4, 0.0)
+    stroke = np.where(time > 1.0, 4e-4 * (1 - np.exp(-2.0 * (time - 1.0))), 0.0)
+    tables = {
+        name: {"time [s]": time, "drive [m]": pushed, "stroke [um]": 1e6 * stroke + rng.standard_normal(time.size)}
+        for name in ("one", "two")
+    }
+    asked = [said for said in td.read_recordings(tables, plant).findings() if "declared start" in said]
+    assert len(asked) == (start > 0)
+    assert all(said.startswith("stroke begins with") and "300 um there: is that start right?" in said for said in asked)

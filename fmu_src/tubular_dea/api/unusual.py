@@ -9,6 +9,7 @@ import numpy as np
 from ..identify.records.checks import STRUCTURE, at_limit
 from ..identify.records.experiment import Experiment, Recordings
 from ..identify.records.spikes import spikes
+from ..identify.records.start import begun_elsewhere
 from ..identify.signals.monitors import equal_stretches, noise_level
 from ..identify.signals.sampling import usual_step
 from ..model.declare import Quantity
@@ -39,7 +40,7 @@ GAPS = 0.1  # [1] share of samples without a number that is worth a sentence
 
 def findings(recordings: Recordings) -> list[str]:
     """All of it, in words."""
-    signals = (_spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _flickers, _stuck, _ended)
+    signals = (_starts, _spikes, _jumps, _sizes, _centred, _unlike, _elsewhere, _kelvin, _flickers, _stuck, _ended)
     return [said for one in (*signals, _clocks, _gaps, _copies, _stated) for said in one(recordings)]
 
 
@@ -57,6 +58,17 @@ def _sizes(recordings: Recordings) -> Iterator[str]:
             yield (
                 f"{name} reaches {largest:.3g}{unit} in these records, {largest / q.nominal:.2g} times its declared "
                 f"size (nominal: {q.nominal:.3g}{unit}): is its unit in the files right? If so, correct nominal"
+            )
+
+
+def _starts(recordings: Recordings) -> Iterator[str]:
+    """Outputs that begin in all files elsewhere than where the plant is declared to start."""
+    for output in recordings.plant.outputs:
+        if apart := begun_elsewhere(recordings, output):
+            q, first, (read, declared) = recordings.plant.quantity(output.name), recordings.experiments[0], apart[0]
+            yield (
+                f"{output.name} begins with {_in_file(first, q, read)} in {first.name}, in every file far from what "
+                f"the declared start says, {_in_file(first, q, declared)} there: is that start right?"
             )
 
 

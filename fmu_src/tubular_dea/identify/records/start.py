@@ -20,12 +20,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import sympy
 from scipy.special import ndtr, stdtrit
 
 from ...laws.places import Path
+from ...model.declare import Model
 from ...model.sizes import evaluator
 from ...model.starts import unknowns
-from ...plants.plant import Input, Plant
+from ...plants.plant import Input, Output, Plant
 from .experiment import RESTED, UNKNOWN, Experiment, Recordings
 
 if TYPE_CHECKING:
@@ -75,12 +77,7 @@ def detected(experiment: Experiment, plant: Plant) -> str:
 def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> float | None:
     """What an output (SI) reads first if a plant starts as declared under an experiment's first inputs; None where that
     depends on numbers of each record."""
-    model = plant.model
-    known_as = {d.quantity.symbol: d.expression for d in model.definitions}
-    known_as |= {s.quantity.symbol: s.start for s in model.states}
-    expression = model.expression(output)
-    while expression.free_symbols & known_as.keys():
-        expression = expression.xreplace(known_as)
+    model, expression = plant.model, _at_declared_start(plant.model, output)
     first = {name: float(values[0]) for name, values in experiment.inputs.items()}
     known = {p.quantity.name: p.quantity.value for p in model.parameters if p.start != "each"} | first
     symbols, value = evaluator(expression)
@@ -88,6 +85,38 @@ def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> floa
         return None
     found = value(*(known[str(s)] for s in symbols))
     return found if np.isfinite(found) else None
+
+
+def _at_declared_start(model: Model, output: str) -> sympy.Expr:
+    """An output over inputs and parameters where the states start as declared."""
+    known_as = {d.quantity.symbol: d.expression for d in model.definitions}
+    known_as |= {s.quantity.symbol: s.start for s in model.states}
+    expression = sympy.sympify(model.expression(output))
+    while expression.free_symbols & known_as.keys():
+        expression = expression.xreplace(known_as)
+    return expression
+
+
+def begun_elsewhere(recordings: Recordings, output: Output) -> list[tuple[float, float]]:
+    """The first reading of an output in every file that is computed from the declared start, and what it reads there
+    (SI); empty unless all of them begin elsewhere, or where that depends on parameters, which a fit may change."""
+    plant, found = recordings.plant, []
+    fitted = {p.quantity.symbol for p in plant.model.parameters if p.tunable}
+    if (
+        plant.model.curve
+        or not plant.model.states
+        or _at_declared_start(plant.model, output.name).free_symbols & fitted
+    ):
+        return []
+    for e in recordings.experiments:
+        if recordings.starts[e.name] != RESTED or e.follows or output.name not in e.outputs:
+            continue
+        seen, declared = e.seen(output.name), _declared_reading(e, plant, output.name)
+        values = e.outputs[output.name][seen]
+        if declared is None or not _begins_off(e.time[seen], values - declared, output.known_zero):
+            return []
+        found.append((float(values[0]), declared))
+    return found
 
 
 def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
