@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..discover import engine
-from ..discover.answer import between_files, outcome
+from ..discover.answer import between_files, outcome, reservations
 from ..errors import UserError, list_of_names
 from ..files import working_folder, write_atomically
 from ..identify.fitting.fit import uncertainty
@@ -101,7 +101,8 @@ class DiscoveryResult:
         from ..report.in_short import asked_first
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
-        said += [*between_files.unlike(self.discovery), *between_files.assumed(self.discovery)]
+        said += [*reservations.forced(self.discovery), *between_files.unlike(self.discovery)]
+        said += between_files.assumed(self.discovery)
         said += asked_first(self.content["remarks"])
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
