@@ -34,8 +34,8 @@ def forced(found: Discovery) -> list[str]:
     another."""
     ended = {name: [*at_bounds(found.study.catalogue[name], found.named.fitted)] for name in found.named.ids}
     return [
-        f"But {name} explains them only at the ends of what {' and '.join(its)} may be: something else, perhaps in no "
-        "catalogue, may act like it."
+        f"{name} explains the recordings only at the ends of what {' and '.join(its)} may be: something else, perhaps "
+        "in no catalogue, may act like it."
         for name, its in ended.items()
         if len(its) >= ENDS
     ]

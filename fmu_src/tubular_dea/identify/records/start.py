@@ -97,9 +97,12 @@ def _at_declared_start(model: Model, output: str) -> sympy.Expr:
     return expression
 
 
-def begun_elsewhere(recordings: Recordings, output: Output) -> list[tuple[float, float]]:
-    """The first reading of an output in every file that is computed from the declared start, and what it reads there
-    (SI); empty unless all of them begin elsewhere, or where that depends on parameters, which a fit may change."""
+def begun_elsewhere(recordings: Recordings, output: Output) -> list[tuple[Experiment, float, float]]:
+    """Every file that is computed from the declared start, the first reading of an output, and what it would read (SI).
+
+    Empty unless all of them begin elsewhere; where that depends on parameters, which a fit may change; and where it is
+    zero, as then the sensor's own zero is as likely.
+    """
     plant, found = recordings.plant, []
     fitted = {p.quantity.symbol for p in plant.model.parameters if p.tunable}
     if (
@@ -113,9 +116,9 @@ def begun_elsewhere(recordings: Recordings, output: Output) -> list[tuple[float,
             continue
         seen, declared = e.seen(output.name), _declared_reading(e, plant, output.name)
         values = e.outputs[output.name][seen]
-        if declared is None or not _begins_off(e.time[seen], values - declared, output.known_zero):
+        if not declared or not _begins_off(e.time[seen], values - declared, output.known_zero):
             return []
-        found.append((float(values[0]), declared))
+        found.append((e, float(values[0]), declared))
     return found
 
 
