@@ -65,7 +65,7 @@ def _starts(recordings: Recordings) -> Iterator[str]:
     """Outputs that begin in all files elsewhere than where the plant is declared to start."""
     for output in recordings.plant.outputs:
         if apart := begun_elsewhere(recordings, output):
-            q, (first, read, declared) = recordings.plant.quantity(output.name), apart[0]
+            q, (first, read, declared) = recordings.plant.quantity(output.name), apart
             yield (
                 f"{output.name} begins with {_in_file(first, q, read)} in {first.name}, in every file far from what "
                 f"the declared start says, {_in_file(first, q, declared)} there: is that start right?"

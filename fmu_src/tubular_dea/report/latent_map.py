@@ -21,7 +21,7 @@ def latent_map(found: Discovery) -> Drawing:
     answer, rate, driven, left = (np.concatenate(columns) for columns in zip(*_runs(found, signal.name), strict=True))
     limit = float(np.quantile(np.abs(left), 0.98)) or 1.0
     colours = {"colorscale": "RdBu", "cmin": -limit / y_scale, "cmax": limit / y_scale, "size": 6}
-    points = {"type": "scattergl", "mode": "markers", "yaxis": "y"}
+    points = {"type": "scattergl", "mode": "markers"}
     told = f"%{{x:.4g}} {y_unit}, %{{y:.4g}} {u_unit}: %{{marker.color:.3g}} {y_unit}<extra></extra>"
     drawn = []
     for axis, chosen in (("x", rate >= 0), ("x2", rate < 0)):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...identify.records.columns import signals
+from ...identify.signals.colour import filtered
 from ...recordings import Table, read
 from ..engine import Discovery
 from .left_over import Left
@@ -83,9 +84,7 @@ def best_lag(courses: Sequence[Course], step: float) -> Followed:
 def _behind(column: np.ndarray, lag: float) -> np.ndarray:
     """The column (n,) behind a lag of first order of so many samples, which had settled at its first value."""
     gain = 1 / (1 + lag)
-    from scipy.signal import lfilter  # half a second, for which only few sets have to wait
-
-    return column[0] + lfilter([gain], [1, gain - 1], column - column[0])
+    return filtered([gain], [1, gain - 1], column, (1 - gain) * column[:1])
 
 
 def _size(courses: Sequence[Course]) -> int:

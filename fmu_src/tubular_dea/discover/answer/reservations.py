@@ -13,8 +13,11 @@ from ..scores.parameters import at_bounds
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
 DROWNED = 0.5  # [1] share of an output's deviation from its mean from which on noise may be all that it shows
-ENDS = 2  # [1] parameters of one effect that ended at bounds, from which on its law is uncertain
 MOVES = 10.0  # [1] times a monitor's noise that an input spans in some experiment, else it hardly moves
+
+# Set by judgement: one parameter that refines a form often ends its range. Check:
+# `pytest tests/test_report_words.py -k uncertain`
+ENDS = 2  # [1] parameters of one effect that ended at bounds, from which on its law is uncertain
 
 
 def thin(found: Discovery) -> str:

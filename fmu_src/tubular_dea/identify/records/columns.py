@@ -19,11 +19,12 @@ from ...recordings.table import either
 
 TRIGGER = "trigger"
 ANY = "ITS_NAME_OR_NUMBER"  # what a message has for a column that it cannot tell
+# Set by convention of spreadsheets, which count days from 1900 on. Check: `pytest tests/browser/test_words.py`
+SERIAL_DAYS = (36526, 73051)  # [d] of the years 2000 to 2100
 # Set by judgement. Check: `pytest tests/test_reading.py -k size`
 AT_REST = 0.9  # [1] times its value at rest that the middle number is at least, and
 GROWN = 1.8  # [1] at most, where that value is in it: a diameter is twice a radius
 CHANGED = 0.6  # [1] times that value that it is at most, where it is not
-SERIAL_DAYS = (36526, 73051)  # [d] since 1900 of the years 2000 to 2100, as spreadsheets count them
 ALSO_TIME = ("timestamp", "time_stamp", "t", "elapsed", "elapsed_time", "x_value", "datetime", "date_time", "zeit")
 
 

@@ -97,29 +97,29 @@ def _at_declared_start(model: Model, output: str) -> sympy.Expr:
     return expression
 
 
-def begun_elsewhere(recordings: Recordings, output: Output) -> list[tuple[Experiment, float, float]]:
-    """Every file that is computed from the declared start, the first reading of an output, and what it would read (SI).
+def begun_elsewhere(recordings: Recordings, output: Output) -> tuple[Experiment, float, float] | None:
+    """The first file that is computed from the declared start, what an output reads first, and would read (SI).
 
-    Empty unless all of them begin elsewhere; where that depends on parameters, which a fit may change; and where it is
-    zero, as then the sensor's own zero is as likely.
+    None unless all such files begin elsewhere; where that depends on parameters, which a fit may change; and where it
+    is zero, as then the sensor's own zero is as likely.
     """
-    plant, found = recordings.plant, []
+    plant, first = recordings.plant, None
     fitted = {p.quantity.symbol for p in plant.model.parameters if p.tunable}
     if (
         plant.model.curve
         or not plant.model.states
         or _at_declared_start(plant.model, output.name).free_symbols & fitted
     ):
-        return []
+        return None
     for e in recordings.experiments:
         if recordings.starts[e.name] != RESTED or e.follows or output.name not in e.outputs:
             continue
         seen, declared = e.seen(output.name), _declared_reading(e, plant, output.name)
         values = e.outputs[output.name][seen]
         if not declared or not _begins_off(e.time[seen], values - declared, output.known_zero):
-            return []
-        found.append((e, float(values[0]), declared))
-    return found
+            return None
+        first = first or (e, float(values[0]), declared)
+    return first
 
 
 def _begins_off(time: np.ndarray, values: np.ndarray, zero: float) -> bool:
