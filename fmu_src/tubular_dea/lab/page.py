@@ -151,8 +151,8 @@ class _Models:
         plain = with_effects(plant.model, content.model.effects, plant.catalogue)
         declared = started(plain, content.model.parameter_values())  # of the same parameters in the same order
         parts = heart_models(paced=True, tube=declared) if is_tube(declared) else {}
-        shown = with_effects(content.model, missing, plant.catalogue)
-        return cls(shown, declared, with_effects(declared, missing, plant.catalogue), parts)
+        everything = with_effects(declared, missing, plant.catalogue)
+        return cls(everything.with_values(content.model.parameter_values()), declared, everything, parts)
 
 
 def _module(models: _Models) -> bytes:

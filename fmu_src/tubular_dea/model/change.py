@@ -5,6 +5,7 @@ Each function returns a new model. Effects on one signal form a chain: each take
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import sympy
@@ -147,7 +148,7 @@ def at_rest(model: Model, expression: sympy.Expr) -> sympy.Expr | None:
     if model.curve is None:
         return None
     settled = {s.quantity.symbol: s.equilibrium for s in model.states if s.quantity.name != model.curve.unknown}
-    return held_still(model, _expanded(model, expression).subs(settled))
+    return held_still(model, _put_in(_expanded(model, expression), settled))
 
 
 def at_start(model: Model, expression: sympy.Expr) -> sympy.Expr:
@@ -157,18 +158,26 @@ def at_start(model: Model, expression: sympy.Expr) -> sympy.Expr:
 
 def held_still(model: Model, expression: sympy.Expr) -> sympy.Expr:
     """`expression` for inputs that do not move."""
-    return expression.subs({rate(q): sympy.Integer(0) for q in (*model.inputs, *(d.quantity for d in model.delays))})
+    moving = (*model.inputs, *(d.quantity for d in model.delays))
+    return _put_in(expression, {rate(q): sympy.Integer(0) for q in moving})
 
 
 def _expanded(model: Model, expression: sympy.Expr) -> sympy.Expr:
     """`expression` in inputs, parameters and states: definitions put in, delays left out (nothing moves)."""
-    expression = sympy.sympify(expression)
     late = {d.quantity.symbol: sympy.Symbol(d.of, real=True) for d in model.delays}
+    expression = _put_in(sympy.sympify(expression), late)
     for definition in reversed(model.definitions):
-        expression = expression.subs(late)
         if definition.quantity.symbol in expression.free_symbols:
-            expression = expression.subs(definition.quantity.symbol, definition.expression)
-    return expression.subs(late)
+            expression = _put_in(expression, {definition.quantity.symbol: definition.expression})
+            expression = _put_in(expression, late)
+    return expression
+
+
+def _put_in(expression: sympy.Expr, known: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
+    """`expression` with what is `known` of some symbols put in; only those that are there are looked for, which is
+    most of the time of building a model with many effects."""
+    there = {symbol: known[symbol] for symbol in known if symbol in expression.free_symbols}
+    return expression.subs(there) if there else expression
 
 
 def filtered(model: Model, signal: str, share: sympy.Expr, output: sympy.Expr, name: str) -> Model:

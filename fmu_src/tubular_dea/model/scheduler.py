@@ -50,6 +50,7 @@ Usage::
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import sympy
 from sympy import And, Max, Min, Or
@@ -161,7 +162,7 @@ def heartbeat_scheduler(values: Mapping[str, float] | None = None) -> Model:
         definitions=definitions,
         states=(voltage,),
         outputs=OUTPUTS,
-        discretes=tuple(_discretes()),
+        discretes=_discretes(),
     )
     return model.with_values(values or {})
 
@@ -169,7 +170,8 @@ def heartbeat_scheduler(values: Mapping[str, float] | None = None) -> Model:
 # The rules ----------------------------------------------------------------------------------------------------
 
 
-def _discretes() -> list[Discrete]:
+@cache
+def _discretes() -> tuple[Discrete, ...]:
     rules = Rules([*INPUTS, *QUANTITIES, PREMATURE_ACTION])
     _r_waves(rules)
     _prediction(rules)
@@ -177,7 +179,7 @@ def _discretes() -> list[Discrete]:
     _veto(rules)
     _notch(rules)
     _pulse(rules)
-    return rules.made
+    return tuple(rules.made)
 
 
 def _r_waves(r: Rules) -> None:
