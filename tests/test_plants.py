@@ -71,6 +71,16 @@ def test_an_output_that_never_changes_is_refused() -> None:
         Plant(m.model(), inputs=[Input("push")], outputs=[Output("gauge")])
 
 
+def test_a_parameter_in_no_equation_is_refused() -> None:
+    m = Build("Slide", "A mass that is pushed")
+    v, mass = m.state("v", "m/s", "Speed"), m.parameter("mass", "kg", 2.0, "Mass", tunable=True)
+    m.parameter("friction", "N.s/m", 1.0, "Friction, forgotten in the balance", tunable=True)
+    m.derivative(v, m.input("push", "N", "Force") / mass)
+    m.output("read", "m/s", v, "Speed")
+    with pytest.raises(DeclarationError, match="the parameter 'friction' is in no equation of Slide"):
+        Plant(m.model(), inputs=[Input("push")], outputs=[Output("read")])
+
+
 def test_the_headings_of_a_file_are_told_with_their_units() -> None:
     assert PLANT.headers() == "time [s],pressure [Pa],voltage [V],radius [m]"
     second = replace(PLANT, outputs=[*PLANT.outputs[:1], Output("current", required=False)])

@@ -249,6 +249,7 @@ class Plant:
                         f"{self.name}: {what}: {self.model.name} has no parameter {name!r}"
                         f"{nearest(name, self.model.parameter_values())}"
                     )
+        self._check_used()
         self._check_multiples()
         self._check_once()
         self._check_places()
@@ -282,6 +283,17 @@ class Plant:
                 raise DeclarationError(
                     f"{self.name}: {what}: expected {words} of tubular_dea.plants but was given {other!r}"
                 )
+
+    def _check_used(self) -> None:
+        """`DeclarationError` for a tunable parameter on which nothing depends."""
+        model, named = self.model, {name for names in self._named().values() for name in names}
+        used = _used(model) | named
+        idle = next((p.quantity.name for p in model.parameters if p.tunable and p.quantity.name not in used), None)
+        if idle:
+            raise DeclarationError(
+                f"{self.name}: the parameter {idle!r} is in no equation of {model.name}, so no recording can tell its "
+                "value; put it where it belongs, or take it out"
+            )
 
     def _check_multiples(self) -> None:
         """`DeclarationError` for a multiple of what is no heading, or that is none."""
@@ -413,6 +425,16 @@ def _reached(model: Model, outputs: Sequence[str]) -> set[sympy.Symbol]:
         if definition.quantity.symbol in reached:
             reached |= sympy.sympify(definition.expression).free_symbols
     return reached
+
+
+def _used(model: Model) -> set[str]:
+    """The names of all quantities that some equation, start or delay of a model uses."""
+    equations = [d.expression for d in model.definitions]
+    equations += [e for s in model.states for e in (s.derivative, s.start, s.equilibrium) if e is not None]
+    equations += [e for d in model.discretes for e in (d.start, d.update)]
+    symbols = set().union(*(sympy.sympify(e).free_symbols for e in equations))
+    switch = {model.curve.start_switch} if model.curve else set()
+    return {str(symbol) for symbol in symbols} | {d.by for d in model.delays} | switch
 
 
 def _constant(model: Model, output: str) -> bool:
