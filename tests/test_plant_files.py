@@ -243,7 +243,14 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
         ),
         ("\0", None, "cannot be read as Python"),
         (HEAD, None, "expected a value PLANT = Plant(...) but there is none"),
-        (HEAD + PLANT.replace("PLANT", "TANK"), None, "there are TANK: choose one by tank.py:NAME"),
+        (HEAD + PLANT.replace("PLANT", "TANK"), None, "the file has TANK: write tank.py:TANK"),
+        (
+            "from sympy import sqrt\n"
+            + HEAD.replace("pump - level", "pump * sqrt(level**2) / level - level").replace('start="free"', "start=0")
+            + PLANT,
+            None,
+            "d(level)/dt has no value at the start of Tank, whatever the inputs",
+        ),
         (HEAD + "PLANT = m.model()\n", None, "expected PLANT to be a Plant but it is of type Model"),
         (HEAD + "raise SystemExit(3)\n", 8, "SystemExit: 3"),
         (

@@ -11,7 +11,19 @@ no sense. `_site.py` is what it reads there: unit, sizes, names; `taken` and `pu
 
 from __future__ import annotations
 
-from ..model.scales import moved_by, seconds
+from ..model.scales import moved_by, seconds, undefined
 from .places import Balance, Coefficient, Path, Place, check, effects_at, kinds, laws
 
-__all__ = ["Balance", "Coefficient", "Path", "Place", "check", "effects_at", "kinds", "laws", "moved_by", "seconds"]
+__all__ = [
+    "Balance",
+    "Coefficient",
+    "Path",
+    "Place",
+    "check",
+    "effects_at",
+    "kinds",
+    "laws",
+    "moved_by",
+    "seconds",
+    "undefined",
+]

@@ -131,6 +131,18 @@ def moved_by(before: Model, after: Model) -> str:
     return next((n for n, was in first.items() if abs(second[n] - was) > SAME * max(abs(was), abs(second[n]))), "")
 
 
+def undefined(model: Model) -> str:
+    """The first equation of a model that has no value at its start whatever the inputs, as 0 / 0 has none; "" where
+    all have."""
+    start, missing = _start(model), []
+    for inputs in (0.0, HALF, 1.0):  # shares of what is usual: a law may have no value at one of them
+        at = start | {q.symbol: inputs * q.nominal for q in model.inputs}
+        values = {str(symbol): value for symbol, value in _defined(model, at).items()}
+        rates = {f"d({s.quantity.name})/dt": r for s, r in zip(model.states, _evaluator(model)(at), strict=True)}
+        missing.append([name for name, value in (values | rates).items() if not math.isfinite(value)])
+    return next((name for name in missing[0] if all(name in others for others in missing)), "")
+
+
 def _defined(model: Model, given: dict[sympy.Symbol, float]) -> dict[sympy.Symbol, float]:
     """What is given, with the definitions that follow from it."""
     values = dict(given)

@@ -21,7 +21,7 @@ from types import ModuleType
 import sympy
 
 from ..errors import ArgumentError, UserError
-from ..laws import moved_by
+from ..laws import moved_by, undefined
 from ..model.declare import TIME, Model, nearest, rate
 from ..model.dimensions import fault, per_second
 from ..model.effect import Effect
@@ -86,12 +86,18 @@ def _chosen(path: Path, module: ModuleType, name: str) -> Plant:
     """The plant of that name in a module, with its catalogue made: what is wrong with a place shows now."""
     there = [n for n, value in vars(module).items() if isinstance(value, Plant)]
     if name not in vars(module):
-        also = f"; there are {', '.join(there)}: choose one by {path.name}:NAME" if there else ""
+        also = f"; the file has {', '.join(there)}: write {path.name}:{there[0]}" if there else ""
         raise PlantError("", f"{path}: expected a value {name} = Plant(...) but there is none{also}")
     value = vars(module)[name]
     if not isinstance(value, Plant):
         raise PlantError("", f"{path}: expected {name} to be a Plant but it is of type {type(value).__name__}")
     plant = replace(value, file=f"{path.name}:{name}")
+    if equation := undefined(plant.model):
+        raise PlantError(
+            "",
+            f"{path}: {equation} has no value at the start of {plant.model.name}, whatever the inputs (is something "
+            "divided by 0 there?): write what it is there with sympy.Piecewise, or let the states start elsewhere",
+        )
     _check_own(path, plant)
     try:
         _ = plant.catalogue
