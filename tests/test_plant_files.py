@@ -259,6 +259,7 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             "Path('pump'): no equation uses this input, so nothing can act on its way; leave the place out",
         ),
         (HEAD + OWN.format(unit="1/s", body="k * m['lost']"), 9, "Tank has no quantity 'lost'"),
+        (HEAD + OWN.format(unit="1", body="0 * m['leak']"), None, "the parameter 'leak' is in no equation of Tank"),
         (HEAD + OWN.format(unit="m", body="m['leak']"), None, "the effect leaking: reading: "),
         (
             HEAD + OWN.format(unit="1", body="m['leak'] * slow.symbol").replace("return", BESIDE + "return"),

@@ -122,6 +122,7 @@ def _check_own(path: Path, plant: Plant) -> None:
             raise PlantError("", f"{path}: the effect {name}: channel: {effect.channel!r} is no other's{wrong}")
         try:
             changed = effect(plant.model)
+            plant.with_model(changed)  # as a plant it is checked: an effect's parameters act, too
         except (Exception, SystemExit) as problem:
             raise PlantError("", f"{message(path, problem)} (in the effect {name})") from None
         if wrong := _unlike(plant.model, changed):
