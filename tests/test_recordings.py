@@ -116,6 +116,13 @@ def test_headings_are_taken_apart(heading: str, name: str, unit: str) -> None:
         ("mrad", "rad", 1e-3),
         ("Hz", "rad/s", 2 * scipy.constants.pi),
         ("deg/s", "Hz", 1 / 360),
+        ("1/min", "rad/s", 2 * scipy.constants.pi / 60),  # a speed in 1/min is in revolutions: K was 6.28 times too large
+        ("min^-1", "rad/s", 2 * scipy.constants.pi / 60),
+        ("U/min", "rad/s", 2 * scipy.constants.pi / 60),
+        ("rev/min", "rad/s", 2 * scipy.constants.pi / 60),
+        ("rad/min", "rad/s", 1 / 60),
+        ("deg/min", "deg/s", 1 / 60),
+        ("1/s", "rad/s", 1),
         ("mH", "V.s/A", 1e-3),
         ("PA", "Pa", 1),
         ("KV", "V", 1e3),

@@ -92,6 +92,7 @@ _NAMED = {
     "d": Unit(86400.0, _TIME),
     "bpm": Unit(1 / 60, _RATE),
     "rpm": Unit(math.tau / 60, _RATE),
+    "rev": Unit(math.tau, _NONE),
     "inch": Unit(0.0254, _LENGTH),
     "mil": Unit(25.4e-6, _LENGTH),
     "degC": Unit(1.0, _WARMTH, 273.15),
@@ -198,6 +199,14 @@ _ALSO = {
     "kelvin": "K",
     "hectopascal": "hPa",
     "rads": "rad",
+    "revolution": "rev",
+    "revolutions": "rev",
+    "revs": "rev",
+    "turn": "rev",
+    "turns": "rev",
+    "r/min": "rpm",
+    "u/min": "rpm",
+    "upm": "rpm",
     "radian": "rad",
     "radians": "rad",
     "vdc": "V",
@@ -211,7 +220,7 @@ for _name in _NAMED:
     _BY_CASE.setdefault(_name.lower(), []).append(_name)
 _SIGNS = str.maketrans({"μ": "u", "Ω": "Ohm", "°": "deg", "·": ".", "⋅": ".", "×": ".", "*": ".", "^": None, "−": "-"})
 
-ANGLES = ("rad", "mrad", "urad", "deg", "rpm")
+ANGLES = ("rad", "mrad", "urad", "deg", "rpm", "rev")
 
 PREFIXES = {-9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
@@ -274,10 +283,18 @@ def factor(unit: str, expected: str) -> float:
 
 
 def _cycles(unit: str, other: str) -> Power:
-    """To what power `unit` counts cycles, where `other` counts angles to the same: 1 Hz is 2 pi rad/s."""
-    cycles = sum(e for n, e in named_powers(unit).items() if n.lower().endswith(("hz", "hertz")))
-    angles = sum(e for n, e in named_powers(other).items() if _ALSO.get(n.lower(), n.lower()) in ANGLES)
-    return cycles if cycles == angles else 0
+    """To what power `unit` counts cycles, where `other` counts angles to the same: 1 Hz is 2 pi rad/s, and 1/min is a
+    revolution in a minute."""
+    if (_named(_plain(unit)) and not unit.lower().endswith(("hz", "hertz"))) or _angles(unit):
+        return 0
+    own = named_powers(unit).items()
+    cycles = sum(e if n.lower().endswith(("hz", "hertz")) else -e if n == "min" else 0 for n, e in own)
+    return cycles if cycles == _angles(other) else 0
+
+
+def _angles(unit: str) -> Power:
+    """To what power a unit counts angles."""
+    return sum(e for n, e in named_powers(unit).items() if _ALSO.get(n.lower(), n.lower()) in ANGLES)
 
 
 def converted(values: Amount, unit: str, expected: str) -> Amount:
