@@ -116,7 +116,7 @@ def test_headings_are_taken_apart(heading: str, name: str, unit: str) -> None:
         ("mrad", "rad", 1e-3),
         ("Hz", "rad/s", 2 * scipy.constants.pi),
         ("deg/s", "Hz", 1 / 360),
-        ("1/min", "rad/s", 2 * scipy.constants.pi / 60),  # a speed in 1/min is in revolutions: K was 6.28 times too large
+        ("1/min", "rad/s", 2 * scipy.constants.pi / 60),  # revolutions: K was 6.28 times too large
         ("min^-1", "rad/s", 2 * scipy.constants.pi / 60),
         ("U/min", "rad/s", 2 * scipy.constants.pi / 60),
         ("rev/min", "rad/s", 2 * scipy.constants.pi / 60),

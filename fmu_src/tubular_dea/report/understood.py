@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from ..identify.inputs.drive import Drive, drives
 from ..identify.records.experiment import Experiment, Recordings, Source
+from ..identify.records.growing_noise import with_growing_noise
 from ..identify.signals.sampling import usual_step
 from ..identify.study.study import sensor_noise
 from ..model.declare import Quantity
@@ -36,7 +37,7 @@ class Understanding:
     """The recordings with the edges and the noise that were found in them."""
 
     def __init__(self, recordings: Recordings) -> None:
-        self.recordings = recordings
+        self.recordings = recordings = with_growing_noise(recordings)
         self.drives = drives(recordings.experiments, recordings.plant.inputs, recordings.noise)
         self.noise = sensor_noise(recordings, self.drives)
 
@@ -105,6 +106,11 @@ class Understanding:
                 words = f"{headings[0]} not known yet (no part of the recordings is quiet)"
             elif noise.neighbours:
                 words += f" (correlation {noise.neighbours:.2f})"
+            grows = [g for e in self.recordings.experiments if (g := e.relative_noise.get(name)) is not None]
+            if grows:
+                least, most = (noise.rms * float(end(np.concatenate(grows))) for end in (np.min, np.max))
+                amounts = " to ".join(self._noise_amount(level, name) for level in (least, most))
+                words += f" (rms; {amounts}, as it is not the same at all readings)"
             said.append(words)
         yield f"noise      {', '.join(said)}"
 

@@ -51,6 +51,7 @@ def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
         *between_files.spread(found),
         *_wandering(found),
         *_coloured(found),
+        *_growing(found),
     ]
     thin = reservations.thin(found)
     return [*said, f"The result is based on little data: {thin}."] if thin else said
@@ -363,6 +364,21 @@ def _wandering(found: Discovery) -> list[str]:
     return [
         f"The zero of the {reading} drifts slowly within files, most in {name} ({q.in_words(rms)} "
         "rms), as zeros of sensors do. A slow effect of this size would look the same: let the sensor warm up."
+    ]
+
+
+def _growing(found: Discovery) -> list[str]:
+    """A remark where the noise of a sensor is not the same at all readings."""
+    headings = {o.name: o.headings[0] for o in found.study.plant.outputs}
+    relative: dict[str, list[np.ndarray]] = {}
+    for reading in (r for p in found.study.pieces for r in p.case.readings):
+        if reading.relative_noise is not None:
+            relative.setdefault(reading.output, []).append(reading.relative_noise)
+    ends = {name: np.concatenate(own) for name, own in relative.items()}
+    return [
+        f"The noise of {headings[name]} is not the same at all readings: at one end of them it is "
+        f"{own.max() / own.min():.2g} times as large as at the other. Each sample weighs as its own noise says."
+        for name, own in ends.items()
     ]
 
 

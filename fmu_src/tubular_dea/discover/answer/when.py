@@ -36,7 +36,7 @@ def brief_misses(rest: Sequence[Left], noise: Mapping[str, Noise]) -> list[Stret
     for piece, _, left in rest:
         for reading, part in zip(piece.case.readings, piece.case.parts, strict=True):
             times.append((piece.name, reading.times))
-            squares.append((left[part] / noise[reading.output].rms) ** 2)
+            squares.append((reading.evened(left[part]) / noise[reading.output].rms) ** 2)
     marked = _marked(squares)
     told: list[Stretch] = []
     for (name, at), there in zip(times, marked, strict=True):

@@ -22,10 +22,23 @@ SAME_INSTANT = 1e-9  # [s] within which two instants are one
 
 @dataclass(frozen=True)
 class Reading:
-    """An output and the times (n,) at which it was read."""
+    """An output and the times (n,) at which it was read; `relative_noise` (n,) is that of each reading over the usual
+    one, where it is not the same for all."""
 
     output: str
     times: np.ndarray
+    relative_noise: np.ndarray | None = None
+
+    def where(self, kept: np.ndarray) -> Reading:
+        """Some of the readings, `kept` (n,) of bool."""
+        relative = None if self.relative_noise is None else self.relative_noise[kept]
+        return Reading(self.output, self.times[kept], relative)
+
+    def evened(self, values: np.ndarray) -> np.ndarray:
+        """Values (n,) or columns (n, k) of the readings, over their relative noise: that of all is the usual one."""
+        if self.relative_noise is None:
+            return values
+        return np.asarray(values / self.relative_noise.reshape(-1, *[1] * (values.ndim - 1)))
 
     @cached_property
     def clock(self) -> Clock:

@@ -193,7 +193,7 @@ def whitened(
     """Values (N,) or columns (N, k) of a case in units of each output's noise, weighted."""
     white = np.concatenate(
         [
-            noise[reading.output].whiten(reading.clock, values[part])
+            noise[reading.output].whiten(reading.clock, reading.evened(values[part]))
             for reading, part in zip(case.readings, case.parts, strict=True)
         ]
     )

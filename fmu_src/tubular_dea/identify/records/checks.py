@@ -75,10 +75,12 @@ def output(
     rest: float,
     rests: bool = False,
     label: str = "",
+    waits: np.ndarray | None = None,
 ) -> Iterator[str]:
     """The faults of an output (n,) (SI), as in the file's column `name`, in the unit of its `label`; NaN where missing.
 
-    `rest` is what it reads at rest, and `rests` whether it may do so all the time, as another output moves.
+    `rest` is what it reads at rest, and `rests` whether it may do so all the time, as another output moves. While no
+    input moves it yet, `waits` (n,), it is at no stop.
     """
     seen = np.flatnonzero(np.isfinite(recorded))
     if seen.size < plant.least_samples:
@@ -95,7 +97,8 @@ def output(
     if not rests and not _may_stand_still(plant, signal):
         units = (plant.quantity(signal.name).unit, label or plant.quantity(signal.name).unit)
         yield from _standstill(values, name, there, units)
-        yield from _quiet_stop(values, name, there, units)
+        driven = np.ones(seen.size, dtype=bool) if waits is None else ~waits[seen]
+        yield from _quiet_stop(values, name, there, units, driven)
     parameter = signal.size_at_rest
     if signal.rest is not None and parameter:
         yield from _below_rest(values, name, there, rest, signal, plant.quantity(parameter), label)
@@ -191,8 +194,13 @@ def _standstill(
             )
 
 
-def _quiet_stop(values: np.ndarray, name: str, lines: np.ndarray, units: tuple[str, str]) -> Iterator[str]:
-    """A run at an extreme with far less noise than elsewhere: behind its stop a sensor shows its converter's alone."""
+def _quiet_stop(
+    values: np.ndarray, name: str, lines: np.ndarray, units: tuple[str, str], driven: np.ndarray
+) -> Iterator[str]:
+    """A run at an extreme with far less noise than elsewhere: behind its stop a sensor shows its converter's alone.
+
+    Where inputs are as they were at first, not `driven` (n,), it is where it rests, whatever its noise elsewhere.
+    """
     if noise_level(values) <= COARSE_SENSOR * resolution(values):
         return
     for side, words in ((1.0, "largest"), (-1.0, "least")):
@@ -200,7 +208,7 @@ def _quiet_stop(values: np.ndarray, name: str, lines: np.ndarray, units: tuple[s
         extreme = float(turned.max())
         away = values[turned < extreme - AWAY * float(np.ptp(values))]  # most of them may be at the stop
         noise = max(noise_level(values), noise_level(away))
-        runs = true_stretches(turned >= extreme - AT_STOP * noise)
+        runs = true_stretches(driven & (turned >= extreme - AT_STOP * noise))
         there = [np.arange(a, b) for a, b in runs if b - a >= STANDSTILL]
         count = sum(r.size for r in there)
         if count < SATURATED * values.size:

@@ -20,6 +20,7 @@ from ...plants.plant import Input, Plant
 from ...recordings import NoTableError, Table, is_no_recording, is_recording, is_spreadsheet, read
 from ...recordings.heading import name as plain
 from ...recordings.table import FEW, some
+from ..signals.monitors import noise_level
 from ..signals.sampling import sampling, usual_step
 from . import appended, checks, gaps
 from .bench_file import BenchFile, read_bench
@@ -32,6 +33,10 @@ from .updates import repeated_readings
 
 BENCH_FILE = "bench.toml"
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
+
+# Set by judgement. Check: `pytest tests/test_growing_noise.py -k rests`
+FIRST = 9  # [samples] that tell where an input is at first
+AT_FIRST = 6.0  # [1] times its noise by which it is off that at most while nothing moves the plant yet
 
 # Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
 DAY = 86_400.0  # [s] beyond which a time is one of the calendar, as since 1970: it counts from the first sample
@@ -271,7 +276,7 @@ def _outputs(
 
     One output may stand still where another one moves.
     """
-    undriven = _nothing_moves(inputs, plant)
+    undriven, waits = _nothing_moves(inputs, plant), _as_at_first(inputs, plant)
     found: dict[str, np.ndarray] = {}
     said: list[str] = []
     headings = {o.name: next((name for name in o.headings if name in values), None) for o in plant.outputs}
@@ -303,7 +308,8 @@ def _outputs(
         zero = known[output.columns[heading]] if output.columns.get(heading) else 0.0
         rests = heading in still and len(still) < len(there)
         said += [f"{heading} stands still here"] * rests
-        for finding in checks.output(read, output, plant, lines, heading, zero, rests, columns[heading].unit):
+        unit_read = columns[heading].unit
+        for finding in checks.output(read, output, plant, lines, heading, zero, rests, unit_read, waits):
             raise DataError(f"{table.path}, {finding}")
         found[output.name] = read - zero
     return found, said
@@ -361,6 +367,16 @@ def _nothing_moves(inputs: Mapping[str, np.ndarray], plant: Plant) -> bool:
         )
 
     return all(rests(inputs[s.name], s) for s in plant.inputs)
+
+
+def _as_at_first(inputs: Mapping[str, np.ndarray], plant: Plant) -> np.ndarray:
+    """Where every input (n,) is as at first, but for what its monitor moves by at rest (n,)."""
+    near = []
+    for signal in plant.inputs:
+        values = inputs[signal.name]
+        noise = max(AT_FIRST * noise_level(values), signal.little)
+        near.append(np.abs(values - np.nanmedian(values[:FIRST])) <= noise)
+    return np.asarray(np.all(near, axis=0))
 
 
 def _there(values: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ class Experiment:
     where experiments follow without rest, and `follows` names the one before it. `source` says how the file was
     understood. `part_of` names the file of which it is a run, or the whole of which it is what comes before or after a
     long gap; `guessed` (n,) tells at which samples an input is a guess, as it was not recorded for long while it moves
-    (`gaps`).
+    (`gaps`). `relative_noise` (n,) of an output is its noise over the usual one, where that grows with the reading.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Experiment:
     source: Source | None = None
     part_of: str = ""
     guessed: np.ndarray | None = None
+    relative_noise: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def seen(self, output: str) -> np.ndarray:
         """Where an output was recorded, shape (n,); all False if it is not in the file."""

@@ -113,7 +113,7 @@ def _added(problem: Problem, number: int, solved: np.ndarray, gain: np.ndarray, 
     for reading, rows in zip(case.readings, case.parts, strict=True):
         times = reading.times
         place, part = _between(corners, times)
-        along, driving = solved[:, rows], gain[rows]
+        along, driving = solved[:, rows], reading.evened(gain[rows])
         for begin in range(0, corners.size, CHUNK):
             wanted = np.arange(begin, min(begin + CHUNK, corners.size))
             first = int(np.searchsorted(place, begin - 1))

@@ -38,17 +38,17 @@ def with_noise_of(study: Study, fitted: Fit, ids: Ids = ()) -> Study:
     noise = dict(study.noise)
     for name in study.noise:
         read = [
-            (reading.times, piece.record[part], answer[part], happenings(piece.driven))
+            (reading, piece.record[part], answer[part], happenings(piece.driven))
             for piece, answer in zip(study.training, answers, strict=True)
             for reading, part in zip(piece.case.readings, piece.case.parts, strict=True)
             if reading.output == name
         ]
-        rests = [(t, values - there, events) for t, values, there, events in read]
+        rests = [(r.times, r.evened(values - there), events) for r, values, there, events in read]
         known = replace(study.noise[name], hum=_hum(study.noise[name], [(t, rest) for t, rest, _ in rests]))
         more = len(known.hum) > len(study.noise[name].hum)  # hum that was taken for noise
         if more:
             rests = [(t, _without(list(known.hum), t, rest), events) for t, rest, events in rests]
-            step = usual_resolution([(t, values, events) for t, values, _, events in read])
+            step = usual_resolution([(r.times, values, events) for r, values, _, events in read])
             known = _without_hum(known, rests, study.plant.bandwidth, step)
         left = [rest for _, rest, _ in rests]
         if not known.quiet or known.by_residual:

@@ -24,6 +24,7 @@ from ..inputs.drive import drives as all_drives
 from ..inputs.edges import Rise
 from ..records.checks import at_limit
 from ..records.experiment import RESTED, DataError, Experiment, Recordings
+from ..records.growing_noise import with_growing_noise
 from ..records.start import MOVED, ZEROS, is_loose, may_be_filtered, zeroed
 from ..signals import noise as noises
 from ..signals.monitors import COLOURED
@@ -253,6 +254,7 @@ def study(
     Unless `effects` are sought, what a monitor shows at rest is its zero, even where all files have it in common, and
     sensors may drift.
     """
+    recordings = with_growing_noise(recordings)
     plant, experiments = recordings.plant, recordings.experiments
     drives = all_drives(experiments, plant.inputs, recordings.noise, plant.model.remembers)
     drives = zeroed(experiments, drives, plant, effects)
@@ -384,7 +386,8 @@ def _rests_loaded(driven: Drive, plant: Plant) -> bool:
 
 def _read(experiment: Experiment, output: str, seen: np.ndarray) -> tuple[Reading, np.ndarray]:
     """An output of an experiment: when it was read, of the samples `seen` (n,), and its values."""
-    return Reading(output, experiment.time[seen]), experiment.outputs[output][seen]
+    every = Reading(output, experiment.time, experiment.relative_noise.get(output))
+    return every.where(seen), experiment.outputs[output][seen]
 
 
 def carried(pieces: Sequence[Piece]) -> list[Piece]:
@@ -431,12 +434,14 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
     """The noise of every sensor: as bench.toml states it, else from quiet stretches of all records."""
     found = {}
     for output in recordings.fitted_outputs:
-        records = []
+        records, read = [], []
         for experiment, driven in zip(recordings.experiments, drives, strict=True):
             seen = experiment.seen(output.name)
             if seen.any():
                 seen[seen] = ~at_limit(experiment.outputs[output.name][seen])
-                records.append((experiment.time[seen], experiment.outputs[output.name][seen], happenings(driven)))
+                reading, values = _read(experiment, output.name, seen)
+                read.append(values)
+                records.append((reading.times, reading.evened(values), happenings(driven)))
         try:
             noise = noises.estimate(records, recordings.plant.bandwidth, _pace(recordings, drives))
         except noises.NoStretchError as problem:
@@ -444,11 +449,12 @@ def sensor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str, N
         if not noise.quiet:
             noise = limited(noise, [y for _, y, _ in records])
         stated = next((recordings.noise[n] for n in output.headings if n in recordings.noise), None)
+        as_read = [(t, values, events) for (t, _, events), values in zip(records, read, strict=True)]
         floor = FAINTEST * max(float(np.abs(y).max()) for _, y, _ in records)
         if stated and not noise.quiet:  # the colour would be the signal's
             noise = replace(noise, correlation=0.0, white=0.0)
         if not stated:
-            noise = noises.rounded(noise, noises.usual_resolution(records))
+            noise = noises.rounded(noise, noises.usual_resolution(as_read))
         found[output.name] = replace(
             noise, rms=max(stated or noise.rms, floor), freedom=np.inf if stated else noise.freedom
         )
@@ -528,14 +534,14 @@ def _within(piece: Piece, begin: float, end: float) -> Piece:
     def keep(reading: Reading) -> np.ndarray:
         return (reading.times >= begin) & (reading.times < end)
 
-    readings = tuple(Reading(r.output, r.times[keep(r)]) for r in piece.case.readings)
+    readings = tuple(r.where(keep(r)) for r in piece.case.readings)
     kept = np.concatenate([keep(r) for r in piece.case.readings])
     return replace(
         piece,
         case=replace(piece.case, readings=tuple(r for r in readings if r.times.size)),
         record=piece.record[kept],
         weight=piece.weight[kept],
-        beside=tuple((Reading(r.output, r.times[keep(r)]), v[keep(r)]) for r, v in piece.beside if keep(r).any()),
+        beside=tuple((r.where(keep(r)), v[keep(r)]) for r, v in piece.beside if keep(r).any()),
     )
 
 
