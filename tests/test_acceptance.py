@@ -43,6 +43,13 @@ def test_verdict_without_any_effect(excess: float, z_slow: float, verdict: str) 
     assert judgement.decide(found(base, base), 1.0, {}) == verdict
 
 
+def test_what_weights_hide_is_a_remainder() -> None:
+    """A supply that falls slowly was thermal softening and charge trapping, 18 um of error beside noise of 10 um."""
+    lag = option("lag", excess=100.0, held_out=4000.0)
+    assert judgement.decide(found(BASE, lag), 1.0, {"lag": []}) == "effect_found"
+    assert judgement.decide(found(BASE, lag), 1.0, {"lag": []}, hidden=True) == "partly_explained"
+
+
 @pytest.mark.parametrize(
     ("excess", "held_ratio", "verdict"),
     [

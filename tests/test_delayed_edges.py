@@ -36,24 +36,59 @@ def regulator(coil: bool = False) -> Plant:
     return Plant(m.model(), inputs=[Input("command", held=True)], outputs=outputs, places=places)
 
 
-def record(random: np.random.Generator, coil: bool = False) -> str:
-    """A record of 12 s: the command switches at any time, and is sampled every 10 ms; the answer is exact."""
+def record(random: np.random.Generator, coil: bool = False, delay: float = DELAY, before: float = -1.0) -> str:
+    """A record of 12 s: the command switches at any time (or so long `before` a sample), and is sampled every 10 ms;
+    the answer is exact."""
     times = np.arange(0.0, 12.0, STEP)
     switched = 1.5 + np.cumsum(random.uniform(0.8, 2.0, 6))
+    switched = STEP * np.ceil(switched / STEP) - before if before >= 0 else switched
     levels = random.permutation([2.5, 3.5, 4.5, 5.5, 6.5, 7.0, 3.0])
     command = levels[np.searchsorted(switched, times, side="right")]
     pressure = np.full(times.size, GAIN * levels[0])
-    for before, after, at in zip(levels[:-1], levels[1:], switched + DELAY, strict=True):
+    for before, after, at in zip(levels[:-1], levels[1:], switched + delay, strict=True):
         pressure += GAIN * (after - before) * (1 - np.exp(-np.maximum(times - at, 0.0) / TAU))
     read = pressure + NOISE * np.sqrt(1 - 0.5**2) * lfilter([1.0], [1.0, -0.5], random.standard_normal(times.size))
     rows = [f"{t:.2f},{u},{p:.1f}" for t, u, p in zip(times, command, read, strict=True)]
     heading = "time [s],command [V],pressure [Pa]"
     if coil:
-        late = levels[np.searchsorted(switched + DELAY, times, side="right")]
+        late = levels[np.searchsorted(switched + delay, times, side="right")]
         current = (late - pressure / GAIN) / RESISTANCE + NOISE_OF_CURRENT * random.standard_normal(times.size)
         rows = [f"{row},{i:.5f}" for row, i in zip(rows, current, strict=True)]
         heading += ",current [A]"
     return "\n".join([heading, *rows])
+
+
+def short_delays(folder: Path) -> td.RecordingSet:
+    """Commands 2 ms late, which were switched 0.5 ms before a sample: there the coil has the old one still."""
+    random = np.random.default_rng(5)
+    folder.mkdir()
+    for name in "abc":
+        (folder / f"{name}.csv").write_text(record(random, True, delay=0.002, before=0.0005))
+    return td.read_recordings(folder, regulator(coil=True))
+
+
+def test_a_delay_shorter_than_a_sampling_interval_is_one(tmp_path: Path) -> None:
+    """It was a moving average of the current, or a lag: the tangent at no delay changes no sample behind an edge."""
+    found = td.discover(short_delays(tmp_path / "late"))
+    first = found.effects[0]
+    assert "delay(command)" in (first.id, *first.equivalent)
+    assert not any("average" in name or "lag" in name for name in (first.id, *first.equivalent))
+
+
+def test_limits_of_delays_are_no_nanoseconds(tmp_path: Path) -> None:
+    """They were 0.2 us at 10 ms: what is known of an instant is between which two samples it was."""
+    folder, random = tmp_path / "null", np.random.default_rng(6)
+    folder.mkdir()
+    for name in "abc":
+        (folder / f"{name}.csv").write_text(record(random, True, delay=0.0))
+    found = td.discover(td.read_recordings(folder, regulator(coil=True)))
+    assert found.verdict == "no_effect"
+    limits = found.discovery.limits
+    edges = sum(len(p.driven.edges) for p in found.discovery.study.training)
+    least = STEP * (1 - 0.2 ** (1 / edges))
+    for name in ("delay(command)", "delay(current)"):
+        (limit,) = limits[name].values()
+        assert limit is not None and 0.99 * least <= limit < STEP
 
 
 @pytest.mark.parametrize("seed", [3, 4])

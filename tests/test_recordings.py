@@ -16,7 +16,7 @@ import scipy.io
 from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
-from tubular_dea.api.recordings import read_recordings
+from tubular_dea.api.recordings import not_used, read_recordings
 from tubular_dea.identify.records.data import read_experiment, read_folder
 from tubular_dea.identify.records.experiment import DataError
 from tubular_dea.identify.records.lost import lost_samples
@@ -508,7 +508,15 @@ def test_what_is_odd_about_a_set_is_said() -> None:
     half = table(0.0)
     half["reading [m]"] = np.where(np.arange(401) % 2, np.nan, half["reading [m]"])
     (gaps,) = unusual.findings(read_recordings({"a": half, "b": table(1.0)}, tank))
-    assert gaps == "a: 200 of 401 samples of reading hold no number, and are left out"
+    assert gaps == "a: 200 of 401 samples of reading are left out: they hold no number, or repeat the one before"
+
+
+def test_an_unused_column_in_the_unit_of_an_output_says_how_it_is_read(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t / 100},{100 * (t % 7)},0,{15 + 0.01 * (t % 5)},{t % 3},{t % 4}" for t in range(300))
+    (tmp_path / "a.csv").write_text(f"time [s],pressure [Pa],voltage [V],radius [mm],I_mA,T [degC]\n{rows}\n")
+    said = not_used(read_recordings(tmp_path))
+    assert "not used: column 'I_mA' in 1 of 1 files (if it is the current: --columns current='I_mA')" in said
+    assert "not used: column 'T [degC]' in 1 of 1 files" in said
 
 
 def test_clocks_temperatures_and_set_points_that_contradict_the_other_files_are_asked_about() -> None:

@@ -76,6 +76,30 @@ def test_what_another_form_may_explain_is_told_where_it_is_not_named(left: float
     )
 
 
+def test_the_first_remark_is_told_on_the_console() -> None:
+    """Times at which something happened, and units to look at, stood in the report alone."""
+    asked, times, law = f"{in_short.QUESTION}is it so?", "More than half is in c from 3.4 to 4.7 s.", "It is a law."
+    assert in_short.first_remark([asked, times, law], ["unexplained"]) == [times, "1 more remark in the report"]
+    assert in_short.first_remark([times, law], [f"as said: {times}"]) == [law]
+    assert in_short.first_remark([asked, times], [times]) == []
+
+
+def test_many_parameters_far_from_their_declared_values_ask_for_a_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A speed in rpm labelled rad/s: seven remarks about seven parameters, and none about the speed."""
+    declared = PLANT.model.parameter_values()
+    fitted = SimpleNamespace(values={n: 9 * v for n, v in declared.items()})
+    named = made_up.option()
+    named = SimpleNamespace(ids=(), fitted=fitted, lack_of_fit=named.lack_of_fit)
+    found = SimpleNamespace(study=SimpleNamespace(plant=PLANT), named=named, verdict="no_effect", restoring={})
+    for names, told in ((["C_1", "k_1", "eta_1"], 1), (["C_1", "k_1"], 2)):
+        monkeypatch.setattr(remarks, "implausible", lambda plant, fitted, names=names: names)
+        said = remarks._implausible(found)
+        assert len(said) == told
+        assert ("is the unit of pressure or voltage or radius another one than the files say?" in said[0]) == (
+            told == 1
+        )
+
+
 @pytest.mark.parametrize(
     ("before", "said"),
     [(9e4, "That is 1.4% of what is explained already"), (1300.0, "That is 12 times what is explained already")],

@@ -179,6 +179,18 @@ def test_geometry_of_the_bench_counts_in_identify(plain: Recordings) -> None:
     assert found[1]["h_ao"] == 200e-6
 
 
+def test_samples_weigh_alike_where_all_are_counted() -> None:
+    """Of a model that leaves three times the sensor's noise at edges that weigh nothing, nine tenths are hidden."""
+    listed = [recorded(i, load * np.minimum(TIME, 1), 0 * TIME, noise=0.0) for i, load in enumerate((9e3, 1.1e4))]
+    work = study(Recordings(PLANT, listed, {}, {}, "steps"), held_out=())
+    values = PLANT.model.parameter_values()
+    assert input_noise.unweighted(work, (), values) == pytest.approx(1.0, abs=0.15)
+    nothing = replace(work, pieces=[replace(p, weight=0 * p.weight) for p in work.pieces])
+    assert input_noise.unweighted(nothing, (), values) == pytest.approx(input_noise.unweighted(work, (), values))
+    off = replace(work, pieces=[replace(p, record=p.record + 4.5e-5 * (p.case.times > 2)) for p in nothing.pieces])
+    assert input_noise.unweighted(off, (), values) > 3
+
+
 def test_what_recordings_without_pressure_do_not_determine_is_named() -> None:
     pulses = np.where((TIME > 1) & (TIME < 5), 1.0, 0.0)
     listed = [recorded(i, 0 * TIME, v * pulses, noise=0.0) for i, v in enumerate((5e3, 6e3, 6.8e3))]

@@ -98,12 +98,13 @@ class DiscoveryResult:
     def lines(self) -> list[str]:
         """Verdict and errors as text."""
         from ..report.close_loop import error_lines
-        from ..report.in_short import asked_first
+        from ..report.in_short import asked_first, first_remark
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
         said += [*reservations.forced(self.discovery), *between_files.unlike(self.discovery)]
         said += between_files.assumed(self.discovery)
         said += asked_first(self.content["remarks"])
+        said += first_remark(self.content["remarks"], said)
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
         return said
@@ -244,13 +245,12 @@ def discover(
         return DiscoveryResult(outcome.final_model(found), found, content)
 
 
-TOLD = "Told before the search: "
 MOST_ASKED = 6  # questions before the search that its result repeats
 
 
 def _asked_before(recordings: Recordings) -> list[str]:
     """What was asked and told before the search, for whoever reads nothing but its result."""
-    from ..report.in_short import QUESTION
+    from ..report.in_short import QUESTION, TOLD
 
     questions = findings_of(recordings)
     told = [

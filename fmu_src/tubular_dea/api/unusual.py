@@ -296,7 +296,8 @@ def _gaps(recordings: Recordings) -> Iterator[str]:
         for name, values in e.outputs.items():
             empty = int(np.count_nonzero(~np.isfinite(values)))
             if empty > GAPS * values.size:
-                yield f"{e.name}: {empty} of {values.size} samples of {name} hold no number, and are left out"
+                said = f"{e.name}: {empty} of {values.size} samples of {name} are left out"
+                yield f"{said}: they hold no number, or repeat the one before"
 
 
 def _stuck(recordings: Recordings) -> Iterator[str]:

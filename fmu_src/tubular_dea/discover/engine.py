@@ -65,6 +65,7 @@ class Discovery:
     them, or their declared values are good ones, where that is all that speaks against these; beside effects a gain
     that no monitor has in some file, in words, is one of them; `restoring` are effects with which they would be
     plausible where none was found. `turned` are outputs that seem to be counted the other way.
+    `hidden`: weights hide what the choice leaves where inputs switch.
     `held_at_first` are experiments that were held out until these turned out not to show what the others do.
     """
 
@@ -90,6 +91,7 @@ class Discovery:
     strained: tuple[str, ...] = ()
     restoring: dict[str, list[str]] = field(default_factory=dict)
     turned: Backwards | None = None
+    hidden: bool = False
 
     @property
     def base(self) -> Option:
@@ -173,6 +175,7 @@ def discover(
         shifted=judged.shifted,
         missed=judged.missed,
         unlike=judged.unlike,
+        hidden=judged.hidden,
         limits=_limits(found),
         held_at_first=() if other is None else tuple(p.name for p in prepared.held_out),
         strained=judged.strained,

@@ -15,7 +15,7 @@ from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.procedure import ordered_fit
 from ..identify.study.study import Study
 from ..identify.threads import side_by_side
-from .alternatives import wander, zeros
+from .alternatives import input_noise, wander, zeros
 from .alternatives.operating_point import repeats
 from .alternatives.unlike_files import Unlike, unlike_files
 from .options import acceptance, residuals
@@ -42,6 +42,7 @@ class Judgement:
     `shifted` a zero that no sensor has; `missed` what another output shows and the model does not have; `unlike` a gain
     that no monitor has in some file. `strained` are parameters of the plant, and such a gain beside effects, that
     speak against the choice, in words. `repeated` is True where all records repeat one course at one operating point.
+    `hidden`: what the choice leaves is more than noise where samples at which inputs switch weigh as others do.
     """
 
     word: str
@@ -54,6 +55,7 @@ class Judgement:
     missed: second_output.Missed | None = None
     unlike: Unlike | None = None
     strained: tuple[str, ...] = ()
+    hidden: bool = False
 
 
 def judge(found: Search, turned: bool) -> Judgement:
@@ -69,13 +71,15 @@ def judge(found: Search, turned: bool) -> Judgement:
     shifted, missed = zeros.impossible(work, chosen), second_output.missed(work, chosen)
     unlike = unlike_files(work, chosen)
     speaks = missed is not None or unlike is not None
-    word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, speaks, turned)
+    hidden = bool(chosen.ids) and input_noise.unweighted(work, chosen.ids, chosen.fitted.values) > acceptance.UNWEIGHTED
+    word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, speaks, turned, hidden)
     if word == "unexplained":  # then the base is what is handed out, with intervals of its own
         same = chosen is found.base and work is found.base_study
         found.base = described if same else _described(found.base_study, found.base, [], {})
     strained = _implausible(found, described, word, unlike)
     word = "partly_explained" if strained and described.ids else word  # without effects, one null of 33 had some, too
-    return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, unlike, strained)
+    hidden = hidden and word == "partly_explained"
+    return Judgement(word, described, equivalent, ratio, repeated, wandering, shifted, missed, unlike, strained, hidden)
 
 
 def _with_equivalents(found: Search, repeated: bool) -> tuple[dict[str, list[str]], Option]:
@@ -132,13 +136,14 @@ def decide(
     shifted: bool = False,
     missed: bool = False,
     turned: bool = False,
+    hidden: bool = False,
 ) -> str:
     """no_effect, effect_found, ambiguous, partly_explained or unexplained.
 
     `wanders` is whether what the choice leaves is no more than zeros of sensors that wander, as they do; `shifted`
     whether a file would need a zero that no sensor has; `missed` whether an output that takes no part in fits shows
     something that the model does not have, or a file needs a gain that no monitor has; `turned` whether one is counted
-    the other way, so that what explains it is not there.
+    the other way, so that what explains it is not there; `hidden` whether weights hide what the choice leaves.
     """
     if turned:
         return "unexplained"
@@ -152,7 +157,7 @@ def decide(
         return "no_effect" if noise and held_ratio <= most and not missed else "unexplained"
     if not noise and not acceptance.nearly(state, before, held_ratio):
         return "partly_explained" if acceptance.earned(found.base, found.chosen) else "unexplained"
-    if held_ratio > acceptance.PREDICTED and acceptance.earned(found.base, found.chosen):
+    if (hidden or held_ratio > acceptance.PREDICTED) and acceptance.earned(found.base, found.chosen):
         return "partly_explained"
     return "ambiguous" if any(equivalent.values()) else "effect_found"
 

@@ -115,14 +115,21 @@ def at_first(model: Model, name: str) -> float:
 
 
 def moved_by(before: Model, after: Model) -> str:
-    """The first state or output of a model that moves otherwise near its start with an effect in it that is off; "" for
-    none."""
-    start = _start(before)
-    work = {s.quantity.symbol: start[s.quantity.symbol] + NEAR * s.quantity.nominal for s in before.states}
-    work |= {q.symbol: q.nominal for q in before.inputs}
+    """The first state or output of a model that moves otherwise with an effect in it that is off, near its start or
+    where states and inputs are usual, to either side; "" for none."""
+    return next(filter(None, (_moved_at(before, after, share) for share in (NEAR, HALF, -HALF, 1.0))), "")
+
+
+def _moved_at(before: Model, after: Model, share: float) -> str:
+    """That where every state is off its start by a `share` of its nominal value, to one side."""
+    start, side = _start(before), math.copysign(1.0, share)
+    work = {s.quantity.symbol: start[s.quantity.symbol] + share * s.quantity.nominal for s in before.states}
+    work |= {q.symbol: q.nominal * (1.0 if q.unit == "K" else side) for q in before.inputs}
     told = []
     for model in (before, after):
         at = _start(model) | work
+        values = _defined(model, at)
+        at |= {d.quantity.symbol: values[model.quantity(d.of).symbol] for d in model.delays}  # nothing is late
         values = _defined(model, at)
         rates = dict(zip([s.quantity.name for s in model.states], _evaluator(model)(at), strict=True))
         told.append({s.quantity.name: rates[s.quantity.name] for s in before.states})

@@ -67,6 +67,7 @@ APART = (
     "may be missing that shows in these alone."
 )
 QUESTION = "Asked before the search: "  # begins a remark that repeats a question
+TOLD = "Told before the search: "  # and one that repeats what was told
 LEFT = "what noise and sampling allow"
 NOTHING = "No effect of the catalogue is missing. The model with its own parameters refitted explains these recordings."
 NOT_SEEN = "No effect of the catalogue is seen to be missing, but {but}."
@@ -96,6 +97,14 @@ def asked_first(remarks: Sequence[str]) -> list[str]:
         return []
     more = f" (and {len(asked) - 1} more)" if len(asked) > 1 else ""
     return [f"all this may be wrong: first see to what was asked before the search: {asked[0]}{more}"]
+
+
+def first_remark(remarks: Sequence[str], said: Sequence[str]) -> list[str]:
+    """The first remark that has not been `said`, and how many more the report has."""
+    left = [r for r in remarks if not r.startswith((QUESTION, TOLD)) and not any(r.rstrip(".") in s for s in said)]
+    if not left:
+        return []
+    return [left[0], *([f"{counted(len(left) - 1, 'more remark')} in the report"] if len(left) > 1 else [])]
 
 
 def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:

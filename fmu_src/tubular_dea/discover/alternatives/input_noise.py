@@ -23,7 +23,7 @@ from ...identify.study.nuisances import SMOOTH_OF, corner_squares, with_nuisance
 from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study, fastest
 from ...protocol import Protocol
-from ..options.residuals import block_means, expected_variance, over_blocks
+from ..options.residuals import block_means, expected_variance, over_blocks, sensor_squares
 
 # Set by theory. Check: `python -m blind.score --nulls 12 --conventions rates own_protocols --seed 1000`
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # [1] weights of a fourth difference
@@ -248,6 +248,21 @@ def caused_rms(study: Study, values: Mapping[str, float], seed: int = 0) -> dict
             for reading, rows in zip(piece.case.readings, piece.case.parts, strict=True):
                 moved[reading.output].append((noisy - still)[rows])
     return {n: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0 for n, parts in moved.items()}
+
+
+def unweighted(study: Study, ids: Ids, values: Mapping[str, float]) -> float:
+    """The squares that a model leaves of the training records over those that sensors' noise makes, and what monitors'
+    noise causes, where samples at which inputs switch weigh as all others do.
+
+    What an input did between two samples is not known, so these weigh less in fits: a supply that falls slowly may hide
+    there. Where instants are fitted, noise alone is left there, too.
+    """
+    caused = caused_rms(study, values)
+    read = [
+        (r.times.size, caused[r.output] / study.noise[r.output].total) for p in study.training for r in p.case.readings
+    ]
+    expected = sum(count * (1 + driven**2) for count, driven in read)
+    return sensor_squares(study, ids, values, study.noise) / expected
 
 
 def _fast_rms(study: Study, sensitivities: InputSensitivities) -> dict[str, float]:

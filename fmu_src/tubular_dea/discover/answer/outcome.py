@@ -19,6 +19,8 @@ from ...model.declare import Model, Quantity
 from ...model.effect import with_effects
 from ...recordings.table import either
 from ..alternatives.input_noise import allowed_rms
+from ..alternatives.unlike_files import Unlike
+from ..alternatives.zeros import Shift
 from ..engine import Discovery
 from ..experiments.next_experiment import DIFFER, Proposal, at_channel, kind
 from ..options import residuals
@@ -28,6 +30,7 @@ from ..options.residuals import LackOfFit
 from ..scores.channels import Isolation
 from ..scores.parameters import implausible, switched_on
 from ..search import equivalence, second_output
+from ..search.second_output import Missed
 from . import between_files, remarks, reservations
 from .oscillations import Oscillation, oscillations
 from .own_records import own_records
@@ -136,18 +139,26 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if found.verdict not in ("partly_explained", "unexplained") or found.strained:
         return None
     state = found.named.lack_of_fit
-    if found.shifted and noise_alone(found.named):
-        return _left(found, found.shifted.output, abs(found.shifted.value), 1.0)
-    if found.missed and noise_alone(found.named) and not found.named.ids:
-        return _left(found, found.missed.output, found.missed.value, 1.0)
-    if between_files.disagree(found) and found.unlike:
-        return _left(found, found.unlike.output, found.unlike.value, 1.0)
-    if found.named.ids and noise_alone(found.named):
+    alone = noise_alone(found.named)
+    if whole := _all_of(found, alone):
+        return _left(found, whole.output, abs(whole.value), 1.0)
+    if found.hidden:
+        return _hidden(found)
+    if found.named.ids and alone:
         return _unpredicted(found)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
     left = beyond_noise(state, error, floor(found.study, error["rmse"]))
     share = _unexplained(found.named_study, found.named) / _at_first(found)
     return _left(found, found.study.plant.outputs[0].name, left, share)
+
+
+def _all_of(found: Discovery, alone: bool) -> Shift | Missed | Unlike | None:
+    """What alone is left, if it is one thing that no effect does; `alone`: beside it there is noise alone."""
+    if found.shifted and alone:
+        return found.shifted
+    if found.missed and alone and not found.named.ids:
+        return found.missed
+    return found.unlike if between_files.disagree(found) else None
 
 
 def _left(found: Discovery, output: str, rms: float, share: float, held_out: bool = False) -> dict[str, Any]:
@@ -163,6 +174,20 @@ def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> fl
         return state.structure
     squares = float(error["rmse"]) ** 2
     return min(state.structure, (squares - noise**2 if noise**2 < squares else squares) ** 0.5)
+
+
+def _hidden(found: Discovery) -> dict[str, Any]:
+    """What is left of all samples alike, where those at which inputs switch weigh little in fits."""
+    first = found.study.plant.outputs[0].name
+    noise = found.study.noise[first].total ** 2 + found.caused[first] ** 2
+
+    def beyond(study: Study, option: Option) -> float:
+        error = errors(study, option.ids, option.fitted.values)["rmse"] or 0.0
+        return float(max(error**2 - noise, 0.0))
+
+    left = beyond(found.named_study, found.named)
+    share = left / max(beyond(found.search.base_study, found.base), 1e-300)
+    return _left(found, first, left**0.5, share)
 
 
 def _unpredicted(found: Discovery) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from ...identify.study.nuisances import DELAY_OF, own_numbers, step_of
 from ...identify.study.remembered import at_corners
 from ...identify.study.study import Piece, Study
 from ...model.effect import Effect
-from ...model.units import in_words
+from ...model.units import in_words, three
 from ...recordings.table import FEW, either, some
 from ..engine import Discovery
 from ..options.acceptance import STRONG, clean, far, noise_alone, size_interval
@@ -20,6 +20,9 @@ from ..search.rounds import Round
 from . import between_files, follows, jumps, reservations, when
 from .left_over import Left, left_over
 from .oscillations import Oscillation
+
+# Set by judgement. Check: `pytest tests/test_report_words.py -k far_from_their_declared`
+MANY = 3  # [1] parameters far off, from which on one signal's unit is more likely than so many first guesses
 
 
 def remarks(found: Discovery, waves: Sequence[Oscillation] = ()) -> list[str]:
@@ -301,14 +304,29 @@ def _swinging(found: Discovery, wave: Oscillation) -> str:
 
 
 def _implausible(found: Discovery) -> list[str]:
-    said = []
-    for name in implausible(found.study.plant, found.named.fitted):
-        value, usual = found.named.fitted.values[name], found.study.plant.model.parameter_values()[name]
-        q = found.study.plant.quantity(name)
+    said, plant = [], found.study.plant
+    far_off = implausible(plant, found.named.fitted)
+    if found.verdict == "no_effect" and len(far_off) >= MANY:
+        return [_many_far_off(found, far_off)]
+    for name in far_off:
+        value, usual = found.named.fitted.values[name], plant.model.parameter_values()[name]
+        q = plant.quantity(name)
         lacks = "unless that was a first guess, it compensates for something that the model lacks"
-        why = "look at the geometry and at the units" if found.verdict == "no_effect" else lacks
+        units = "look at the geometry and at the units" if plant.geometry else "look at the units"
+        why = units if found.verdict == "no_effect" else lacks
         said.append(f"{name} was fitted to {q.in_words(value)} (declared: {q.in_words(usual)}): {why}.")
     return [*said, *(_restoring(found, name, plausible) for name, plausible in found.restoring.items())]
+
+
+def _many_far_off(found: Discovery, names: Sequence[str]) -> str:
+    """That many parameters are far from their declared values: all of them follow a signal in another unit."""
+    plant, declared = found.study.plant, found.study.plant.model.parameter_values()
+    times = [f"{n} {three(found.named.fitted.values[n] / declared[n])}" for n in names]
+    signals = [*(s.name for s in plant.inputs), *(o.headings[0] for o in plant.outputs if o.required)]
+    return (
+        f"{len(names)} parameters were fitted far from their declared values ({', '.join(times)} times these): is the "
+        f"unit of {either(signals)} another one than the files say? Unless they were first guesses, something is wrong."
+    )
 
 
 def _restoring(found: Discovery, name: str, plausible: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from ...identify.fitting.compiled import Ids
+from ...identify.fitting.compiled import DELAYED, Ids
 from ...identify.fitting.fit import Fit
 from ...identify.fitting.problem import Problem
 from ...identify.fitting.response import FINER, Response
@@ -96,7 +96,7 @@ def candidates_at(
     baseline = dict(
         zip(distinct, side_by_side(lambda k: _baseline(k, problem, values, known), distinct.values()), strict=True)
     )
-    points = points or partial(every_point, ranges=passed(study, present, values, listed))
+    points = points or partial(every_point, ranges=passed(study, present, values, listed), interval=_interval(study))
     asked = [(baseline[id(kernels[e.id])], e, *point) for e in listed for point in points(e)]
     found = side_by_side(lambda one: _candidate(problem, rows, *one), asked)
     return [c for c in found if c is not None]
@@ -158,12 +158,32 @@ def _candidate(
     return Candidate(effect, shape, names, np.pad(np.column_stack(columns), ((0, rows), (0, 0))))
 
 
-def every_point(effect: Effect, ranges: Passed) -> list[Point]:
+def is_late(study: Study, effect: Effect) -> bool:
+    """Whether an effect is a delay beside an output that jumps with a held input: however short, it changes the sample
+    behind an edge as one of a whole interval does."""
+    jumps = any(s.held and s.direct for s in study.plant.inputs)
+    return jumps and bool(effect.strengths) and study.compiled.kinds.get(effect.id) == DELAYED
+
+
+def _interval(study: Study) -> Callable[[Effect], float | None]:
+    """The longest sampling interval [s] for delays of what jumps; None for other effects."""
+    longest = max(reading.clock.step for p in study.training for reading in p.case.readings)
+    return lambda effect: longest if is_late(study, effect) else None
+
+
+def every_point(
+    effect: Effect, ranges: Passed, interval: Callable[[Effect], float | None] = lambda effect: None
+) -> list[Point]:
     """The whole shape grid; at each point {} for the derivative, and every strength at which a secant is taken.
 
-    A level is tried near the ends of what its state passes too, and not beyond `ranges`.
+    A level is tried near the ends of what its state passes too, and not beyond `ranges`; a delay of what jumps, with
+    one sampling `interval` too.
     """
     strengths = [{}, *({name: value} for name, values in effect.strengths.items() for value in values)]
+    if step := interval(effect):
+        strengths += [
+            {n: side * step} for n, values in effect.strengths.items() for side in set(np.sign(values).tolist())
+        ]
     grid = itertools.product(*(_values(effect, name, ranges) for name in effect.shapes))
     return [(dict(zip(effect.shapes, shape, strict=True)), strength) for shape in grid for strength in strengths]
 

@@ -8,7 +8,8 @@ at which the whole effect would be detected. Sizes are sought from those that sc
 effect as large as it would be: a short lag shows with the fourth power of its length, and a mass in the first ringing.
 Where parameters have far to move to make up for it, what is left is taken from where they went (compensated.py). Where
 instants, delays and rises take most of an effect, they do so by much more than their columns say, as they are estimated
-anew: there they are estimated from recordings with the effect.
+anew: there they are estimated from recordings with the effect. A delay of what jumps is seen where some jump passes a
+sample, and where between two samples an input switched is not known.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from ...identify.study.study import Study
 from ...identify.threads import side_by_side
 from ...kernel import KernelError
 from ...model.effect import Effect
-from .bank import HIDDEN, Candidate, Point, candidates_at
+from .bank import HIDDEN, Candidate, Point, candidates_at, is_late
 from .compensated import Compensation, step_towards
 from .parameters import all_off
 
@@ -150,9 +151,19 @@ def detection_limits(study: Study, fitted: Fit, guessed: Sequence[Guess], least:
                 if followed is None:
                     break
                 search.scored(followed, least, taken=True)
-        return search.limit(least)
+        size = search.limit(least)
+        return size if size is None else max(size, _passing(study, guess))
 
     return {g.effect.id: {g.name: size} for g, size in zip(guessed, side_by_side(limit, guessed), strict=True)}
+
+
+def _passing(study: Study, guess: Guess) -> float:
+    """The delay [s] with which one of the jumps, each anywhere between two samples, passes a sample with a probability
+    of POWER; 0 for what is no delay of jumps."""
+    if not is_late(study, guess.effect):
+        return 0.0
+    widths = [e.latest - e.earliest for p in study.training for e in p.driven.edges]
+    return float(np.median(widths or [0.0]) * (1 - (1 - POWER) ** (1 / max(len(widths), 1))))
 
 
 @dataclass

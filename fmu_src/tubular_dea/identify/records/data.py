@@ -35,8 +35,8 @@ BENCH_FILE = "bench.toml"
 NOTES = (".txt", ".log", ".asc", ".dat")  # endings of files that may be a table or somebody's notes
 
 # Set by judgement. Check: `pytest tests/test_growing_noise.py -k rests`
-FIRST = 9  # [samples] that tell where an input is at first
-AT_FIRST = 6.0  # [1] times its noise by which it is off that at most while nothing moves the plant yet
+FIRST_SAMPLES_READ = 9  # [samples] that tell where an input is at first
+NOISE_AT_FIRST = 6.0  # [1] times its noise by which it is off that at most while nothing moves the plant yet
 
 # Set by judgement. Check: `pytest tests/test_reading.py -k calendar`
 DAY = 86_400.0  # [s] beyond which a time is one of the calendar, as since 1970: it counts from the first sample
@@ -374,8 +374,8 @@ def _as_at_first(inputs: Mapping[str, np.ndarray], plant: Plant) -> np.ndarray:
     near = []
     for signal in plant.inputs:
         values = inputs[signal.name]
-        noise = max(AT_FIRST * noise_level(values), signal.little)
-        near.append(np.abs(values - np.nanmedian(values[:FIRST])) <= noise)
+        noise = max(NOISE_AT_FIRST * noise_level(values), signal.little)
+        near.append(np.abs(values - np.nanmedian(values[:FIRST_SAMPLES_READ])) <= noise)
     return np.asarray(np.all(near, axis=0))
 
 

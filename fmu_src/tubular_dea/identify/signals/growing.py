@@ -23,20 +23,23 @@ from scipy.ndimage import median_filter
 from .monitors import GAUSSIAN_MAD, resolution
 
 # Set by theory. Check: `pytest tests/test_growing_noise.py`
-ORDER = 6  # [1] of differences: of a sine of 20 samples a thousandth is left, of white noise all
-LOWER_ORDER = 3  # [1] of those of which a sine of 20 samples leaves 3 %: they are as large where noise alone is
+HIGH_DIFFERENCES = 6  # [1] order: of a sine of 20 samples a thousandth is left, of white noise all
+LOW_DIFFERENCES = 3  # [1] order of those of which a sine of 20 samples leaves 3 %: as large where noise alone is
 
 # Set by judgement. Check: `pytest tests/test_growing_noise.py`
-WINDOW = 40  # [samples] whose noise is told together
-FEWEST = 12  # [1] windows in the lowest and the highest third of the readings, at least
-SMOOTH = 25  # [samples] of the running median that tells the reading without its noise
-ALIKE = 0.5  # [1] by which the logarithms of both differences' ratio may be off the usual one: else something moves
-STEPS = 2.0  # [1] steps of its resolution that the noise has in the quietest tenth of the windows, at least
+TOLD_TOGETHER = 40  # [samples] whose noise is told together, a window
+LEVEL_OVER = 25  # [samples] of the running median that tells the reading without its noise
+THIRD = 1 / 3  # [1] of the way from the least reading to the largest: its ends are compared
+FEWEST_AT_ENDS = 12  # [1] windows in the lowest and the highest third, at least
+MOVES_BY = 0.5  # [1] by which the logarithm of both differences' ratio may be off the usual one: else something moves
+QUIETEST_WINDOWS = 0.1  # [1] share of the windows that tells the least noise
+STEPS_OF_NOISE = 2.0  # [1] steps of its resolution that the noise has there, at least
 
 # Set by measurement: the recordings of ../shared/data/lab and of the bench come to 1.2 at most, and a laser that is 1.7
 # times as loud under load left a null "unexplained". Check: `pytest tests/test_growing_noise.py`
-LOUDER = 1.4  # [1] times that noise differs between the ends of the readings, at least
-EARNED = 20.0  # [1] by which twice the logarithm of the likelihood has to grow
+SCATTER = 0.3  # [1] by which logarithms are off the line on average, at most: noise alone 0.23, what rings 0.55
+LOUDER_AT_END = 1.4  # [1] times that noise differs between the ends of the readings, at least
+GROWTH_EARNS = 20.0  # [1] by which twice the logarithm of the likelihood has to grow
 RATIOS = np.geomspace(0.1, 10.0, 93)  # [1] of noise at the ends that are tried
 
 
@@ -52,7 +55,7 @@ class Growth:
 
     def at(self, values: np.ndarray) -> np.ndarray:
         """The noise of readings (n,) over the usual one (n,)."""
-        level = median_filter(values, size=min(SMOOTH, values.size), mode="nearest")
+        level = median_filter(values, size=min(LEVEL_OVER, values.size), mode="nearest")
         return _louder(self.ratio, (level - self.least) / self.span) / self.usual
 
 
@@ -60,20 +63,20 @@ def growth(records: Sequence[np.ndarray]) -> Growth | None:
     """How the noise of records (each (n,), numbers only) grows with the reading; None where it is much the same, or not
     told."""
     steps = [step for values in records if (step := resolution(values))]
-    windows = np.concatenate([np.empty((0, 3)), *(_windows(values) for values in records)])
+    windows = np.concatenate([_windows(np.empty(0)), *(_windows(values) for values in records)])
     windows = windows[np.all(windows[:, 1:] > 0, axis=1)]
-    if not windows.size or np.quantile(windows[:, 1], 0.1) < STEPS * min(steps, default=0.0):
+    if not windows.size or np.quantile(windows[:, 1], QUIETEST_WINDOWS) < STEPS_OF_NOISE * min(steps, default=0.0):
         return None
     unlike = np.log(windows[:, 2] / windows[:, 1])
-    level, noise, _ = windows[np.abs(unlike - np.median(unlike)) < ALIKE].T
+    level, noise, _ = windows[np.abs(unlike - np.median(unlike)) < MOVES_BY].T
     least, largest = (float(f(values)) for f, values in ((np.min, level), (np.max, level)))
     share = (level - least) / max(largest - least, 1e-300)
-    if min(np.count_nonzero(share < 1 / 3), np.count_nonzero(share > 2 / 3)) < FEWEST:
+    if min(np.count_nonzero(share < THIRD), np.count_nonzero(share > 1 - THIRD)) < FEWEST_AT_ENDS:
         return None
     costs = [_cost(noise, share, ratio) for ratio in RATIOS]
     ratio = float(RATIOS[int(np.argmin(costs))])
     alike, best = _cost(noise, share, 1.0), min(costs)
-    if max(ratio, 1 / ratio) < LOUDER or 2 * share.size * np.log(alike / best) < EARNED:
+    if best > SCATTER or max(ratio, 1 / ratio) < LOUDER_AT_END or 2 * share.size * np.log(alike / best) < GROWTH_EARNS:
         return None
     found = Growth(least, largest - least, ratio)
     squares = [found.at(values) ** 2 for values in records if values.size]
@@ -92,10 +95,10 @@ def _cost(noise: np.ndarray, share: np.ndarray, ratio: float) -> float:
 
 
 def _windows(values: np.ndarray) -> np.ndarray:
-    """Level and noise of every window of a record, (k, 3): by differences of ORDER, and of LOWER_ORDER."""
-    whole = values[: values.size // WINDOW * WINDOW].reshape(-1, WINDOW)
+    """Level and noise of every window of a record, (k, 3): by differences of both orders."""
+    whole = values[: values.size // TOLD_TOGETHER * TOLD_TOGETHER].reshape(-1, TOLD_TOGETHER)
     level = np.median(whole, axis=1)
-    return np.column_stack([level, _differing(whole, ORDER), _differing(whole, LOWER_ORDER)])
+    return np.column_stack([level, _differing(whole, HIGH_DIFFERENCES), _differing(whole, LOW_DIFFERENCES)])
 
 
 def _differing(windows: np.ndarray, order: int) -> np.ndarray:
