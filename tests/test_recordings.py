@@ -512,7 +512,10 @@ def test_what_is_odd_about_a_set_is_said() -> None:
 
 
 def test_an_unused_column_in_the_unit_of_an_output_says_how_it_is_read(tmp_path: Path) -> None:
-    rows = "\n".join(f"{t / 100},{100 * (t % 7)},0,{15 + 0.01 * (t % 5)},{t % 3},{t % 4}" for t in range(300))
+    rows = "\n".join(
+        f"{t / 100},{60 * max(t - 50, 0) + t % 7},0,{15 + 1.5e-3 * max(t - 50, 0) + 1e-3 * (t % 5)},{t % 3},{t % 4}"
+        for t in range(300)
+    )
     (tmp_path / "a.csv").write_text(f"time [s],pressure [Pa],voltage [V],radius [mm],I_mA,T [degC]\n{rows}\n")
     said = not_used(read_recordings(tmp_path))
     assert "not used: column 'I_mA' in 1 of 1 files (if it is the current: --columns current='I_mA')" in said
