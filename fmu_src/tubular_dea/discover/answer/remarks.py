@@ -307,7 +307,7 @@ def _implausible(found: Discovery) -> list[str]:
     said, plant = [], found.study.plant
     far_off = implausible(plant, found.named.fitted)
     if found.verdict == "no_effect" and len(far_off) >= MANY:
-        return [_many_far_off(found, far_off)]
+        said, far_off = [_many_far_off(found, far_off)], []
     for name in far_off:
         value, usual = found.named.fitted.values[name], plant.model.parameter_values()[name]
         q = plant.quantity(name)

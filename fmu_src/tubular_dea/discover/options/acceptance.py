@@ -44,7 +44,7 @@ PREDICTED = 1.5  # [1] error on held-out experiments over noise up to which a mo
 ALMOST_EXPLAINED = 0.98  # [1] share explained from which on that is nearly all
 
 # Set by measurement: thermal softening and trapped charge in place of a supply that falls slowly left 2.3 and 1.8 times
-# the squares of noise where samples at edges weigh as others do; right answers on 60 sets leave 1.1 at most.
+# the squares of noise where samples at edges weigh as others do; right answers on 60 sets of others leave 1.2 at most.
 # Check: `pytest tests/test_acceptance.py -k weigh`
 UNWEIGHTED = 1.6  # [1] squares that a model leaves over those of all noise, up to which weights may hide something
 
