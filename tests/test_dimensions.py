@@ -108,7 +108,7 @@ def test_what_is_right_or_cannot_be_known_passes(expression: sympy.Expr, unit: s
     ("expression", "unit", "words"),
     [
         (x + v, "m", "v is in m/s and x in m: they cannot be added"),
-        (x + y, "m", "cannot be added"),
+        (x + y, "m", "they cannot be added or compared; 1 mm is 0.001 m: declare both in one unit, as in SI"),
         (sympy.sqrt(x), "m", "is in m0.5"),
         (x * v**2, "m", "is in m3/s2"),
         (sympy.Max(x, v), "m", "they cannot be added or compared"),

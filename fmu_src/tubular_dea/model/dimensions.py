@@ -92,9 +92,12 @@ def _alike(terms: Sequence[sympy.Basic], known: Known) -> Measure | None:
     first, like = measured[0]
     for term, m in measured[1:]:
         if not _same(like, m):
+            one, other = written(like.powers), written(m.powers)
+            told = "correct the expression or a unit"
+            if _base(like) == _base(m):
+                told = f"1 {other} is {_scale(m) / _scale(like):.6g} {one}: declare both in one unit, as in SI"
             raise _UnlikeUnits(
-                f"{_short(first)} is in {written(like.powers)} and {_short(term)} in {written(m.powers)}: "
-                "they cannot be added or compared; correct the expression or a unit"
+                f"{_short(first)} is in {one} and {_short(term)} in {other}: they cannot be added or compared; {told}"
             )
     exact = len(measured) == len(terms) and all(m.exact for _, m in measured)
     return Measure(like.powers, exact, zeros=like.zeros)
