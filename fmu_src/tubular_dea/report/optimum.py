@@ -68,9 +68,11 @@ def _vetoed(course: Course) -> str:
 
 def _map_words(best: Optimum) -> str:
     return (
-        f"Change of {OBJECTIVES[best.objective][1]} [%]. Empty: the pulse would end before it starts, be too short or "
-        "too long, or no voltage meets the limits of field and margin. The optimum lies between the cells' timings and "
-        "voltages, and may gain more than any of them. The default is marked at its timing; its "
+        f"Change of {OBJECTIVES[best.objective][1]} [%], of the pulse or of one that ends {1e3 * LATE:g} ms later, "
+        "whichever is worse, at the best of a few voltages: the pulse alone may gain more. Empty: the pulse would end "
+        "before it starts, be too short or too long, or no voltage meets the limits of field and margin. The optimum lies "
+        "between the cells' timings and voltages, and may gain more than any of them. The default is marked at its "
+        "timing; its "
         f"voltage is {best.default.voltage / 1e3:g} kV."
     )
 
@@ -129,5 +131,7 @@ def draw_map(best: Optimum, figure: Figure | None = None) -> Figure:
     axis.text(begins + 3, axis.get_ylim()[0] + 8, "ejection begins", rotation=90, va="bottom", color="#1b2733")
     axis.set_xlabel("start of the pulse after R [ms]")
     axis.set_ylabel("end of the pulse after R [ms]")
-    axis.set_title(f"Best voltage within the limits at every timing; optimum {best.pulse.voltage / 1e3:.2f} kV")
+    axis.set_title(
+        f"Best of a few voltages within the limits at every timing; optimum {best.pulse.voltage / 1e3:.2f} kV"
+    )
     return figure
