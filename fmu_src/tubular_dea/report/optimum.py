@@ -70,7 +70,7 @@ def _map_words(best: Optimum) -> str:
     return (
         f"Change of {OBJECTIVES[best.objective][1]} [%], of the pulse or of one that ends {1e3 * LATE:g} ms later, "
         "whichever is worse, at the best of a few voltages: the pulse alone may gain more. Empty: the pulse would end "
-        "before it starts, be too short or too long, or no voltage meets the limits of field and margin. The optimum is "
+        "before it starts, be too short or too long, or no voltage meets the limits. The optimum is "
         "between the cells' timings and voltages, and may gain more than any of them. The default is marked at its "
         "timing; its "
         f"voltage is {best.default.voltage / 1e3:g} kV."
