@@ -368,6 +368,15 @@ def test_the_index_of_laws_and_a_catalogue_are_printed(capsys) -> None:
     assert capsys.readouterr().err == "error: plant nothing.py: there is no file nothing.py\n"
 
 
+def test_tables_that_are_interrupted_end_in_a_word(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    def interrupted() -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tubular_dea.plants.__main__.index", interrupted)
+    assert tables([]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
 def test_a_plant_without_places_is_told_to_have_nothing_to_look_for(tmp_path: Path, capsys) -> None:
     bare = PLANT.replace(', places=[Path("pump"), Balance("level")]', "")
     assert tables([written(tmp_path, HEAD + bare)]) == 0
