@@ -158,6 +158,7 @@ def test_definitions_have_the_size_of_what_they_are_made_of() -> None:
             "multiples: expected 'double' to be some times one of reading but was given 2 times 'radius'",
         ),
         (HEAD + "m.define('q', 'V', sqrt(level))\n", 8, "'sqrt' is not defined; write `from sympy import sqrt`"),
+        (HEAD + "m.define('q', 'V', math.sqrt(level))\n", 8, "functions of quantities are sympy's: write `from sympy"),
         (HEAD + "m.define('q', 'V', level * (level > 3))\n", 8, "a comparison is no number: write step(x)"),
         (HEAD + PLANT.replace('Input("pump")', '"pump"'), 8, "inputs: expected Input, as Input('pump'), but was given"),
         (HEAD.replace('"Tank", ', '"2 EMPS/../x", '), 2, "Build: expected a name of letters, digits and _ that begins"),

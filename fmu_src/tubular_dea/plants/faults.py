@@ -17,6 +17,7 @@ from ..model.declare import DeclarationError, nearest
 LONGEST = 70  # characters of a line of the file in a message
 DECIDED = "{0} is not known while the file is read: write step({1}), positive_part({1}) or sympy.Piecewise"
 FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Piecewise", "Abs", "Max", "Min", "pi")
+MODULES = ("math", "np", "numpy", "cmath")
 FOR_NUMBERS = " for numbers, and this is a quantity: import the function from sympy, as in `from sympy import tanh`"
 ADVICE = (  # what Python, NumPy and sympy say of quantities that are taken for numbers, and what to do instead
     (r"cannot determine truth value of Relational: (.*)", DECIDED),
@@ -82,6 +83,8 @@ def _meant(problem: BaseException) -> str:
         return close_to(imported[1], dir(sys.modules[problem.name])) if imported else ""
     if isinstance(problem, NameError) and problem.name and problem.__traceback__:
         *_, (frame, _) = traceback.walk_tb(problem.__traceback__)
+        if problem.name in MODULES:
+            return "; functions of quantities are sympy's: write `from sympy import sqrt`, say"
         if problem.name in FUNCTIONS:
             return f"; write `from sympy import {problem.name}`"
         return close_to(problem.name, [*frame.f_locals, *frame.f_globals]) or close_to(problem.name, dir(builtins), 0.8)
