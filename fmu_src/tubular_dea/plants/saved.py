@@ -90,7 +90,8 @@ def _base(path: Path, name: Any, file: str, plant: Plant | None) -> Plant:
         return found
     if plant is not None and file:
         raise ModelFileError(
-            f"{path}: expected a model of {plant.name} but found one of {name!r}, which is declared in {file}"
+            f"{path}: expected a model of {plant.name} but found one of {name!r}, which is declared in {file}: "
+            f"give that file as the plant, as in --plant {file.partition(':')[0]}"
         )
     if file:
         where = _beside(path, file)

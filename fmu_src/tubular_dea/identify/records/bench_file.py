@@ -144,7 +144,7 @@ def _amount(
 ) -> float:
     """A number in SI units, or a text with a unit, as in `r_o = "15 mm"`; above 0, or from `least` on."""
     if name not in units:
-        raise ReadError(f"{where} {name!r} is not known{nearest(name, units)}")
+        raise ReadError(f"{where} {name!r} is not known{nearest(name, units)} (another plant's? name it with --plant)")
     if isinstance(value, int) and abs(value) > 1e300:  # Python would not even print it
         raise ReadError(f"{where} {name}: expected a number with a unit like {units[name]!r} but found a huge integer")
     try:

@@ -300,7 +300,7 @@ function drawGauges(v, limit) {
   const gauge = (label, share, text, level) => ({ label, share, text, level });
   const voltage = Math.abs(v("voltage"));
   const rows = [
-    gauge("Field", Math.abs(v("electric_field")) / limit, `${amount(signalFacts("electric_field"), v("electric_field"), 3)} of ${amount(signalFacts("electric_field"), limit, 3)}`, null),
+    gauge("Field", Math.abs(v("electric_field")) / limit, `${amount(signalFacts("electric_field"), Math.abs(v("electric_field")) < 1e-9 * limit ? 0 : v("electric_field"), 3)} of ${amount(signalFacts("electric_field"), limit, 3)}`, null),
     gauge("Pressure", v("pressure") / fold, margin < 0 ? "beyond the fold" : `${amount(signalFacts("pressure"), margin, 3)} to the fold`, margin < 0 ? "over" : margin < near ? "near" : "ok"),
     gauge("Voltage", critical > 0 ? voltage / critical : 1, critical > 0 ? `snaps at ${amount(inputFacts("voltage"), critical, 3)}` : "snaps without any", null),
   ];
