@@ -1,5 +1,7 @@
 """Noise that grows with the reading."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from tubular_dea.identify.signals.growing import growth
 from tubular_dea.plants.load import load_plant
 
 TIME = np.arange(3000) / 500
+EXAMPLES = Path(__file__).parents[1] / "cosim_examples"
 
 
 def course(number: int) -> np.ndarray:
@@ -50,6 +53,12 @@ def test_a_sensor_in_steps_tells_nothing_of_it() -> None:
     records = [course(n) + 0.01 * (1 + course(n)) * random.standard_normal(TIME.size) for n in range(4)]
     assert growth([np.round(values / 0.01) * 0.01 for values in records]) is None
     assert growth([]) is None and growth([np.zeros(500)]) is None
+
+
+def test_movement_that_is_sampled_coarsely_is_no_noise() -> None:
+    """A mock loop's beats at 50 Hz seemed to be noise that grows."""
+    loop = td.read_recordings(EXAMPLES / "data" / "mock_loop", plant=str(EXAMPLES / "plants" / "mock_loop.py"))
+    assert growth([e.outputs["pressure"][e.seen("pressure")] for e in loop.experiments]) is None
 
 
 def test_a_sensor_that_rests_with_less_noise_is_at_no_stop() -> None:

@@ -37,6 +37,7 @@ STEPS_OF_NOISE = 2.0  # [1] steps of its resolution that the noise has there, at
 
 # Set by measurement: the recordings of ../shared/data/lab and of the bench come to 1.2 at most, and a laser that is 1.7
 # times as loud under load left a null "unexplained". Check: `pytest tests/test_growing_noise.py`
+MOVEMENT = 0.15  # [1] logarithm of the differences' ratio: noise of any memory 0.05, a mock loop at 50 Hz 0.33
 SCATTER = 0.3  # [1] by which logarithms are off the line on average, at most: noise alone 0.23, what rings 0.55
 LOUDER_AT_END = 1.4  # [1] times that noise differs between the ends of the readings, at least
 GROWTH_EARNS = 20.0  # [1] by which twice the logarithm of the likelihood has to grow
@@ -68,6 +69,8 @@ def growth(records: Sequence[np.ndarray]) -> Growth | None:
     if not windows.size or np.quantile(windows[:, 1], QUIETEST_WINDOWS) < STEPS_OF_NOISE * min(steps, default=0.0):
         return None
     unlike = np.log(windows[:, 2] / windows[:, 1])
+    if abs(np.median(unlike)) > MOVEMENT:  # what the plant does is not told from noise
+        return None
     level, noise, _ = windows[np.abs(unlike - np.median(unlike)) < MOVES_BY].T
     least, largest = (float(f(values)) for f, values in ((np.min, level), (np.max, level)))
     share = (level - least) / max(largest - least, 1e-300)
