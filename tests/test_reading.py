@@ -118,13 +118,6 @@ def test_bench_file_names_columns_too_and_the_command_line_goes_before(tmp_path:
     assert recordings.geometry == {"n_layers": 6}
 
 
-def test_recordings_of_another_plant_ask_for_it(tmp_path: Path) -> None:
-    rows = "\n".join(f"{t / 100},{t % 7},{t % 5}" for t in range(300))
-    (tmp_path / "a.csv").write_text(f"time [s],force [N],place [m]\n{rows}\n")
-    with pytest.raises(UserError, match="recordings of another plant than TubularDEA, name its file with --plant"):
-        read_folder(tmp_path, PLANT)
-
-
 @pytest.mark.parametrize(
     ("columns", "words"),
     [

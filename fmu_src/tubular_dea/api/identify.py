@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-MOST_PLACES = 6  # decimals of a value whose error is next to nothing, or not known
-
 
 @dataclass(frozen=True)
 class ParameterEstimate:
@@ -352,7 +350,4 @@ def _estimate(name: str, told: ParameterEstimate, vague: bool = False) -> str:
     if vague:
         return f"{name:8s} {in_words(told.value, told.unit)}, not determined"
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
-    error = told.stderr / scale
-    place = min(1 - math.floor(math.log10(error)), MOST_PLACES) if 0 < error < math.inf else MOST_PLACES
-    value = f"{round(told.value / scale, place):.{max(place, 0)}f}"  # to the second digit of its error
-    return f"{name:8s} {value} +- {float(f'{error:.2g}'):g} {unit}".removesuffix(" 1")
+    return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")

@@ -290,12 +290,8 @@ def _missing(
     if len(alike) > 1:
         each = "; where every signal has its own, take that of an output" if name == "time" else ""
         said.append(f"it may be {either([f'{c.heading} (column {c.number})' for c in alike])}{each}")
-    inputs, units_there = [s.name for s in plant.inputs], any(c.unit for c in table.columns)
-    foreign = columns.keys().isdisjoint(inputs) and not any(_alike(table, units[n], columns) for n in inputs)
     if name == "time":
         said.append("if there are no times, give [sampling] rate in bench.toml")
-    elif foreign and units_there:
-        said.append(f"if these are recordings of another plant than {plant.name}, name its file with --plant")
     elif not (alike or taken):
         said.append(f"if there was none, add a column '{name} [{units[name]}]' of zeros")
     problem = f"{table.heading_place}: {'; '.join(said)};"
