@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from math import comb
 from types import MappingProxyType
 
 import numpy as np
@@ -12,7 +11,7 @@ from ...model.declare import Quantity
 from ...model.units import converted
 from ...plants.plant import Input, Output, Plant
 from ...stretches import true_stretches
-from ..signals.monitors import GAUSSIAN_MAD, QUIET, changes_by_itself, noise_level, resolution
+from ..signals.monitors import QUIET, changes_by_itself, noise_level, noise_of_differences, resolution
 from .labels import as_written, likely
 
 # Set by convention: weather, and places up to 1 km. Check: `pytest tests/test_data.py -k absolute`
@@ -270,9 +269,7 @@ def _differing(values: np.ndarray, order: int) -> float:
     moving = np.convolve(np.diff(values) != 0, np.ones(order), mode="valid") == order
     if moving.sum() < STANDSTILL:
         return 0.0
-    return (
-        GAUSSIAN_MAD * float(np.median(np.abs(np.diff(values, order)[moving]))) / float(np.sqrt(comb(2 * order, order)))
-    )
+    return float(noise_of_differences(np.diff(values, order)[moving], order))
 
 
 def _below_rest(

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 from scipy.ndimage import median_filter
 
-from .monitors import GAUSSIAN_MAD, resolution
+from .monitors import noise_of_differences, resolution
 
 # Set by theory. Check: `pytest tests/test_growing_noise.py`
 HIGH_DIFFERENCES = 6  # [1] order: of a sine of 20 samples a thousandth is left, of white noise all
@@ -101,10 +100,5 @@ def _windows(values: np.ndarray) -> np.ndarray:
     """Level and noise of every window of a record, (k, 3): by differences of both orders."""
     whole = values[: values.size // TOLD_TOGETHER * TOLD_TOGETHER].reshape(-1, TOLD_TOGETHER)
     level = np.median(whole, axis=1)
-    return np.column_stack([level, _differing(whole, HIGH_DIFFERENCES), _differing(whole, LOW_DIFFERENCES)])
-
-
-def _differing(windows: np.ndarray, order: int) -> np.ndarray:
-    """The noise of which differences of that order speak, of each of some windows (k, n)."""
-    size = np.median(np.abs(np.diff(windows, order, axis=1)), axis=1)
-    return np.asarray(GAUSSIAN_MAD * size / np.sqrt(comb(2 * order, order)))
+    told = [noise_of_differences(np.diff(whole, n, axis=1), n) for n in (HIGH_DIFFERENCES, LOW_DIFFERENCES)]
+    return np.column_stack([level, *told])

@@ -136,6 +136,12 @@ def thirds(values: np.ndarray, lag: int) -> np.ndarray:
     return values[3 * lag :] - 3 * values[2 * lag : -lag] + 3 * values[lag : -2 * lag] - values[: -3 * lag]
 
 
+def noise_of_differences(differences: np.ndarray, order: int) -> np.ndarray:
+    """The noise of which differences (..., n) of that order speak (...), robust against jumps."""
+    size = np.median(np.abs(differences), axis=-1)
+    return np.asarray(GAUSSIAN_MAD * size / np.sqrt(comb(2 * order, order)))
+
+
 def changes_by_itself(values: np.ndarray) -> bool:
     """Whether a held signal changes by more than the noise of a monitor: a command that is new at every sample, such
     as rain or a heating; or at most samples, between exact repeats, such as dry days, and longer rests, such as nights.
