@@ -234,6 +234,20 @@ def test_pictures_and_links_are_there() -> None:
         assert target in anchors, target
 
 
+def test_laboratories_are_counted_as_their_table_says() -> None:
+    """The two rows of the README are the sums of the columns of tests/blind/laboratories.md."""
+    tables = (ROOT / "tests" / "blind" / "laboratories.md").read_text(encoding="utf-8").partition("\n## Plants")
+    for head, table in (("| of the tube, by ", tables[0]), ("| of other plants, by ", tables[2])):
+        sums = []
+        rows = [row.split("|")[2:6] for row in table.splitlines() if row.startswith("| ")]
+        for column in zip(*rows, strict=True):
+            counts = [re.match(r" (?:(\d+) → )?(\d+) of (\d+)", cell) for cell in column]
+            before, after, trials = np.sum([[int(c[1] or c[2]), int(c[2]), int(c[3])] for c in counts if c], axis=0)
+            sums.append(f"{before} → {after} of {trials}")
+        row = next(line for line in README.splitlines() if line.startswith(head))
+        assert [cell.strip() for cell in row.split("|")[2:6]] == sums
+
+
 def test_what_the_commands_write_is_ignored() -> None:
     ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
     for words in [words for block in blocks() for words in block if "--out" in words]:
