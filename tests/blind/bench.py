@@ -29,6 +29,7 @@ SINCE = (
     "pressure_gain",
     "sensor_drift",
     "voltage_delay",
+    "slow_discharge",
 )
 EFFECTS = {name: hidden for name, hidden in effects.EFFECTS.items() if name not in SINCE}  # as the sets were drawn
 EXTERNAL = {name: hidden for name, hidden in effects.EXTERNAL.items() if name.startswith("odd_")}

@@ -56,8 +56,9 @@ EFFECTS: dict[str, Hidden] = {
     "sensor_average": _effect(40, "sensor", (8e-3, 4e-2)),  # s
     "sensor_drift": _effect(30, "sensor", (4e-5, 1.5e-4), (5.0, 40.0), either_sign=True),  # m, s
     "voltage_delay": _effect(41, "electrical", (6e-3, 20e-3)),  # s
+    "slow_discharge": _effect(42, "electrical", (20e-3, 150e-3)),  # s
 }
-DRAWN = tuple(sorted(EFFECTS.keys() - {"voltage_delay"}))  # in sets with effects drawn: those that seeds have stood for
+DRAWN = tuple(sorted(EFFECTS.keys() - {"slow_discharge", "voltage_delay"}))  # those that seeds have stood for
 EXTERNAL: dict[str, Hidden] = {
     "odd_mechanical": _effect(31, "mechanical", (1.5e3, 4e3), (0.015, 0.03)),  # Pa, 1
     "odd_electrical": _effect(32, "electrical", (8e3, 2.5e4), (8e6, 1.5e7)),  # Pa, V/m
@@ -70,7 +71,7 @@ EXTERNAL: dict[str, Hidden] = {
     "gas_temperature": _effect(39, "pressure", (0.01, 0.04), (0.6, 4.0)),  # share, s
 }
 EVERYTHING = EFFECTS | EXTERNAL
-TABLE_ROWS = 42  # in tube.c: N_EFFECTS
+TABLE_ROWS = 43  # in tube.c: N_EFFECTS
 
 
 def channel(name: str) -> str:

@@ -8,14 +8,14 @@
 
 enum { LAM, RATE, VIS1, VIS2, ELEC1, ELEC2, SLEWED, TRAP, HOOP1, HOOP2, EXTRA1, EXTRA2, GRIP, MOST, SET, WARMTH, LINE1,
        LINE2, SENSED, HELD, CRACKED, LEAKING, GAS, END, END_RATE, END_VIS1, END_VIS2,
-       LEVEL, SLOSH, NX };
+       LEVEL, SLOSH, BLED, NX };
 enum { R_O, L_O, H_O, H_AO, RHO, LAYERS, C_1, C_2, C_3, EPS_R, ETA_O, K_1, ETA_1, K_2, ETA_2, MONITOR_LAG, CLOCK };
 /* Effect numbers and what their a, b, c are: see effects.py. */
 enum { NOTHING, ELECTRODE, SLEW, TRAPPING, EPS_STRETCH, EPS_FIELD, THINNING, ETA_STRETCH, HOOP_VISCO, THIRD_BRANCH,
        MULLINS, FRICTION, PERMANENT_SET, PRESTRETCH, PASSIVE, STIFFENING, CLAMP, STOP, THERMAL, P_OFFSET, P_GAIN,
        P_DELAY, P_LINE, R_OFFSET, R_GAIN, R_LAG, R_DELAY, ADDED_MASS, C_DRIFT, EPS_DRIFT, R_DRIFT, ODD_MECHANICAL,
        ODD_ELECTRICAL, ODD_PRESSURE, AXIS, LEAK, COLUMN, OBLIQUE, CRACK, GAS_TEMPERATURE, SENSOR_AVERAGE,
-       V_DELAY, N_EFFECTS };
+       V_DELAY, BLEEDER, N_EFFECTS };
 
 typedef struct { const double *tube; const double *on; /* N_EFFECTS x 4: switched on, a, b, c */ } Bench;
 #define HAS(e) (b->on[4 * (e)] != 0)
@@ -93,6 +93,10 @@ static double rates(const Bench *b, double t, const double *x, double p, double 
     if (HAS(SLEW)) {
         dx[SLEWED] = A(SLEW) * tanh((u - x[SLEWED]) / (A(SLEW) * 1.5e-3));
         u = x[SLEWED];
+    }
+    if (HAS(BLEEDER)) { /* a supply that a diode parts from the tube, which only a resistor then discharges */
+        dx[BLED] = (u > x[BLED] ? (u - x[BLED]) / 5e-5 : 0) - x[BLED] / A(BLEEDER);
+        u = x[BLED];
     }
     double taken = u;
     if (HAS(TRAPPING)) { /* charge creeps in, the faster the stronger the field */
@@ -185,7 +189,7 @@ static int moving(const Bench *b, int *used)
         [THIRD_BRANCH] = {EXTRA1, EXTRA2}, [FRICTION] = {GRIP}, [MULLINS] = {MOST}, [PERMANENT_SET] = {SET},
         [THERMAL] = {WARMTH}, [P_LINE] = {LINE1, LINE2}, [R_LAG] = {SENSED}, [CRACK] = {CRACKED},
         [LEAK] = {LEAKING}, [GAS_TEMPERATURE] = {GAS}, [AXIS] = {END, END_RATE, END_VIS1, END_VIS2},
-        [COLUMN] = {LEVEL, SLOSH}};
+        [COLUMN] = {LEVEL, SLOSH}, [BLEEDER] = {BLED}};
     int n = 0;
     for (int i = LAM; i <= VIS2; i++) used[n++] = i;
     for (int e = 0; e < N_EFFECTS; e++)
@@ -199,7 +203,7 @@ static const double SIZE[NX] = {[LAM] = 1, [RATE] = 10, [VIS1] = 1e5, [VIS2] = 1
     [SLEWED] = 1e3, [TRAP] = 1e2, [HOOP1] = 1e4, [HOOP2] = 1e4, [EXTRA1] = 1e5, [EXTRA2] = 1e5, [GRIP] = 1, [MOST] = .1,
     [SET] = .1, [WARMTH] = .1, [LINE1] = 1e4, [LINE2] = 1e4, [SENSED] = 1, [HELD] = 1e-5, [CRACKED] = 1,
     [LEAKING] = 1e4, [GAS] = 1e4, [END] = 1, [END_RATE] = 10, [END_VIS1] = 1e5, [END_VIS2] = 1e5,
-    [LEVEL] = .1, [SLOSH] = 1};
+    [LEVEL] = .1, [SLOSH] = 1, [BLED] = 1e3};
 
 /* Inputs in pieces: cubics in the time since the piece began. A step of time does not go over the end of a `hard` one,
  * where an input jumps or has a corner; over the other ends it may. */

@@ -15,7 +15,10 @@ from ..model.scales import at_first, rate_size, seconds
 from ..model.units import UnitError, combined, factor
 from .places import Balance, Coefficient, Path, Place
 
-ACTUATORS = ("saturation", "dead_zone", "rate_limit", "power", "quadratic", "cubic", "hysteresis", "echo", "creep")
+ACTUATORS = (
+    *("saturation", "dead_zone", "power", "quadratic", "cubic", "hysteresis"),
+    *("rate_limit", "slow_release", "echo", "creep"),
+)
 """Laws that, at an input, belong to what drives the plant and not to the monitor that recorded it."""
 QUICK = 0.1  # of the plant's own times: how long the lag of an instrument usually is
 ORDINARY = 0.3  # of the farther bound: the size of a parameter that usually is nothing
@@ -297,14 +300,13 @@ class SignalSite(Site):
         model = self.ready(model)
         q = model.quantity(self.signal)
         come = replace(q, name=self.name("from"), description=f"{q.description}; before {self.law.replace('_', ' ')}")
-        made = [Definition(come, model.expression(self.signal))]
-        both = [self.signal]
-        if self._moves(model):
-            speed = model.quantity(f"{self.signal}_rate")
-            made.append(Definition(replace(speed, name=self.name("from_rate")), model.expression(speed.name)))
-            both.append(speed.name)
-        first = next(d.quantity.name for d in model.definitions if d.quantity.name in both)
-        return model.extend(definitions=made, before=first), come.symbol
+        speed = f"{self.signal}_rate" if self._moves(model) else self.signal
+        first = next(d.quantity.name for d in model.definitions if d.quantity.name in (self.signal, speed))
+        made = Definition(come, model.expression(self.signal))
+        if speed != self.signal:
+            moving = replace(model.quantity(speed), name=self.name("from_rate"))
+            model = model.extend(definitions=[Definition(moving, model.expression(speed))], before=speed)
+        return model.extend(definitions=[made], before=first), come.symbol
 
     def followed(self, model: Model, tau: Knob, how: str) -> tuple[Model, sympy.Symbol, sympy.Symbol]:
         """The model, the signal as it comes to this law, and a state that follows it with the time constant `tau`."""

@@ -109,7 +109,13 @@ RADIUS = {
     "average.swing": "averaged_reading",
     "drift": "sensor_drift",
 }
-VOLTAGE = {"delay": "voltage_delay", "delay.late": "delayed_voltage"}
+VOLTAGE = {
+    "delay": "voltage_delay",
+    "delay.late": "delayed_voltage",
+    "slow_release": "slow_discharge",
+    "slow_release.tau": "tau_discharge",
+    "slow_release.held": "discharging_voltage",
+}
 PLACES = (
     Path(
         "pressure",
@@ -131,7 +137,7 @@ PLACES = (
         size=5e3,
         delayed=True,
         names=VOLTAGE,
-        laws=("delay",),
+        laws=("delay", "slow_release"),
     ),
     Path(
         "measured_displacement",
