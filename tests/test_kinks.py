@@ -53,3 +53,24 @@ def test_waves_are_told_by_their_samples(rate: float) -> None:
     error = np.interp(fine, found.lines["pressure"].time, found.lines["pressure"].values)
     error -= 9000 + 3000 * np.sin(2 * np.pi * rate * fine)
     assert np.sqrt(np.mean(error**2)) < 2 * NOISE
+
+
+@pytest.mark.parametrize("constant", [0.02, 0.1, 0.4])  # s, of a valve
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_curve_leaves_a_level_between_two_samples(constant: float, backwards: bool) -> None:
+    """From sample to sample the line would begin before the valve opens: 400 to 20 Pa too high, always to one side."""
+    time, fine = np.arange(0, 40, STEP), np.linspace(0.1, 39.9, 40_000)
+    begins = np.arange(1.003, 38, 2.017)
+
+    def pressure(at: np.ndarray) -> np.ndarray:
+        since = np.subtract.outer(40 - at if backwards else at, begins)
+        climbed = np.where(since > 0, -np.expm1(-np.maximum(since, 0) / constant), 0.0)
+        return 6000 + 4000 * (climbed * (-1.0) ** np.arange(begins.size)).sum(axis=1)
+
+    noisy = pressure(time) + NOISE / 5 * np.random.default_rng(3).standard_normal(time.size)
+    found = drive(Experiment("valve", time, {"pressure": noisy}, {}, np.arange(time.size)), PRESSURE)
+    error = np.interp(fine, found.lines["pressure"].time, found.lines["pressure"].values) - pressure(fine)
+    switched = 40 - begins if backwards else begins
+    areas = [sign * error[np.abs(fine - t) < 2 * STEP].mean() for t, sign in zip(switched, [1, -1] * 10, strict=False)]
+    assert abs(np.mean(areas)) < 3 * NOISE / 5
+    assert np.count_nonzero(~found.tells(time)) < 20  # four at each of 19 before

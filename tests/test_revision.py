@@ -414,3 +414,31 @@ def test_an_effect_of_unusual_size_gives_way_to_an_equivalent_of_usual_size(
     assert search.chosen.ids == (chosen,)
     assert [r.ids for r in search.rivals] == [("lag",) if chosen == "slew" else ("slew",)]
     assert search.gains == {chosen: 13000.0 - (10.0 if chosen == "slew" else 0.0)}
+
+
+def test_where_no_effect_is_left_the_search_begins_anew_from_the_base_they_led_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A delay led a base of a null's recordings out of a local optimum, an average after it made the delay vain, and
+    without either the base fitted as well: a refit has nothing to be settled with."""
+    better = replace(BASE, fitted=replace(BASE.fitted, cost=0.0))
+    bases: list[object] = []
+
+    def round_of(study: object, base: Option, *_: object) -> Round:
+        bases.append(base)
+        step = taken(option("lag", excess=0.0))
+        return replace(step, accepted=len(bases) == 1)
+
+    def revised(search: Search, tell: object) -> None:
+        search.chosen = better
+
+    monkeypatch.setattr(selection, "option", lambda study, ids, fitted: replace(BASE, fitted=fitted))
+    monkeypatch.setattr(selection, "take_round", round_of)
+    monkeypatch.setattr(selection, "with_declared_starts", lambda found, step, tell: step)
+    monkeypatch.setattr(selection, "_better_base", lambda *_: None)
+    monkeypatch.setattr(selection, "_with_own_numbers", lambda found, tell: found.rounds[-1])
+    monkeypatch.setattr(selection, "_converged", lambda study, one, tell: one)
+    monkeypatch.setattr(selection, "revise", revised)
+    search = selection.forward_selection(STUDY, BASE.fitted, 0.0, 1, lambda what: None)
+    assert search.chosen.ids == () and search.base.fitted is better.fitted
+    assert [b.fitted for b in bases] == [BASE.fitted, better.fitted]

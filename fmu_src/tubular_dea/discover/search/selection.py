@@ -82,6 +82,8 @@ def forward_selection(
         if len(found.chosen.ids) == 2 and far(found.chosen):
             _begun_elsewhere(found, tell)
         revise(found, tell)
+        if not found.chosen.ids:  # started where effects led, the base fits as well: it had ended at a worse optimum
+            return forward_selection(found.study, found.chosen.fitted, numeric, seed, tell, found.rounds)
         _settle(found, without, tell)
         if len(found.chosen.ids) == 2:
             _one_instead(found, tell)

@@ -12,6 +12,7 @@ from ...plants.plant import Input
 from ...protocol import Protocol
 from ..records.experiment import DataError, Experiment, commanded
 from ..signals import hum as hums
+from ..signals.curve_kinks import leaving
 from ..signals.hum import MAINS, within
 from ..signals.kinks import kinked, untold
 from ..signals.monitors import (
@@ -369,9 +370,12 @@ def _continuous(experiment: Experiment, name: str, noise: float, mains: Sequence
     drawn = halved(time, values - hum, drawn)
     clean, step = values - hum, usual_step(time)
     lines = kinked(time, clean, curved(time, clean, drawn, noise), step, noise)
+    lines, met = leaving(time, clean, lines, step, noise)
     line = _unmoved(*lines)
     missed = line_error(experiment, name, line, noise, hum=hum)
-    return _Drawn(line, noise, missed, line.time, untold=untold(time, clean, lines, step, noise))
+    spans = untold(time, clean, lines, step, noise)
+    told = np.any((spans[:, :1] <= met) & (met <= spans[:, 1:]), axis=1)  # by the curve that begins there
+    return _Drawn(line, noise, missed, line.time, untold=spans[~told])
 
 
 def _within_a_turn(time: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -48,8 +48,8 @@ def kinked(
     kept, meetings = np.ones(t.size, dtype=bool), []
     for first, last in _sought(t, v, step, noise):
         near = 0.5 * step if first == last else -0.5 * step  # a sample at the corner may be of either line
-        left = _through(time, values, t[first - 1] + 0.5 * step, t[first] - near)
-        right = _through(time, values, t[last] + near, t[last + 1] - 0.5 * step)
+        left = through(time, values, t[first - 1] + 0.5 * step, t[first] - near)
+        right = through(time, values, t[last] + near, t[last + 1] - 0.5 * step)
         room = step if first == last else 0.0
         meet = _meeting(left, right, t[first] - room, t[last] + room)
         if meet is not None:
@@ -78,7 +78,7 @@ def _bends(t: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
     return np.asarray(np.abs(np.diff(np.diff(v) / np.diff(t))) * step * TRIANGLE)
 
 
-def _through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> Line | None:
+def through(time: np.ndarray, values: np.ndarray, begin: float, end: float) -> Line | None:
     """The straight line through the samples between two times [s]; None where they are too few."""
     part = slice(*np.searchsorted(time, [begin, end]))
     t, v = time[part], values[part]

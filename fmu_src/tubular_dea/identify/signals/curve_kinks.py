@@ -1,0 +1,129 @@
+"""Where a continuous signal leaves a straight line along a curve, between two samples.
+
+A valve opens, and the pressure behind it rises from its level as an exponential does:
+
+             __--
+          o-'            o samples: the last on the level, and the first ones on the curve
+        o'
+    o__/                 the curve, followed back, meets the level between them
+
+Lines from sample to sample bend at samples, so they begin before the curve does: by a quarter of what it rises in one
+step, always to the same side. Of a hose behind the valve that would be an echo, or a creep.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kinks import TRIANGLE, UNKNOWN, through
+
+# Set by theory: a level, or a ramp, is told by four samples, and the four after it tell a curve's slope and how it
+# changes. Check: `pytest tests/test_kinks.py -k curve`
+SAMPLES = 4  # [samples] on each side of where a curve begins, at least
+SEARCHED = 3  # [samples] after the end of a line among which the first one off it is
+RATIOS = (0.05, 1.25)  # [1] from one step of a curve to the next: an exponential's, and of what bends upwards
+EVEN = 0.01  # [1] of a step by which samples of a curve are off even times, at most
+LEVEL_RATIO = 1e-3  # [1] from 1: nearer than this the curve is straight
+PARTS = (0.25, 0.5, 0.75)  # [1] of the way between two samples: where the curve is followed
+HALVINGS = 30  # [1] of one step until it is known where lines meet
+
+Lines = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A level and a part that changes by `ratio` from step to step, as from four even samples."""
+
+    level: float
+    part: float
+    ratio: float
+
+    def at(self, steps: float) -> float:
+        """The value `steps` after the first sample."""
+        if abs(self.ratio - 1) < LEVEL_RATIO:
+            return self.level + self.part * steps
+        return self.level + self.part * float(np.expm1(steps * np.log(self.ratio)))
+
+
+def leaving(time: np.ndarray, values: np.ndarray, lines: Lines, step: float, noise: float) -> tuple[Lines, np.ndarray]:
+    """The `lines` (times and values (m,)) through samples `time` and `values` (n,), with curves that begin or end at a
+    straight one followed to where they meet it; and the times (k,) [s] where they do."""
+    lines, begins = _left_by_curves(time, values, lines, step, noise)
+    back = (-lines[0][::-1], lines[1][::-1])
+    (t, v), ends = _left_by_curves(-time[::-1], values[::-1], back, step, noise)
+    return (-t[::-1], v[::-1]), np.append(begins, -ends)
+
+
+def _left_by_curves(
+    time: np.ndarray, values: np.ndarray, lines: Lines, step: float, noise: float
+) -> tuple[Lines, np.ndarray]:
+    t, v = lines
+    gaps, slopes = np.diff(t), np.diff(v) / np.diff(t)
+    straight = gaps > (SAMPLES - 0.5) * step
+    bent = np.abs(np.diff(slopes)) * step * TRIANGLE > UNKNOWN * noise
+    kept, added = np.ones(t.size, dtype=bool), []
+    for k in np.flatnonzero(straight[:-1] & ~straight[1:] & bent) + 1:
+        points = _followed_back(time, values, (float(t[k - 1]), float(t[k])), step, noise)
+        if points is None:
+            continue
+        begin, end = points[0, 0] - step, points[-1, 0]
+        kept &= ~((t > max(begin, t[k - 1])) & (t <= end + EVEN * step))
+        added.append(points)
+    joined = np.concatenate([np.column_stack([t, v])[kept], *added])
+    joined = joined[np.argsort(joined[:, 0], kind="stable")]
+    return (joined[:, 0], joined[:, 1]), np.array([points[0, 0] for points in added])
+
+
+def _followed_back(
+    time: np.ndarray, values: np.ndarray, piece: tuple[float, float], step: float, noise: float
+) -> np.ndarray | None:
+    """Points (k, 2) of the curve after a straight `piece` (begin and end [s]), from where it leaves that up to the
+    second sample on it; None where the samples do not show such a curve."""
+    line = through(time, values, piece[0], piece[1] - 1.5 * step)
+    first = int(np.searchsorted(time, piece[1] - 1.5 * step))
+    if line is None or first < 1 or first + SEARCHED + SAMPLES > time.size:
+        return None
+    near = slice(first, first + SEARCHED + 1)
+    off = np.abs(values[near] - line[1] - line[2] * (time[near] - line[0])) > UNKNOWN * noise
+    if not np.any(off[:-1] & off[1:]):
+        return None
+    first += int(np.argmax(off[:-1] & off[1:]))
+    curve = _curve(time[first - 1 : first + SAMPLES], values[first : first + SAMPLES], step)
+    back = None if curve is None else _meeting(curve, line, float(time[first]), step)
+    if curve is None or back is None:
+        return None
+    steps = np.array([-back, *(-back * (1 - p) for p in PARTS), 0.0, *PARTS, 1.0])
+    points = np.column_stack([time[first] + steps * step, [curve.at(s) for s in steps]])
+    points[0, 1] = line[1] + line[2] * (points[0, 0] - line[0])
+    return points
+
+
+def _curve(time: np.ndarray, values: np.ndarray, step: float) -> _Curve | None:
+    """The curve through `SAMPLES` values, whose times and the one before are even; None where they are not, or turn."""
+    early, late = values[2] - values[0], values[3] - values[1]
+    if np.abs(np.diff(time) - step).max() > EVEN * step or early == 0 or not RATIOS[0] < late / early < RATIOS[1]:
+        return None
+    ratio = float(late / early)
+    if abs(ratio - 1) < LEVEL_RATIO:
+        part = 0.25 * (early + late)
+        return _Curve(float(values.mean()) - 1.5 * part, part, ratio)
+    powers = ratio ** np.arange(SAMPLES) - 1
+    part = float((early + late) / ((ratio**2 - 1) * (1 + ratio)))
+    return _Curve(float(values.mean() - part * powers.mean()), part, ratio)
+
+
+def _meeting(curve: _Curve, line: tuple[float, float, float], first: float, step: float) -> float | None:
+    """How many steps, of at most one, before its `first` sample [s] a curve meets a line; None where it does not."""
+
+    def above(steps: float) -> float:
+        return curve.at(-steps) - line[1] - line[2] * (first - steps * step - line[0])
+
+    low, high = 0.0, 1.0
+    if above(low) * above(high) > 0:
+        return None
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if above(low) * above(middle) > 0 else (low, middle)
+    return low
