@@ -16,35 +16,34 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from .kinks import TRIANGLE, UNKNOWN, through
+from .monitors import QUARTERS
 
 # Set by theory: a level, or a ramp, is told by four samples, and the four after it tell a curve's slope and how it
 # changes. Check: `pytest tests/test_kinks.py -k curve`
 SAMPLES = 4  # [samples] on each side of where a curve begins, at least
-SEARCHED = 3  # [samples] after the end of a line among which the first one off it is
-RATIOS = (0.05, 1.25)  # [1] from one step of a curve to the next: an exponential's, and of what bends upwards
+UNSURE_END = 1.5  # [samples] before the end of a line from which on they may be of the curve already
+SEARCHED = 3  # [samples] after that, among which the first one off the line is
+SLOWING = (0.05, 1.25)  # [1] from one step of a curve to the next: an exponential's, and of what bends upwards
 EVEN = 0.01  # [1] of a step by which samples of a curve are off even times, at most
-LEVEL_RATIO = 1e-3  # [1] from 1: nearer than this the curve is straight
-PARTS = (0.25, 0.5, 0.75)  # [1] of the way between two samples: where the curve is followed
-HALVINGS = 30  # [1] of one step until it is known where lines meet
+STRAIGHTEST = 1e-3  # [1] by which that differs from 1 at least: a curve as straight is a line
 
 Lines = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class _Curve:
-    """A level and a part that changes by `ratio` from step to step, as from four even samples."""
+class _Exponential:
+    """From `first` on, `part` of what changes by `ratio` from step to step."""
 
-    level: float
+    first: float
     part: float
     ratio: float
 
     def at(self, steps: float) -> float:
         """The value `steps` after the first sample."""
-        if abs(self.ratio - 1) < LEVEL_RATIO:
-            return self.level + self.part * steps
-        return self.level + self.part * float(np.expm1(steps * np.log(self.ratio)))
+        return self.first + self.part * float(np.expm1(steps * np.log(self.ratio)))
 
 
 def leaving(time: np.ndarray, values: np.ndarray, lines: Lines, step: float, noise: float) -> tuple[Lines, np.ndarray]:
@@ -81,8 +80,8 @@ def _followed_back(
 ) -> np.ndarray | None:
     """Points (k, 2) of the curve after a straight `piece` (begin and end [s]), from where it leaves that up to the
     second sample on it; None where the samples do not show such a curve."""
-    line = through(time, values, piece[0], piece[1] - 1.5 * step)
-    first = int(np.searchsorted(time, piece[1] - 1.5 * step))
+    line = through(time, values, piece[0], piece[1] - UNSURE_END * step)
+    first = int(np.searchsorted(time, piece[1] - UNSURE_END * step))
     if line is None or first < 1 or first + SEARCHED + SAMPLES > time.size:
         return None
     near = slice(first, first + SEARCHED + 1)
@@ -94,36 +93,29 @@ def _followed_back(
     back = None if curve is None else _meeting(curve, line, float(time[first]), step)
     if curve is None or back is None:
         return None
-    steps = np.array([-back, *(-back * (1 - p) for p in PARTS), 0.0, *PARTS, 1.0])
+    steps = np.array([-back, *(-back * (1 - q) for q in QUARTERS), 0.0, *QUARTERS, 1.0])
     points = np.column_stack([time[first] + steps * step, [curve.at(s) for s in steps]])
     points[0, 1] = line[1] + line[2] * (points[0, 0] - line[0])
     return points
 
 
-def _curve(time: np.ndarray, values: np.ndarray, step: float) -> _Curve | None:
+def _curve(time: np.ndarray, values: np.ndarray, step: float) -> _Exponential | None:
     """The curve through `SAMPLES` values, whose times and the one before are even; None where they are not, or turn."""
     early, late = values[2] - values[0], values[3] - values[1]
-    if np.abs(np.diff(time) - step).max() > EVEN * step or early == 0 or not RATIOS[0] < late / early < RATIOS[1]:
+    if np.abs(np.diff(time) - step).max() > EVEN * step or early == 0 or not SLOWING[0] < late / early < SLOWING[1]:
         return None
     ratio = float(late / early)
-    if abs(ratio - 1) < LEVEL_RATIO:
-        part = 0.25 * (early + late)
-        return _Curve(float(values.mean()) - 1.5 * part, part, ratio)
+    if abs(ratio - 1) < STRAIGHTEST:
+        ratio = 1 + STRAIGHTEST
     powers = ratio ** np.arange(SAMPLES) - 1
     part = float((early + late) / ((ratio**2 - 1) * (1 + ratio)))
-    return _Curve(float(values.mean() - part * powers.mean()), part, ratio)
+    return _Exponential(float(values.mean() - part * powers.mean()), part, ratio)
 
 
-def _meeting(curve: _Curve, line: tuple[float, float, float], first: float, step: float) -> float | None:
+def _meeting(curve: _Exponential, line: tuple[float, float, float], first: float, step: float) -> float | None:
     """How many steps, of at most one, before its `first` sample [s] a curve meets a line; None where it does not."""
 
     def above(steps: float) -> float:
         return curve.at(-steps) - line[1] - line[2] * (first - steps * step - line[0])
 
-    low, high = 0.0, 1.0
-    if above(low) * above(high) > 0:
-        return None
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if above(low) * above(middle) > 0 else (low, middle)
-    return low
+    return brentq(above, 0.0, 1.0) if above(0.0) * above(1.0) < 0 else None
