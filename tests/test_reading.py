@@ -727,3 +727,18 @@ def test_a_column_that_was_given_as_another_signal_is_said_to_be(tmp_path: Path)
     (tmp_path / "a.csv").write_text("time [s],pressure [Pa],voltage [V],radius [m]\n0,1,2,0.01\n1,2,3,0.01\n")
     with pytest.raises(UserError, match="'voltage .V.' is missing; .*column 'voltage' was given as the radius"):
         tubular_dea.read_recordings(tmp_path, columns=["radius=voltage"])
+
+
+@pytest.mark.parametrize("heading", ["t/ms", "elapsed (ms)"])
+def test_a_temperature_is_no_time(tmp_path: Path, heading: str) -> None:
+    """A logger's t/ms stands beside T/degC: small letters make both t, and units tell which is the time."""
+    data = table()
+    columns = {
+        heading: 1e3 * data["time"],
+        "P/kPa": data["pressure"] / 1e3,
+        "HV/kV": data["voltage"] / 1e3,
+        "r/mm": data["radius"] * 1e3,
+        "T/degC": np.full(data["time"].size, 23.1),
+    }
+    recording = read_experiment(written(tmp_path / "set", columns, "a.csv"), PLANT)
+    assert recording.time[-1] == pytest.approx(data["time"][-1])

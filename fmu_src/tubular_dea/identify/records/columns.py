@@ -178,6 +178,8 @@ def _headed(table: Table, name: str, unit: str, taken: Sequence[int]) -> Column 
         found = [c for c in found if c.heading.strip("\"' ").startswith(name)] or found
     if not found and name == "time":
         found = _times(free)
+    if len(found) > 1:  # as time t and temperature T
+        found = [c for c in found if _may_be_in(c, unit)] or found
     if len(found) > 1:
         problem = f"{table.heading_place}: column {name!r} appears twice; expected it once:"
         raise ColumnError(f"{problem} say which with", {name: found[1].number}, f"{problem} rename what is no {name}")
@@ -254,9 +256,15 @@ def is_in(unit: str, expected: str) -> bool:
     return True
 
 
+def _may_be_in(column: Column, unit: str) -> bool:
+    """Whether a column has a unit of that kind, or none that is told."""
+    return not column.unit or is_in(column.unit, unit)
+
+
 def _times(columns: Sequence[Column]) -> list[Column]:
     """The column that must be the time: by another usual name, as the only one with it in its name, a clock's, or the
     only one in a unit of time."""
+    columns = [c for c in columns if c.clock or _may_be_in(c, "s")]
     for also in ALSO_TIME:
         if any(c.name == also for c in columns):
             return [c for c in columns if c.name == also]

@@ -51,7 +51,7 @@ function refuse(path, findings) {
 function assigned(table) {
   const units = benchSignals(), columns = {};
   for (const name of Object.keys(units)) {
-    const column = headed(table, name);
+    const column = headed(table, name, units[name]);
     if (column) columns[name] = column;
   }
   for (const { name } of bench.inputs) {
@@ -111,13 +111,17 @@ function noSize(column, o) {
   return ` the middle reading of ${column.shown}, ${g(middle, 4)} ${column.unit}, is neither that of ${rest} (${g(whole)} ${column.unit}) nor of its change${share};`;
 }
 
-function headed(table, name) {
+function headed(table, name, unit) {
   let found = table.columns.filter((c) => c.name === headingName(name));
   if (found.length > 1) { // as f and F
     const exact = found.filter((c) => c.heading.replace(/^["' ]+/, "").startsWith(name));
     if (exact.length) found = exact;
   }
   if (!found.length && name === "time") found = timesOf(table.columns);
+  if (found.length > 1) { // as time t and temperature T
+    const fitting = found.filter((c) => mayBeIn(c, unit));
+    if (fitting.length) found = fitting;
+  }
   if (found.length > 1) throw new ReadError(`${table.headingPlace}: column ${repr(name)} appears twice; expected it once: rename what is no ${name}`);
   return found[0];
 }
@@ -181,7 +185,13 @@ function isIn(unit, expected) {
 }
 
 /* The column that must be the time: by another usual name, as the only one with it in its name, or a clock's. */
-function timesOf(columns) {
+/* Whether a column has a unit of that kind, or none that is told. */
+function mayBeIn(column, unit) {
+  return !column.unit || isIn(column.unit, unit);
+}
+
+function timesOf(all) {
+  const columns = all.filter((c) => c.clock || mayBeIn(c, "s"));
   const also = ALSO_TIME.map((word) => columns.filter((c) => c.name === word)).find((list) => list.length);
   if (also) return also;
   const named = columns.filter((c) => c.name.split("_").some((part) => part === "time" || part === "zeit")), clocks = columns.filter((c) => c.clock);
