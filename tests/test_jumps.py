@@ -10,9 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 from tubular_dea.discover.answer import remarks
-from tubular_dea.discover.answer.jumps import Jumps, jumped
+from tubular_dea.discover.answer.jumps import Jumps, driven, jumped
 from tubular_dea.discover.engine import Discovery
 from tubular_dea.plants.tube import PLANT
+from tubular_dea.protocol import Protocol
 
 OUTPUT = "measured_displacement"
 TIME = np.arange(7500) / 300
@@ -42,6 +43,15 @@ def test_nothing_is_told_of(what: str) -> None:
     if what == "ringing":
         left += 2e-4 * np.sin(60 * TIME)
     assert not jumped(answer, left)[0].size
+
+
+def test_where_an_input_steps_it_drives_what_jumps() -> None:
+    """A load that stepped while the wire stood still: did something slip?"""
+    times = np.arange(0, 10, 0.05)
+    load = Protocol(np.array([0.0, 4.017, 4.017, 10.0]), {"load": np.array([4.0, 4.0, 9.0, 9.2])})
+    moving = driven(load, times)
+    assert moving[[80, 81]].all()
+    assert np.flatnonzero(moving).min() >= 77 and np.flatnonzero(moving).max() <= 84
 
 
 def test_when_it_jumps_is_said_of_every_file() -> None:

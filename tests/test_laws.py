@@ -19,6 +19,7 @@ from tubular_dea.model.declare import DeclarationError, Model
 from tubular_dea.model.effect import Effect, added
 from tubular_dea.model.scales import at_first
 from tubular_dea.plants.plant import Input, Output, Plant
+from tubular_dea.plants.tube import PLANT as TUBE
 from tubular_dea.protocol import Protocol
 
 
@@ -418,6 +419,15 @@ def test_an_instrument_as_slow_as_the_plant_is_unusual() -> None:
 
     assert sizes(None) == pytest.approx([10.0, 10.0])
     assert sizes(2 * slow)[0] == pytest.approx(1.0)
+
+
+def test_a_wall_may_be_as_hard_as_it_likes() -> None:
+    """It stands before a limit of the elastomer's stretch of 22 Pa, which was said in place of a hard housing."""
+    stop, gent = (TUBE.catalogue[name] for name in ("rigid_stop", "strain_stiffening"))
+    hard = {"stop_stiffness": 400 * stop.typical["stop_stiffness"], "lambda_2_stop": 1.18}
+    limit = {"mu_gent": 2 * gent.typical["mu_gent"], "J_m": gent.typical["J_m"]}
+    assert unusual(stop, SimpleNamespace(names=list(hard), values=hard)) < 1
+    assert unusual(gent, SimpleNamespace(names=list(limit), values=limit)) == pytest.approx(2.0)
 
 
 def test_the_force_of_what_is_moved_takes_work_where_a_part_of_its_play_is_negative() -> None:

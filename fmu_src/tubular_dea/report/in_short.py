@@ -383,12 +383,14 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     equal = {other for e in outcome["effects"] for other in e["equivalent"]}
     best = next((r for r in outcome["ranking"] if r["effects"] == named), None)
     rivals = [r for r in outcome["ranking"] if len(r["effects"]) <= len(named) and r["effects"] != named]
-    rivals = [r for r in rivals if not equal & set(r["effects"]) and not r.get("implausible")]
+    told = [r for r in rivals if not equal & set(r["effects"])]
+    rivals = [r for r in told if not r.get("implausible")]
     if best is None or not rivals:
         return []
+    plausible = "" if rivals[0] is told[0] else " of plausible size"
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
     said = (
-        f"The nearest explanation that can be told from {'these' if equal else 'it'}, {other}, leaves a residual on "
+        f"The nearest explanation{plausible} that can be told from {'these' if equal else 'it'}, {other}, leaves a residual on "
         f"fitted recordings of {ratio:.2f} times {LEFT}"
     )
     alike = f"{ratio:.2f}" == f"{best['ratio']:.2f}"

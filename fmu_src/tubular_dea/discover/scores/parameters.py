@@ -108,7 +108,7 @@ def unusual(effect: Effect, fitted: Fit) -> float:
     """The size of an effect relative to its usual one, or how many powers of ten beyond one its time constants are.
 
     What takes the place of a size (`trades`), such as the time constant of a whole lag, counts as one, and the more,
-    the less usual the rest of its shape is: slow by its damping is slow, too.
+    the less usual the rest of its shape is: slow by its damping is slow, too. What is `hard` may be of any size.
     """
     shape = {
         n: fitted.values[n] / effect.typical[n]
@@ -117,7 +117,8 @@ def unusual(effect: Effect, fitted: Fit) -> float:
     }
     if effect.trades:
         return float(np.prod([x ** effect.trades.get(n, np.sign(x - 1)) for n, x in shape.items()]))
-    sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in effect.off.items() if n in fitted.names]
+    soft = {n: off for n, off in effect.off.items() if n in fitted.names and n not in effect.hard}
+    sizes = [abs(fitted.values[n] - off) / size(effect, n) for n, off in soft.items()]
     return max([0.0, *sizes, *(10 ** (abs(np.log10(x)) - 1) if x > 0 else 1.0 for x in shape.values())])
 
 

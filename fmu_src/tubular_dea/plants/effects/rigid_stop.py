@@ -51,6 +51,7 @@ EFFECT = Effect(
     off={"stop_stiffness": 0.0},
     typical={"stop_stiffness": 5e4, "lambda_2_stop": 1.25, "stop_corner": 2e-4},
     refine=("stop_corner",),
+    hard=("stop_stiffness",),
     levels={"lambda_2_stop": "lambda_2"},
     shapes={"lambda_2_stop": (1.1, 1.15, 1.2, 1.25, 1.3, 1.4)},
 )
