@@ -390,8 +390,8 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     plausible = "" if rivals[0] is told[0] else " of plausible size"
     other, ratio = " and ".join(rivals[0]["effects"]), rivals[0]["ratio"]
     said = (
-        f"The nearest explanation{plausible} that can be told from {'these' if equal else 'it'}, {other}, leaves a residual on "
-        f"fitted recordings of {ratio:.2f} times {LEFT}"
+        f"The nearest explanation{plausible} that can be told from {'these' if equal else 'it'}, {other}, leaves a "
+        f"residual on fitted recordings of {ratio:.2f} times {LEFT}"
     )
     alike = f"{ratio:.2f}" == f"{best['ratio']:.2f}"
     own = "this one as much" if alike else f"this one {best['ratio']:.2f} times"
