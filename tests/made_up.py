@@ -78,6 +78,7 @@ STUDY = SimpleNamespace(
             off={name: 0.0},
             fit=(name,),
             trades={},
+            hard=(),
             parameters=[SimpleNamespace(name=name)],
             refine=refine,
             delicate=name == "set",

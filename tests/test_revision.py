@@ -442,3 +442,15 @@ def test_where_no_effect_is_left_the_search_begins_anew_from_the_base_they_led_t
     search = selection.forward_selection(STUDY, BASE.fitted, 0.0, 1, lambda what: None)
     assert search.chosen.ids == () and search.base.fitted is better.fitted
     assert [b.fitted for b in bases] == [BASE.fitted, better.fitted]
+
+
+@pytest.mark.parametrize(("known", "kept"), [(True, ("lag", "creep")), (False, ("creep",))])
+def test_two_effects_that_became_one_are_reconsidered(
+    monkeypatch: pytest.MonkeyPatch, known: bool, kept: tuple[str, ...]
+) -> None:
+    """An echo after 60 ms of nine tenths, and a delay of 60 ms with which it may be any part: the delay is enough."""
+    monkeypatch.setattr(revision, "bounded_away", lambda effect, fitted: known)
+    refits(monkeypatch, {(("creep",), ()): option("creep", excess=1.0), (("lag",), ()): option("lag", excess=5e4)})
+    search = found(BASE, option("lag", "creep", excess=0.0))
+    revision.reconsider(search)
+    assert search.chosen.ids == kept

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ...identify.study.study import Study
 from ...identify.threads import side_by_side
-from ..options.acceptance import clean, denied, far
+from ..options.acceptance import bounded_away, clean, denied, far
 from ..options.options import Option, finer_form, fitted_option
 from ..scores.parameters import unusual
 from .equivalence import CHANCE, error_reach, stands_in
@@ -124,6 +124,14 @@ def _fitted_alone(found: Search, name: str) -> dict[str, float]:
                 names = [q.name for q in found.study.catalogue[name].parameters]
                 return {n: o.fitted.values[n] for n in names if n in o.fitted.values}
     return {}
+
+
+def reconsider(found: Search) -> None:
+    """Drop effects once more where the numbers of the records' own have moved one to where it may be off: an echo and a
+    delay that were two delays have become the same one."""
+    effects = [found.study.catalogue[i] for i in found.chosen.ids]
+    if len(effects) > 1 and not all(bounded_away(e, found.chosen.fitted) for e in effects):
+        _drop(found)
 
 
 def _drop(found: Search) -> None:

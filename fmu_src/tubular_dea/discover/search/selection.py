@@ -15,7 +15,7 @@ from ..options.refit import FULL_STEPS, first_refit, fit_effects, further, start
 from ..scores import bank
 from .declared import with_declared_starts
 from .equivalence import CHANCE, error_reach
-from .revision import Search, revise
+from .revision import Search, reconsider, revise
 from .rounds import Progress, Round, decided, take_round
 from .settle import own_nuisances
 
@@ -85,6 +85,7 @@ def forward_selection(
         if not found.chosen.ids:  # started where effects led, the base fits as well: it had ended at a worse optimum
             return forward_selection(found.study, found.chosen.fitted, numeric, seed, tell, found.rounds)
         _settle(found, without, tell)
+        reconsider(found)
         if len(found.chosen.ids) == 2:
             _one_instead(found, tell)
         stages.append(replace(found))
