@@ -868,3 +868,27 @@ def test_a_law_that_fits_only_at_the_ends_of_its_form_is_uncertain(ends: dict[st
     told = reservations.forced(SimpleNamespace(study=FOUND.study, named=named))
     assert len(told) == said
     assert all("at the ends of what tau_e_stretch and electrode_line may be" in words for words in told)
+
+
+@pytest.mark.parametrize(("known", "loose", "told"), [(10.0, True, True), (600.0, True, False), (10.0, False, False)])
+def test_what_is_slower_than_the_records_and_free_at_their_start_is_told(known: float, loose: bool, told: bool) -> None:
+    """A voltage of 260 V that never changes was a trap of 980 s with 58 kV in it, "distinguished from every rival"."""
+    model = {ids: add_effects(PLANT, ids) for ids in ((), ("charge_trapping",))}
+    piece = SimpleNamespace(
+        case=SimpleNamespace(times=np.array([0.0, 28.0])),
+        nuisances=SimpleNamespace(names=("start trapped_voltage_off_at_start",) if loose else ("voltage",)),
+    )
+    study = SimpleNamespace(
+        pieces=[piece], catalogue=PLANT.catalogue, compiled=SimpleNamespace(model=lambda ids: model[tuple(ids)])
+    )
+    option = made_up.option("trap_fraction", "tau_trap")
+    values = option.fitted.values | {"trap_fraction": 0.005, "tau_trap": 984.0}
+    scaled = np.array([1.0, 0.005, 984.0])
+    spread = np.diag([0.01, 1e-8, known**2])
+    fitted = replace(option.fitted, values=values, scaled=scaled, covariance=spread)
+    named = SimpleNamespace(ids=("charge_trapping",), fitted=fitted)
+    found = SimpleNamespace(named_study=study, named=named)
+    said = reservations.from_the_start(found)
+    assert len(said) == told
+    if told:
+        assert "charge_trapping is slower (tau_trap) than the longest recording (28 s)" in said[0]

@@ -101,7 +101,11 @@ class DiscoveryResult:
         from ..report.in_short import asked_first, first_remark
 
         said = [f"{self.verdict}: {self.headline}", *error_lines(self.discovery, self.errors)]
-        said += [*reservations.forced(self.discovery), *between_files.unlike(self.discovery)]
+        said += [
+            *reservations.forced(self.discovery),
+            *reservations.from_the_start(self.discovery),
+            *between_files.unlike(self.discovery),
+        ]
         said += between_files.assumed(self.discovery)
         said += asked_first(self.content["remarks"])
         said += first_remark(self.content["remarks"], said)

@@ -10,7 +10,7 @@ import numpy as np
 from ..discover.answer import between_files
 from ..discover.answer.outcome import beyond_noise
 from ..discover.answer.remarks import not_named
-from ..discover.answer.reservations import forced, hidden_by_noise, loud
+from ..discover.answer.reservations import forced, from_the_start, hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
@@ -125,6 +125,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
             [
                 APART if odd else _confidence(found),
                 *forced(found),
+                *from_the_start(found),
                 *_driven(found, outcome),
                 *_left(found, outcome),
                 *_rivals(outcome),

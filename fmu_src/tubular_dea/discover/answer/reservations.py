@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...identify.study.nuisances import START_OF
+from ...model.starts import unknowns
+from ...model.units import in_words
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
-from ..options.acceptance import PREDICTED, clean
+from ..options.acceptance import PREDICTED, clean, size_interval
 from ..options.residuals import LackOfFit
 from ..scores.parameters import at_bounds
 
@@ -42,6 +45,26 @@ def forced(found: Discovery) -> list[str]:
         for name, its in ended.items()
         if len(its) >= ENDS
     ]
+
+
+def from_the_start(found: Discovery) -> list[str]:
+    """That a named effect is slower than the records are long, each of which begins at its own state of it: a voltage
+    of 260 V that never changes was a trap of 980 s with 58 kV in it."""
+    study, fitted, said = found.named_study, found.named.fitted, []
+    longest = max(float(np.ptp(p.case.times)) for p in study.pieces)
+    free = {n.removeprefix(START_OF) for p in study.pieces for n in p.nuisances.names}
+    others = unknowns(study.compiled.model(()))
+    for name in found.named.ids:
+        effect = study.catalogue[name]
+        times = [q.name for q in effect.parameters if q.unit == "s" and q.name in fitted.names]
+        slow = [n for n in times if size_interval(effect, fitted, n)[0] > longest]
+        if slow and (unknowns(study.compiled.model((name,))).keys() - others.keys()) & free:
+            said.append(
+                f"{name} is slower ({' and '.join(slow)}) than the longest recording ({in_words(longest, 's')}), and "
+                "its states begin where each recording says: there it is something constant from the start, whatever "
+                "brought it about. Begun at rest or in equilibrium, model.json and the FMU show nothing of it."
+            )
+    return said
 
 
 def loud(found: Discovery) -> str:
