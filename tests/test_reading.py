@@ -443,7 +443,8 @@ def test_a_scale_that_is_wrong_by_a_factor_is_said(signal: str, factor: float, w
         time = e.time * (factor if signal == "time" else 1)
         experiments.append(dataclasses.replace(e, time=time, inputs=inputs, outputs=outputs))
     said = scales.findings(dataclasses.replace(recordings, experiments=experiments))
-    assert words in said[0] and "=COLUMN[0.5 mm]" in said[0] if words else not said, said
+    example = "as in time=COLUMN[s])" if signal == "time" else "=COLUMN[0.5 mm]"
+    assert words in said[0] and example in said[0] if words else not said, said
 
 
 def test_no_unit_is_asked_about_where_a_step_to_a_start_leads_too_far() -> None:
@@ -694,9 +695,10 @@ def test_only_mistakes_that_may_be_made_are_tried() -> None:
     m.derivative(level, pump - rate * level)
     m.output("level", "m", level, "Level of the water")
     tank = Plant(m.model(), [Input("pump")], [Output("level")])
-    tried = {(w.signal, w.words) for w in mistakes.mislabellings(tank, ["level"])}
-    assert {"mm labelled cm", "cm labelled mm"} <= {words for _, words in tried}
-    assert not {"time", "a diameter for a radius"} & {word for pair in tried for word in pair}
+    tried = list(mistakes.mislabellings(tank, ["level"]))
+    assert {"mm labelled cm", "cm labelled mm"} <= {w.words for w in tried}
+    assert "a diameter for a radius" not in {w.words for w in tried}
+    assert {w.words for w in tried if w.signal == "time"} == {"s labelled min", "ms labelled s"}  # none too small
     tube = {(w.signal, w.words) for w in mistakes.mislabellings(PLANT, ["measured_displacement"])}
     assert ("measured_displacement", "a radius for a diameter") in tube and ("time", "ms labelled s") in tube
 
@@ -742,3 +744,32 @@ def test_a_temperature_is_no_time(tmp_path: Path, heading: str) -> None:
     }
     recording = read_experiment(written(tmp_path / "set", columns, "a.csv"), PLANT)
     assert recording.time[-1] == pytest.approx(data["time"][-1])
+
+
+@pytest.mark.parametrize(
+    ("clock", "factor", "words"), [(1e3, 1.0, "time=COLUMN[ms]"), (1.0, 60.0, "L/min labelled L/s")]
+)
+def test_a_second_output_tells_what_the_first_does_not(clock: float, factor: float, words: str) -> None:
+    """A lung's pressure follows the ventilator's at any pace, with times in ms too; its flow does not."""
+    m = Build("Lung", "A lung behind a hose")
+    given = m.input("ventilator_pressure", "Pa", "Of the ventilator", nominal=2000)
+    hose = m.parameter("R", "Pa.s/m3", 1e5, "Resistance of the hose", minimum=1)
+    compliance = m.parameter("C", "m3/Pa", 5e-7, "Compliance", minimum=1e-9)
+    p = m.state("p", "Pa", "Pressure in the lung", start="free", nominal=2000)
+    flow = m.define("flow_in", "m3/s", (given - p) / hose, "Flow through the hose", nominal=1e-3)
+    m.derivative(p, flow / compliance)
+    m.output("airway_pressure", "Pa", 0.98 * given + 0.02 * p, "Before the lung")
+    m.output("flow", "m3/s", flow, "Through the hose", display_unit="L/s")
+    plant = Plant(m.model(), inputs=[Input("ventilator_pressure")], outputs=[Output("airway_pressure"), Output("flow")])
+    time = np.arange(0, 20, 0.01)
+    pressure = 1000 + 800 * np.sin(2 * np.pi * 0.3 * time) + 200 * np.sin(2 * np.pi * 1.1 * time)
+    seen = Kernel(plant.model).simulate(Protocol(time, {"ventilator_pressure": pressure}), time, {"p_start": 1000.0})
+    noise = np.random.default_rng(5).standard_normal((2, time.size))
+    table = {
+        "time [s]": clock * time,
+        "ventilator_pressure [Pa]": pressure,
+        "airway_pressure [Pa]": seen["airway_pressure"] + noise[0],
+        "flow [L/s]": factor * 1e3 * seen["flow"] + 1e-3 * noise[1],
+    }
+    (said,) = tubular_dea.read_recordings({n: table for n in "abc"}, plant=plant).findings()[:1]
+    assert words in said

@@ -53,8 +53,9 @@ def mislabellings(plant: Plant, outputs: Sequence[str]) -> Iterator[Mislabelling
         if any(word in said.lower() for word in ROUND):
             yield from _both_ways(name, ACROSS)
         yield Mislabelling(name, -1.0, "counted the other way")
-    if not plant.each_start:  # in slow times a start that is not known does not count: that is no wrong unit
-        yield from _both_ways(TIME, TIMES)
+    for one_clock in _both_ways(TIME, TIMES):
+        if one_clock.factor > 1 or not plant.each_start:  # in slower times an unknown start counts less: no wrong unit
+            yield one_clock
 
 
 def _both_ways(name: str, factors: Mapping[float, str]) -> Iterator[Mislabelling]:

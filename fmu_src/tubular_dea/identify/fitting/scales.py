@@ -18,13 +18,13 @@ import numpy as np
 from ...kernel import KernelError
 from ...model.declare import Model
 from ...model.units import converted, three
-from ...plants.plant import Plant
+from ...plants.plant import Output, Plant
 from ...protocol import Protocol
 from ...recordings.table import either
 from ..records.experiment import RESTED, Experiment, Recordings
 from ..records.labels import matching
 from .compiled import Compiled
-from .mistakes import Mislabelling, clock, corrected, mislabellings
+from .mistakes import TIME, Mislabelling, clock, corrected, mislabellings
 from .response import RUN_AWAY
 
 # Set by judgement: enough to tell factors. Check: `pytest tests/test_reading.py -k wrong_by_a_factor`
@@ -74,14 +74,12 @@ class Thinned:
 
 
 class DeclaredAnswers:
-    """What the declared plant answers, beside what was read of its first output in all experiments that have it."""
+    """What the declared plant answers, beside what was read of an output in all experiments that have it."""
 
-    def __init__(self, recordings: Recordings) -> None:
-        self.plant, self.known = recordings.plant, recordings.known_parameters
-        there = [e for e in recordings.experiments if e.outputs]
-        self.output = next(o for o in self.plant.outputs if there and o.name in there[0].outputs)
+    def __init__(self, recordings: Recordings, output: Output) -> None:
+        self.plant, self.known, self.output = recordings.plant, recordings.known_parameters, output
         self.kernel = Compiled(self.plant, [o.name for o in recordings.fitted_outputs]).kernel()  # a study's: one build
-        self.experiments = [e for e in there if self.output.name in e.outputs]
+        self.experiments = [e for e in recordings.experiments if output.name in e.outputs]
 
     def record(self, experiment: Experiment) -> Thinned:
         """An experiment, thinned."""
@@ -148,10 +146,13 @@ class DeclaredAnswers:
 
 
 def findings(recordings: Recordings) -> list[str]:
-    """Signals whose scale contradicts the declared plant, in words."""
-    declared = DeclaredAnswers(recordings)
-    plant, heading = declared.plant, declared.output.headings[0]
-    records = [declared.record(e) for e in _informative(declared.experiments)]
+    """Signals whose scale contradicts the declared plant, in words: by the first output that tells."""
+    told = (_by_one_output(DeclaredAnswers(recordings, output)) for output in recordings.fitted_outputs)
+    return next((said for said in told if said), [])
+
+
+def _by_one_output(declared: DeclaredAnswers) -> list[str]:
+    plant, records = declared.plant, [declared.record(e) for e in _informative(declared.experiments)]
     base = declared.missed(records)
     if not base > MISSED:
         return list(_single_files(declared))
@@ -161,13 +162,20 @@ def findings(recordings: Recordings) -> list[str]:
     if not found:
         return [*_counted_from_elsewhere(declared, records, base), *_single_files(declared)]
     now = "has no answer to them" if base == np.inf else f"misses {_percent(base)} of these records (rms)"
-    measured = plant.quantity(declared.output.name)
-    half = f"0.5 {measured.display_unit or measured.unit}"
     return [
         f"{declared.told(records[0], [w for _, w in found])}? With the numbers as they are, the declared {plant.name} "
         f"{now}, else it misses {_percent(found[0][0])}; if so, correct it in the files (a unit or a factor also with "
-        f"--columns, as in {heading}=COLUMN[{half}] for a column that reads 1 for {half})"
+        f"--columns, as in {_example(declared, found[0][1])})"
     ]
+
+
+def _example(declared: DeclaredAnswers, wrong: Mislabelling) -> str:
+    """How a column is put right on the command line."""
+    if wrong.signal == TIME:
+        return f"time=COLUMN[{wrong.words.partition(' labelled ')[0]}]"
+    measured = declared.plant.quantity(declared.output.name)
+    half = f"0.5 {measured.display_unit or measured.unit}"
+    return f"{declared.output.headings[0]}=COLUMN[{half}] for a column that reads 1 for {half}"
 
 
 def _single_files(declared: DeclaredAnswers) -> Iterator[str]:
