@@ -224,6 +224,7 @@ def test_of_equals_far_from_the_plant_the_usual_size_is_taken() -> None:
             typical={name: typical},
             fit=(name,),
             trades={},
+            hard=(),
             recording=False,
             parameters=[SimpleNamespace(name=name, nominal=1.0)],
         )
