@@ -41,6 +41,23 @@ def test_a_step_of_one_sample_is_untold_and_a_slow_ramp_is_not() -> None:
     assert 3 <= first.size <= 5
 
 
+@pytest.mark.parametrize("long", [1.6, 2.4, 4.4, 5.5])  # steps
+def test_a_short_ramp_is_known_where_its_lines_meet(long: float) -> None:
+    """From sample to sample it would be 1000 Pa off."""
+    begins = 1 + 2 * np.arange(12) + STEP * np.linspace(0.05, 0.95, 12)
+    knots = [(0.0, 6000.0)]
+    for k, begin in enumerate(begins):
+        levels = (6000.0, 12000.0) if k % 2 == 0 else (12000.0, 6000.0)
+        knots += [(begin, levels[0]), (begin + long * STEP, levels[1])]
+    found = drive(recorded([*knots, (26.0, 6000.0)]), PRESSURE)
+    fine = np.linspace(0.5, 25.5, 50_001)
+    error = np.interp(fine, found.lines["pressure"].time, found.lines["pressure"].values)
+    error -= np.interp(fine, *np.transpose(knots))
+    spans = found.untold.get("pressure", np.empty((0, 2)))
+    told = np.all([(fine < a - STEP) | (fine > b + STEP) for a, b in spans], axis=0)
+    assert np.abs(error[told]).max(initial=0.0) < 6 * NOISE
+
+
 @pytest.mark.parametrize("rate", [1.0, 2.0, 3.0, 5.0, 6.0])
 def test_waves_are_told_by_their_samples(rate: float) -> None:
     time = np.arange(0, 6, STEP)

@@ -28,6 +28,7 @@ UNSURE_END = 1.5  # [samples] before the end of a line from which on they may be
 SEARCHED = 3  # [samples] after that, among which the first one off the line is
 SLOWING = (0.05, 1.25)  # [1] from one step of a curve to the next: an exponential's, and of what bends upwards
 EVEN = 0.01  # [1] of a step by which samples of a curve are off even times, at most
+CLOSE = 0.01  # [1] of a curve's change by which its samples are off it at most, if not by noise: a ramp ends
 STRAIGHTEST = 1e-3  # [1] by which that differs from 1 at least: a curve as straight is a line
 
 Lines = tuple[np.ndarray, np.ndarray]
@@ -89,7 +90,7 @@ def _followed_back(
     if not np.any(off[:-1] & off[1:]):
         return None
     first += int(np.argmax(off[:-1] & off[1:]))
-    curve = _curve(time[first - 1 : first + SAMPLES], values[first : first + SAMPLES], step)
+    curve = _curve(time[first - 1 : first + SAMPLES], values[first : first + SAMPLES], step, noise)
     back = None if curve is None else _meeting(curve, line, float(time[first]), step)
     if curve is None or back is None:
         return None
@@ -99,8 +100,9 @@ def _followed_back(
     return points
 
 
-def _curve(time: np.ndarray, values: np.ndarray, step: float) -> _Exponential | None:
-    """The curve through `SAMPLES` values, whose times and the one before are even; None where they are not, or turn."""
+def _curve(time: np.ndarray, values: np.ndarray, step: float, noise: float) -> _Exponential | None:
+    """The curve through `SAMPLES` values, whose times and the one before are even; None where they are not, where they
+    turn, or are on none."""
     early, late = values[2] - values[0], values[3] - values[1]
     if np.abs(np.diff(time) - step).max() > EVEN * step or early == 0 or not SLOWING[0] < late / early < SLOWING[1]:
         return None
@@ -109,7 +111,10 @@ def _curve(time: np.ndarray, values: np.ndarray, step: float) -> _Exponential | 
         ratio = 1 + STRAIGHTEST
     powers = ratio ** np.arange(SAMPLES) - 1
     part = float((early + late) / ((ratio**2 - 1) * (1 + ratio)))
-    return _Exponential(float(values.mean() - part * powers.mean()), part, ratio)
+    off = values - part * powers
+    if np.abs(off - off.mean()).max() > max(UNKNOWN * noise, CLOSE * abs(early)):
+        return None
+    return _Exponential(float(off.mean()), part, ratio)
 
 
 def _meeting(curve: _Exponential, line: tuple[float, float, float], first: float, step: float) -> float | None:
