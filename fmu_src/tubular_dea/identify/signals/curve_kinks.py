@@ -26,9 +26,10 @@ from .monitors import QUARTERS
 SAMPLES = 4  # [samples] on each side of where a curve begins, at least
 UNSURE_END = 1.5  # [samples] before the end of a line from which on they may be of the curve already
 SEARCHED = 3  # [samples] after that, among which the first one off the line is
-SLOWING = (0.05, 1.25)  # [1] from one step of a curve to the next: an exponential's, and of what bends upwards
+SLOWING = (0.3, 1.25)  # [1] from one step of a curve to the next: less may be a ramp's end, more bends upwards
 EVEN = 0.01  # [1] of a step by which samples of a curve are off even times, at most
 CLOSE = 0.01  # [1] of a curve's change by which its samples are off it at most, if not by noise: a ramp ends
+LATEST = 0.5  # [samples] before the last one on the line at which noise may make lines meet
 STRAIGHTEST = 1e-3  # [1] by which that differs from 1 at least: a curve as straight is a line
 
 Lines = tuple[np.ndarray, np.ndarray]
@@ -91,7 +92,7 @@ def _followed_back(
         return None
     first += int(np.argmax(off[:-1] & off[1:]))
     curve = _curve(time[first - 1 : first + SAMPLES], values[first : first + SAMPLES], step, noise)
-    back = None if curve is None else _meeting(curve, line, float(time[first]), step)
+    back = None if curve is None else _meeting(curve, line, float(time[first]), step, noise)
     if curve is None or back is None:
         return None
     steps = np.array([-back, *(-back * (1 - q) for q in QUARTERS), 0.0, *QUARTERS, 1.0])
@@ -117,10 +118,15 @@ def _curve(time: np.ndarray, values: np.ndarray, step: float, noise: float) -> _
     return _Exponential(float(off.mean()), part, ratio)
 
 
-def _meeting(curve: _Exponential, line: tuple[float, float, float], first: float, step: float) -> float | None:
-    """How many steps, of at most one, before its `first` sample [s] a curve meets a line; None where it does not."""
+def _meeting(
+    curve: _Exponential, line: tuple[float, float, float], first: float, step: float, noise: float
+) -> float | None:
+    """How many steps, of at most one, before its `first` sample [s] a curve meets a line; None where it does not.
+
+    Where that is at the sample before, noise makes it a little more than one."""
 
     def above(steps: float) -> float:
         return curve.at(-steps) - line[1] - line[2] * (first - steps * step - line[0])
 
-    return brentq(above, 0.0, 1.0) if above(0.0) * above(1.0) < 0 else None
+    most = 1 + min(LATEST, UNKNOWN * noise / max(abs(curve.at(1.0) - curve.at(0.0)), noise))
+    return float(brentq(above, 0.0, most)) if above(0.0) * above(most) < 0 else None
