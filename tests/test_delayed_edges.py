@@ -67,6 +67,7 @@ def short_delays(folder: Path) -> td.RecordingSet:
     return td.read_recordings(folder, regulator(coil=True))
 
 
+@pytest.mark.long
 def test_a_delay_shorter_than_a_sampling_interval_is_one(tmp_path: Path) -> None:
     """It was a moving average of the current, or a lag: the tangent at no delay changes no sample behind an edge."""
     found = td.discover(short_delays(tmp_path / "late"))
