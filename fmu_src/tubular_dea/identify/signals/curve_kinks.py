@@ -8,8 +8,8 @@ A valve opens, and the pressure behind it rises from its level as an exponential
     o__/                 the curve, followed back, meets the level between them
 
 Lines from sample to sample bend at samples, so they begin before the curve does: by a quarter of what it rises in one
-step, always to the same side. Of a hose behind the valve that would be an echo, or a creep. A ramp of a few samples, too
-brief for a line of its own, is such a curve as well.
+step, always to the same side. Of a hose behind the valve that would be an echo, or a creep. A ramp of a few samples,
+too brief for a line of its own, is such a curve as well.
 """
 
 from __future__ import annotations
