@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .kinks import TRIANGLE, UNKNOWN, through
-from .monitors import QUARTERS
+from .monitors import QUARTERS, WELL_BENT
 
 # Set by theory: a level, or a ramp, is told by four samples, and the four after it tell a curve's slope and how it
 # changes. Check: `pytest tests/test_kinks.py -k curve`
@@ -29,8 +29,8 @@ UNSURE_END = 1.5  # [samples] before the end of a line from which on they may be
 SEARCHED = 3  # [samples] after that, among which the first one off the line is
 SLOWING = (0.3, 1.25)  # [1] from one step of a curve to the next: less may be a ramp's end, more bends upwards
 EVEN = 0.01  # [1] of a step by which samples of a curve are off even times, at most
-CLOSE = 0.01  # [1] of a curve's change by which its samples are off it at most, if not by noise: a ramp ends
-LATEST = 0.5  # [samples] before the last one on the line at which noise may make lines meet
+OFF_IT = 0.01  # [1] of a curve's change by which its samples are off it at most, if not by noise: a ramp ends
+EARLIEST_MEETING = 0.5  # [samples] before the last one on the line at which noise may make lines meet
 STRAIGHTEST = 1e-3  # [1] by which that differs from 1 at least: a curve as straight is a line
 
 Lines = tuple[np.ndarray, np.ndarray]
@@ -47,6 +47,11 @@ class _Exponential:
     def at(self, steps: float) -> float:
         """The value `steps` after the first sample."""
         return self.first + self.part * float(np.expm1(steps * np.log(self.ratio)))
+
+    def followed(self, begin: float, end: float, noise: float) -> list[float]:
+        """The begin of a piece [steps], and where in it the curve is to be followed: nowhere if it is straight."""
+        sag = self.at(0.5 * (begin + end)) - 0.5 * (self.at(begin) + self.at(end))
+        return [begin, *(begin + q * (end - begin) for q in QUARTERS if abs(sag) > WELL_BENT * noise)]
 
 
 def leaving(time: np.ndarray, values: np.ndarray, lines: Lines, step: float, noise: float) -> tuple[Lines, np.ndarray]:
@@ -96,8 +101,8 @@ def _followed_back(
     back = None if curve is None else _meeting(curve, line, float(time[first]), step, noise)
     if curve is None or back is None:
         return None
-    steps = np.array([-back, *(-back * (1 - q) for q in QUARTERS), 0.0, *QUARTERS, 1.0])
-    points = np.column_stack([time[first] + steps * step, [curve.at(s) for s in steps]])
+    steps = [*curve.followed(-back, 0.0, noise), *curve.followed(0.0, 1.0, noise), 1.0]
+    points = np.column_stack([time[first] + np.array(steps) * step, [curve.at(s) for s in steps]])
     points[0, 1] = line[1] + line[2] * (points[0, 0] - line[0])
     return points
 
@@ -114,7 +119,7 @@ def _curve(time: np.ndarray, values: np.ndarray, step: float, noise: float) -> _
     powers = ratio ** np.arange(SAMPLES) - 1
     part = float((early + late) / ((ratio**2 - 1) * (1 + ratio)))
     off = values - part * powers
-    if np.abs(off - off.mean()).max() > max(UNKNOWN * noise, CLOSE * abs(early)):
+    if np.abs(off - off.mean()).max() > max(UNKNOWN * noise, OFF_IT * abs(early)):
         return None
     return _Exponential(float(off.mean()), part, ratio)
 
@@ -129,5 +134,5 @@ def _meeting(
     def above(steps: float) -> float:
         return curve.at(-steps) - line[1] - line[2] * (first - steps * step - line[0])
 
-    most = 1 + min(LATEST, UNKNOWN * noise / max(abs(curve.at(1.0) - curve.at(0.0)), noise))
+    most = 1 + min(EARLIEST_MEETING, UNKNOWN * noise / max(abs(curve.at(1.0) - curve.at(0.0)), noise))
     return float(brentq(above, 0.0, most)) if above(0.0) * above(most) < 0 else None
