@@ -41,7 +41,7 @@ def test_a_step_of_one_sample_is_untold_and_a_slow_ramp_is_not() -> None:
     assert 3 <= first.size <= 5
 
 
-@pytest.mark.parametrize("long", [1.6, 2.4, 4.4, 5.5])  # steps
+@pytest.mark.parametrize("long", [1.6, 2.4, 3.3, 4.4, 5.5])  # steps
 def test_a_short_ramp_is_known_where_its_lines_meet(long: float) -> None:
     """From sample to sample it would be 1000 Pa off."""
     begins = 1 + 2 * np.arange(12) + STEP * np.linspace(0.05, 0.95, 12)
@@ -55,7 +55,7 @@ def test_a_short_ramp_is_known_where_its_lines_meet(long: float) -> None:
     error -= np.interp(fine, *np.transpose(knots))
     spans = found.untold.get("pressure", np.empty((0, 2)))
     told = np.all([(fine < a - STEP) | (fine > b + STEP) for a, b in spans], axis=0)
-    assert np.abs(error[told]).max(initial=0.0) < 6 * NOISE
+    assert np.abs(error[told]).max(initial=0.0) < 10 * NOISE
 
 
 @pytest.mark.parametrize("rate", [1.0, 2.0, 3.0, 5.0, 6.0])

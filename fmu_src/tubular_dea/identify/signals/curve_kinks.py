@@ -25,6 +25,7 @@ from .monitors import QUARTERS, WELL_BENT
 # Set by theory: a level, or a ramp, is told by four samples, and the four after it tell a curve's slope and how it
 # changes. Check: `pytest tests/test_kinks.py -k curve`
 SAMPLES = 4  # [samples] on each side of where a curve begins, at least
+ON_RAMP = 3  # [samples] of a ramp that is over before the fourth
 UNSURE_END = 1.5  # [samples] before the end of a line from which on they may be of the curve already
 SEARCHED = 3  # [samples] after that, among which the first one off the line is
 SLOWING = (0.3, 1.25)  # [1] from one step of a curve to the next: less may be a ramp's end, more bends upwards
@@ -97,7 +98,9 @@ def _followed_back(
     if not np.any(off[:-1] & off[1:]):
         return None
     first += int(np.argmax(off[:-1] & off[1:]))
-    curve = _curve(time[first - 1 : first + SAMPLES], values[first : first + SAMPLES], step, noise)
+    seen = values[first : first + SAMPLES]
+    even = np.abs(np.diff(time[first - 1 : first + SAMPLES]) - step).max() < EVEN * step
+    curve = (_curve(seen, noise) or _ramp(seen[:ON_RAMP], noise)) if even else None
     back = None if curve is None else _meeting(curve, line, float(time[first]), step, noise)
     if curve is None or back is None:
         return None
@@ -107,11 +110,10 @@ def _followed_back(
     return points
 
 
-def _curve(time: np.ndarray, values: np.ndarray, step: float, noise: float) -> _Exponential | None:
-    """The curve through `SAMPLES` values, whose times and the one before are even; None where they are not, where they
-    turn, or are on none."""
+def _curve(values: np.ndarray, noise: float) -> _Exponential | None:
+    """The curve through `SAMPLES` values; None where they turn, or are on none."""
     early, late = values[2] - values[0], values[3] - values[1]
-    if np.abs(np.diff(time) - step).max() > EVEN * step or early == 0 or not SLOWING[0] < late / early < SLOWING[1]:
+    if early == 0 or not SLOWING[0] < late / early < SLOWING[1]:
         return None
     ratio = float(late / early)
     if abs(ratio - 1) < STRAIGHTEST:
@@ -122,6 +124,14 @@ def _curve(time: np.ndarray, values: np.ndarray, step: float, noise: float) -> _
     if np.abs(off - off.mean()).max() > max(UNKNOWN * noise, OFF_IT * abs(early)):
         return None
     return _Exponential(float(off.mean()), part, ratio)
+
+
+def _ramp(values: np.ndarray, noise: float) -> _Exponential | None:
+    """The straight line through `ON_RAMP` values, of a ramp that ends behind them; None where they are on none."""
+    slope, off = 0.5 * (values[2] - values[0]), values - values.mean()
+    if slope == 0 or np.abs(off - slope * (np.arange(ON_RAMP) - 1)).max() > UNKNOWN * noise:
+        return None
+    return _Exponential(float(values.mean() - slope), float(slope / np.log1p(STRAIGHTEST)), 1 + STRAIGHTEST)
 
 
 def _meeting(
