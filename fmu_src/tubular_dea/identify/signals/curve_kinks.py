@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from .kinks import TRIANGLE, UNKNOWN, through
+from .kinks import TRIANGLE, UNKNOWN, Line, through
 from .monitors import QUARTERS, WELL_BENT
 
 # Set by theory: a level, or a ramp, is told by four samples, and the four after it tell a curve's slope and how it
@@ -134,9 +134,7 @@ def _ramp(values: np.ndarray, noise: float) -> _Exponential | None:
     return _Exponential(float(values.mean() - slope), float(slope / np.log1p(STRAIGHTEST)), 1 + STRAIGHTEST)
 
 
-def _meeting(
-    curve: _Exponential, line: tuple[float, float, float], first: float, step: float, noise: float
-) -> float | None:
+def _meeting(curve: _Exponential, line: Line, first: float, step: float, noise: float) -> float | None:
     """How many steps, of at most one, before its `first` sample [s] a curve meets a line; None where it does not.
 
     Where that is at the sample before, noise makes it a little more than one."""

@@ -184,12 +184,12 @@ function isIn(unit, expected) {
   return true;
 }
 
-/* The column that must be the time: by another usual name, as the only one with it in its name, or a clock's. */
 /* Whether a column has a unit of that kind, or none that is told. */
 function mayBeIn(column, unit) {
   return !column.unit || isIn(column.unit, unit);
 }
 
+/* The column that must be the time: by another usual name, as the only one with it in its name, or a clock's. */
 function timesOf(all) {
   const columns = all.filter((c) => c.clock || mayBeIn(c, "s"));
   const also = ALSO_TIME.map((word) => columns.filter((c) => c.name === word)).find((list) => list.length);
