@@ -4,8 +4,10 @@
 
     signal   ___|-----      signal'  ___/-----   slope: limit
 
-Equation: d(reached)/dt = limit tanh((signal - reached) / (limit settling));
-signal' = signal + share (reached - signal). Small changes follow within `settling`, a fiftieth of the usual time there.
+Equation: d(reached)/dt = limit tanh((signal - reached) / b), b = limit settling / (1 + limit settling / b_most);
+signal' = signal + share (reached - signal). What is nearer than b follows as through a lag: of `settling`, a fiftieth
+of the usual time there, where the limit is small, and of none where there is no limit (b_most: a fiftieth of the usual
+signal).
 
 Source: H. E. Merritt, "Hydraulic Control Systems", Wiley 1967; data sheets of amplifiers (Trek 10/10B-HS: slew rate).
 
@@ -22,6 +24,7 @@ from .places import Path
 KINDS = (Path,)
 NEEDS = "nothing else"
 SETTLING = 0.02  # of the usual time: shorter than what can be told apart, longer than the integrator minds
+NEARBY = 0.02  # of the usual signal: the same
 SPEEDS = (0.03, 0.1, 0.3, 1.0, 3.0)  # nominal values within the usual time
 
 
@@ -40,10 +43,14 @@ def law(at: SignalSite) -> Effect:
     )
     share = at.knob("share", "1", "Share of the signal that is limited", 1.0, 0.0, 1.0, off=0.0, on=1.0)
 
-    def rate(signal: sympy.Symbol, z: sympy.Symbol, settling: sympy.Symbol) -> sympy.Expr:
-        return limit.symbol * sympy.tanh((signal - z) / (limit.symbol * settling))
-
     def apply(model: Model) -> Model:
+        close = "From where on it follows through a lag"
+        model, most = at.constant(model, "close", at.unit, NEARBY * at.nominal, close)
+
+        def rate(signal: sympy.Symbol, z: sympy.Symbol, settling: sympy.Symbol) -> sympy.Expr:
+            nearby = limit.symbol * settling / (1 + limit.symbol * settling / most)
+            return limit.symbol * sympy.tanh((signal - z) / nearby)
+
         reached, quick = f"What {at.words} has reached", "How fast small changes follow"
         model, signal, z = at.chased(model, ("reached", reached), ("settling", SETTLING, quick), rate)
         return at.put(model, signal + share.symbol * (z - signal))

@@ -7,8 +7,10 @@
           |         .-'
           |______.-'________
 
-Equation: dV_a/dt = s tanh((V - V_a) / (s tau_a)), s = slew_rate / (1 + n ((lambda_1 lambda_2)^2 - 1)), tau_a = 1 ms.
-n = 1 is a current limit slew_rate C_rest into the capacitance of the stretched tube, n = 0 a limit of the slew rate.
+Equation: dV_a/dt = s tanh((V - V_a) / b), s = slew_rate / (1 + n ((lambda_1 lambda_2)^2 - 1)),
+b = s tau_a / (1 + s tau_a / 100 V), tau_a = 1 ms: what is nearer than b follows as through a lag, of 1 ms where s is
+small and of none where s knows no limit. n = 1 is a current limit slew_rate C_rest into the capacitance of the
+stretched tube, n = 0 a limit of the slew rate.
 
 Source: data sheets of high-voltage amplifiers, Trek 10/10B-HS (10 mA, 700 V/us) and small EMCO modules.
 
@@ -22,7 +24,8 @@ from ...model.declare import Model, Quantity, State
 from ...model.effect import Effect
 from ._signals import electrodes
 
-SETTLING = sympy.Float(1e-3)  # s: how fast the amplifier follows small changes
+SETTLING = sympy.Float(1e-3)  # s: how fast a slow amplifier follows small changes
+NEARBY = sympy.Float(100.0)  # V: from where on a fast one follows through a lag
 PARAMETERS = (
     Quantity(
         "slew_rate",
@@ -46,7 +49,8 @@ def _apply(model: Model) -> Model:
     given = Quantity("amplifier_voltage", "V", "Voltage that the amplifier reaches", nominal=5e3, display_unit="kV")
     growth = (model["lambda_1"] * model["lambda_2"]) ** 2 - 1
     limit = model["slew_rate"] / (1 + model["slew_stretch"] * growth)
-    rate = limit * sympy.tanh((wanted - given.symbol) / (limit * SETTLING))
+    nearby = limit * SETTLING / (1 + limit * SETTLING / NEARBY)
+    rate = limit * sympy.tanh((wanted - given.symbol) / nearby)
     model = model.extend(states=[State(given, rate, at_start(model, wanted), at_rest(model, wanted))])
     model = filtered(model, "electrode_voltage", model["slew_share"], given.symbol, "wanted_voltage")
     return filtered(model, "electrode_voltage_rate", model["slew_share"], rate, "wanted_voltage_rate")
