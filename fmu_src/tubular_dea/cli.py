@@ -55,7 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser(
         prog="tubular-dea",
         description="A tubular dielectric elastomer actuator as a co-simulation unit.",
-        epilog='Example: tubular-dea simulate --pressure "95 mmHg" --voltage "step 0 5 kV at 1" --stop 3 --out run',
+        epilog='example:\n  tubular-dea simulate --pressure "95 mmHg" --voltage "step 0 5 kV at 1" --stop 3 --out run',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"tubular-dea {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)

@@ -1,8 +1,8 @@
 """Compute a plan of many points: designs, patients, uncertain parameters; tables, maps and sensitivities.
 
-The plan is a TOML file that says what varies and what is wanted (described in the docstring of
-tubular_dea.sweep.plan). Results are written as they are computed; after an interruption the same command continues. By
-default the processors of this machine share the work; a Dask cluster takes the same plan.
+The plan is a TOML file that says what varies and what is wanted (all that it may hold stands below). Results are
+written as they are computed; after an interruption the same command continues. By default the processors of this
+machine share the work; a Dask cluster takes the same plan.
 """
 
 from __future__ import annotations
@@ -12,10 +12,16 @@ from pathlib import Path
 
 import tubular_dea as td
 
-EXAMPLE = """example:
+from ..sweep import plan
+
+EXAMPLE = f"""example:
   tubular-dea sweep cosim_examples/sweep_snap_through.toml --out map
   tubular-dea sweep plan.toml --out map --local-cluster 4
-  tubular-dea sweep plan.toml --out map --scheduler tcp://10.0.0.1:8786"""
+  tubular-dea sweep plan.toml --out map --scheduler tcp://10.0.0.1:8786
+
+plan.toml:
+
+{(plan.__doc__ or "").partition("::")[2].strip(chr(10))}"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

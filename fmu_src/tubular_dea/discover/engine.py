@@ -295,7 +295,7 @@ def _searched(work: Study, fitted: Fit, numeric: float, seed: int, tell: Progres
     found = selection.forward_selection(work, fitted, numeric, seed, tell)
     deeper = selection.base_from_choice(found)
     if deeper is not None:
-        tell("the base where the choice ended")
+        tell("recalibrate the base model once more, from a better start")
         other, deeper = base_settled(found.study, deeper, seed)  # the choice's own numbers may have made it better
         if selection.deeper_than_base(found, deeper):
             found = selection.forward_selection(other, deeper, numeric, seed, tell)

@@ -106,8 +106,9 @@ def plotly_panels(made: Sequence[Panel]) -> go.Figure:
         legend = "legend" if row == 1 else f"legend{row}"
         for name, curve in panel.curves.items():
             figure.add_trace(_trace(name, curve, legend), row=row, col=1)
-        for begin, end in panel.spans:
-            figure.add_vrect(x0=begin, x1=end, fillcolor=PULSE, line_width=0, row=row, col=1)
+        for number, (begin, end) in enumerate(panel.spans):
+            named = {"name": panel.spans_name, "legend": legend, "showlegend": number == 0}
+            figure.add_vrect(x0=begin, x1=end, fillcolor=PULSE, line_width=0, row=row, col=1, **named)
         axis = figure.layout["yaxis" if row == 1 else f"yaxis{row}"]
         placed = {"x": 1.01, "xanchor": "left", "y": axis.domain[1], "yanchor": "top", "font": {"size": 11}}
         figure.update_layout({legend: placed})
@@ -134,8 +135,9 @@ def draw_panels(made: Sequence[Panel], figure: Figure | None = None) -> Figure:
         for name, c in panel.curves.items():
             style = {"marker": MARKS[c.mark][1], "linestyle": ""} if c.mark else {"linestyle": "--" if c.dash else "-"}
             axis.plot(c.time, c.values, color=c.colour, linewidth=c.width, label=name, **style)
-        for begin, end in panel.spans:
-            axis.axvspan(begin, end, color="#c8402f", alpha=0.1, linewidth=0)
+        for number, (begin, end) in enumerate(panel.spans):
+            name = "" if number else panel.spans_name
+            axis.axvspan(begin, end, color="#c8402f", alpha=0.1, linewidth=0, label=name)
         axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
         axis.set_ylabel(panel.label.replace(" [", "\n["))
         axis.grid(alpha=0.3)

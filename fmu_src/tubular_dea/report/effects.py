@@ -93,7 +93,8 @@ def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
     for words, value, interval, name in _sizes(effect, entry, model):
         meaning = f"{words[0].lower()}{words[1:]}"
         if determined(effect, name, entry["parameters"][name]["ci95"]):
-            known.append(f"{meaning} = {value} (95 % interval {interval})")
+            what, _, explained = meaning.partition(": ")
+            known.append(f"{what} = {value} ({explained and explained + '; '}95 % interval {interval})")
         else:
             unknown.append(meaning.split(":", maxsplit=1)[0])
     rest = [f"not determined by these recordings: {', '.join(unknown)}"] if unknown else []
@@ -163,10 +164,16 @@ def _own(effect: Effect, curve: OwnCurve) -> tuple[str, str]:
     words = KINDS[curve.kind].format(
         shown=shown,
         over=_meaning(curve.over) if curve.over else "",
-        moved=f"{_meaning(curve.moved)} {_between(curve)}" if curve.moved else "",
+        moved=_step(curve) if curve.moved else "",
         band=BAND if banded else "",
     )
     return plot.svg(), words if banded else f"{words} There is no band: the model cannot be solved at its ends."
+
+
+def _step(curve: OwnCurve) -> str:
+    """What the step moves, and from where to where."""
+    assert curve.moved is not None
+    return f"{'it' if curve.moved == curve.shown else _meaning(curve.moved)} {_between(curve)}"
 
 
 def _between(curve: OwnCurve) -> str:

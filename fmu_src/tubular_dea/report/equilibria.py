@@ -30,6 +30,7 @@ def equilibrium_curves(plan: Plan) -> Curves:
     for number, level in enumerate(levels):
         y, slope, _ = kernel.curve(x, {other: level} if other else {}, dict(plan.fixed))
         lines += _branches(_named(model, other, level), x, scale * y, slope > 0, number)
+    lines = [*lines, *_legend(lines)]
     caption = (
         f"The {curve.load} that holds the model at rest, over {curve.unknown}. Solid: stable at constant {curve.load}, "
         "dashed: unstable, dots: folds, where it snaps through."
@@ -75,6 +76,16 @@ def _branches(name: str, x: np.ndarray, y: np.ndarray, stable: np.ndarray, colou
     if turns.size:
         lines.append(Line("", x[turns], y[turns], colour, marks=True))
     return lines
+
+
+def _legend(lines: list[Line]) -> list[Line]:
+    """What dashes and dots mean, as lines without points; nothing where there are none."""
+    nowhere, said = np.array([np.nan]), []
+    if any(line.dashed for line in lines):
+        said.append(Line("unstable", nowhere, nowhere, None, dashed=True))
+    if any(line.marks for line in lines):
+        said.append(Line("fold", nowhere, nowhere, None, marks=True))
+    return said
 
 
 def snap_boundary(plan: Plan, first: Axis, second: Axis, labels: dict[str, Shown]) -> Boundary | None:

@@ -399,7 +399,7 @@ def _rivals(outcome: dict[str, Any]) -> list[str]:
     ahead = best["evidence"] - rivals[0]["evidence"]
     if ratio <= best["ratio"]:
         return [f"{said}, {own}. But that one predicts the held-out experiments worse."]
-    weighed = f": over all samples {ahead:.0f} in log evidence, of which 5 is very strong" if ahead > 0 else ""
+    weighed = f", which is better by {ahead:.0f} in log evidence (5 would be very strong)" if ahead > 0 else ""
     return [f"{said}, {own}{weighed}."]
 
 

@@ -93,9 +93,14 @@ class Line:
     name: str
     x: np.ndarray
     y: np.ndarray
-    colour: int = 0
+    colour: int | None = 0  # None: of no line in particular
     dashed: bool = False
     marks: bool = False
+
+    @property
+    def shade(self) -> str:
+        """The colour as it is drawn."""
+        return BOUNDARY if self.colour is None else COLOURS[self.colour % len(COLOURS)]
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,7 @@ class Curves:
         figure, axis = _axes(figure)
         for line in self.lines:
             style = {"linestyle": "none", "marker": "o"} if line.marks else {"linestyle": "--" if line.dashed else "-"}
-            axis.plot(line.x, line.y, color=COLOURS[line.colour % len(COLOURS)], label=line.name or None, **style)
+            axis.plot(line.x, line.y, color=line.shade, label=line.name or None, **style)
         if 1 < sum(bool(line.name) for line in self.lines) <= 12:
             legend_above(axis)
         axis.grid(alpha=0.3)
@@ -123,8 +128,8 @@ class Curves:
         """Drawn with plotly."""
         figure = go.Figure()
         for line in self.lines:
-            style = {"color": COLOURS[line.colour % len(COLOURS)], "dash": "dash" if line.dashed else "solid"}
-            marker = {"color": COLOURS[line.colour % len(COLOURS)], "size": 9}
+            style = {"color": line.shade, "dash": "dash" if line.dashed else "solid"}
+            marker = {"color": line.shade, "size": 9}
             mode = "markers" if line.marks else "lines"
             figure.add_scatter(
                 x=line.x, y=line.y, name=line.name, showlegend=bool(line.name), line=style, marker=marker, mode=mode

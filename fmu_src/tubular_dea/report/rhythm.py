@@ -33,11 +33,12 @@ class Trace:
 
 @dataclass(frozen=True)
 class Panel:
-    """One axis: label with unit, curves by legend name, and spans (begin, end) that are shaded."""
+    """One axis: label with unit, curves by legend name, and spans (begin, end) that are shaded, with their name."""
 
     label: str
     curves: dict[str, Trace]
     spans: list[tuple[float, float]] = field(default_factory=list)
+    spans_name: str = ""
 
 
 def window(assisted: Run, course: Course) -> tuple[float, float]:
@@ -62,7 +63,8 @@ def panels(
     pulses = [(max(a, span[0]), min(b, span[1])) for a, b in pulse_times(assisted) if b > span[0] and a < span[1]]
     pressures = _curves(runs, span, "heart.aortic_pressure", MMHG, "aortic, ")
     pressures |= _curves(runs, span, "heart.ventricular_pressure", MMHG, "ventricular, ", 1.0)
-    made = [_rhythm(assisted, span, pulses, ecg), Panel("pressure [mmHg]", pressures, pulses)]
+    whose = "pulse" if len(runs) == 2 else f"pulse, {list(runs)[-1]}"
+    made = [_rhythm(assisted, span, (pulses, whose), ecg), Panel("pressure [mmHg]", pressures, pulses, whose)]
     for label, variable, scale in (
         ("displacement [mm]", "tube.radial_displacement", 1e3),
         ("tube flow [mL/s]", "tube.tube_flow", ML),
@@ -110,9 +112,12 @@ def _curves(
 
 
 def _rhythm(
-    run: Run, span: tuple[float, float], pulses: list[tuple[float, float]], ecg: tuple[np.ndarray, np.ndarray] | None
+    run: Run,
+    span: tuple[float, float],
+    pulses: tuple[list[tuple[float, float]], str],
+    ecg: tuple[np.ndarray, np.ndarray] | None,
 ) -> Panel:
-    """The ECG (of a heart that has none: its activation), its R waves as they were taken, and the pulses."""
+    """The ECG (of a heart that has none: its activation), its R waves as they were taken, and the named pulses."""
     if ecg is None:
         label, trace = "activation", (run.time, run["heart.activation"])
     else:
@@ -131,7 +136,7 @@ def _rhythm(
         shown = at[(at >= span[0]) & (at <= span[1])]
         if shown.size:
             curves[name] = Trace(shown, np.full(shown.size, 1.12 * top), colour, mark=mark)
-    return Panel(label, curves, pulses)
+    return Panel(label, curves, *pulses)
 
 
 def _counted(run: Run, name: str) -> np.ndarray:

@@ -20,7 +20,7 @@
     [set]                                   # parameters that do not vary
     h_o = "0.8 mm"
 
-    [inputs]                                # see inputs.py
+    [inputs]                                # also ramp, pulses, or { file = "beat.csv" }: see `simulate --help`
     pressure = "95 mmHg"
     voltage = "step 0 {amplitude} at 1 s"
 

@@ -38,7 +38,7 @@ PARAMETERS = (
         5e4,
         "kV/s",
     ),
-    Quantity("slew_stretch", "1", "0: the rate is limited, 1: the current", 0.0, "Trek 10/10B-HS", -0.1, 5.0),
+    Quantity("slew_stretch", "1", "What is limited: 0 the rate, 1 the current", 0.0, "Trek 10/10B-HS", -0.1, 5.0),
     Quantity("slew_share", "1", "Share of the voltage that is limited", 0.0, "Trek 10/10B-HS", 0.0, 1.0),
 )
 
