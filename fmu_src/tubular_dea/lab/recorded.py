@@ -15,14 +15,14 @@ ROOM = 800_000  # bytes of all of them; the page may have 1.5 MB
 
 @dataclass(frozen=True)
 class Carried:
-    """CSV `texts` by file name; of those in `thinned`, only every k-th sample, for lack of space."""
+    """CSV `texts` by file name; of those in `thinned`, only one sample of k, for lack of space."""
 
     texts: dict[str, str]
     thinned: dict[str, int]
 
     def words(self) -> list[str]:
         """What was left out, in words."""
-        return [f"{name}: every {k}th sample is in the page" for name, k in self.thinned.items()]
+        return [f"{name}: one sample of {k} is in the page" for name, k in self.thinned.items()]
 
 
 def carried(recordings: Recordings) -> Carried:

@@ -30,7 +30,8 @@ ROBUSTNESS = ("disturbed", "change", "limits of field and margin")
 def write(out: Path, best: Optimum, runs: Mapping[str, Run], courses: Mapping[str, Course], command: str) -> list[Path]:
     """Write optimum.html and optimum.png to `out`."""
     page = Page("The best pulse", sentence(best, courses["default"]))
-    page.text(f"To run it: {command}")
+    page.text("To run it:")
+    page.lines(command, drawing=True)
     page.heading("Every timing, each at its best voltage within the limits")
     page.figure(_plotly_map(best), _map_words(best))
     page.heading("Sensitivity to disturbances")

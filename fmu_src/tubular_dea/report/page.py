@@ -28,7 +28,7 @@ td, th { text-align: left; padding: .3rem 1rem .3rem 0; border-bottom: 1px solid
 font-variant-numeric: tabular-nums; }
 .note { color: #5b6b7a; } .lead { font-size: 1.15em; } figure { margin: 1rem 0; } figcaption { max-width: 46rem; }
 p, dd { max-width: 46rem; } dt { font-weight: 600; margin-top: .8rem; } dd { margin: 0; } dd p { margin: 0 0 .4rem; }
-svg { width: 100%; height: auto; display: block; font-family: inherit; }
+.broad { min-width: 44rem; } svg { width: 100%; height: auto; display: block; font-family: inherit; }
 .beside { display: grid; gap: 1rem 1.5rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 24rem), 1fr)); }
 .panels { display: grid; gap: .5rem; grid-template-columns: repeat(auto-fill, minmax(max(10rem, 22%), 1fr)); }
 .beside figure, .panels figure { margin: 0; } .panels figcaption { font-size: .8em; line-height: 1.2; }
@@ -93,7 +93,10 @@ class Page:
 
     def strips(self, drawn: Iterable[tuple[str, str]]) -> None:
         """Rows of a name, which is the anchor of a heading, and a wide picture (SVG text)."""
-        rows = "".join(f'<a href="#{html.escape(name)}">{html.escape(name)}</a><div>{svg}</div>' for name, svg in drawn)
+        rows = "".join(
+            f'<a href="#{html.escape(name)}">{html.escape(name).replace("_", "_<wbr>")}</a><div>{svg}</div>'
+            for name, svg in drawn
+        )
         self._parts.append(f'<div class="strips">{rows}</div>')
 
     def legend(self, entries: Iterable[tuple[str, str]]) -> None:
@@ -117,6 +120,8 @@ class Page:
         place = f"figure{len(self._parts)}"
         text = to_html(drawn, full_html=False, include_plotlyjs=False, div_id=place, validate=False)
         note = f'<figcaption class="note">{html.escape(caption)}</figcaption>'
+        if not above and "x" in layout.get("legend", {}):  # a legend beside the curves: on a telephone they scroll
+            text = f'<div class="wide"><div class="broad">{text}</div></div>'
         self._parts.append(f"<figure>{text}{note}</figure>")
         self._zoomed = True
 

@@ -184,7 +184,7 @@ function drawList() {
     const run = D.runs?.[k], output = Object.keys(e.outputs)[0], s = scores[k];
     if (s) { square += s.square; n += s.n; }
     const pick = make("button", { type: "button", "aria-pressed": String(e.name === state.data.shown), onclick: () => change("data", (st) => { st.data.shown = e.name; }) }, e.name);
-    const told = [`${e.time.length} samples`, Object.keys(ownStart(e)).length ? "starts where the fit found it" : e.start === "rested" ? "starts rested" : "starts loaded: taken at equilibrium", ...(facts.thinned[e.file] ? [`every ${facts.thinned[e.file]}th sample`] : []), ...(e.unused.length ? [`not used: ${e.unused.join(", ")}`] : []), ...e.remarks, ...(run?.reason ? [`the model ended at ${show(run.reached)} s: ${run.reason}`] : [])].join("; ");
+    const told = [`${e.time.length} samples`, Object.keys(ownStart(e)).length ? "starts where the fit found it" : e.start === "rested" ? "starts rested" : "starts loaded: taken at equilibrium", ...(facts.thinned[e.file] ? [`one sample of ${facts.thinned[e.file]}`] : []), ...(e.unused.length ? [`not used: ${e.unused.join(", ")}`] : []), ...e.remarks, ...(run?.reason ? [`the model ended at ${show(run.reached)} s: ${run.reason}`] : [])].join("; ");
     return make("tr", {}, make("th", { scope: "row" }, pick), make("td", {}, s ? amount(unit, s.rmse) : "-"), make("td", {}, s ? `${show(s.fit, 4)} %` : "-"), make("td", {}, amount(unit, noiseLevel(e.outputs[output].filter(Number.isFinite)), 3)), make("td.note", {}, told));
   });
   D.list.replaceChildren(make("table#recordings", {}, make("thead", {}, make("tr", {}, ...["experiment", "RMSE", "fit", "noise, about", "understood"].map((t) => make("th", { scope: "col" }, t)))), make("tbody", {}, ...rows)));

@@ -74,13 +74,13 @@ class Plot {
 
   writeKey(list) {
     const names = list.filter((s) => s.name);
-    const text = JSON.stringify(names.map((s) => [s.name, s.colour]));
+    const text = JSON.stringify(names.map((s) => [s.name, s.colour, s.dot]));
     if (text === this.keyText) return;
     this.keyText = text;
     this.readings = names.map(() => make("output", {}, ""));
     this.key.replaceChildren(...names.map((s, i) => {
-      const mark = make(s.dash?.length ? "i.dash" : "i");
-      mark.style.borderTopColor = `var(${s.colour ?? COLOURS[list.indexOf(s) % COLOURS.length]})`;
+      const mark = make(s.dot ? "i.dot" : s.dash?.length ? "i.dash" : "i");
+      mark.style.color = `var(${s.colour ?? COLOURS[list.indexOf(s) % COLOURS.length]})`;
       return make("li", {}, mark, `${s.name} `, this.readings[i]);
     }));
   }
