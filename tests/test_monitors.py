@@ -490,6 +490,14 @@ def test_noise_with_a_memory_shows_at_rest_before_a_signal_moves(slow: float, ti
     assert level_at_rest(ramps, 1.0, 50) == pytest.approx(1.0, abs=0.3)  # it moves slowly from the first sample on
 
 
+def test_what_begins_softly_is_no_slow_noise_at_rest() -> None:
+    """A regulator takes 0.1 s to get going: what it does before it is far from its rest was the noise of a monitor."""
+    number, random = np.arange(800), np.random.default_rng(4)
+    soft = 60 * np.clip((number - 150) / 60, 0, None) ** 3
+    records = [soft + random.standard_normal(800) for _ in range(3)]
+    assert level_at_rest(records, 1.0, 50) == pytest.approx(1.0, abs=0.3)
+
+
 def test_daily_rain_is_no_noise_of_a_gauge() -> None:
     """Between dry days every day is another amount; a monitor that reads exactly 0 while it is off still has noise."""
     random = np.random.default_rng(8)

@@ -31,7 +31,7 @@ MEMORY_STEP = 0.5  # [1] between logarithms to base 2 of the memories [samples] 
 # Set by judgement. Check: `pytest tests/test_monitors.py -k rest`
 RESTS_AT = 20  # [samples] whose median is what a monitor rests at
 LEFT_REST = 8.0  # [1] times its noise from sample to sample by which it has left that
-BEGUN_BEFORE = 4  # [samples] before which it may have begun to
+BEGUN_BEFORE = 4  # [samples] before which it may have begun to, and whose averages last crossed what it rests at then
 FEWEST_AT_REST = 40  # [samples] of rest that tell something
 LAGS_AT_REST = 8  # [1] times the longest lag of its covariance that a rest lasts at least
 
@@ -96,12 +96,32 @@ def level_at_rest(records: Sequence[np.ndarray], fast: float, least: int) -> flo
 
 def _rest(values: np.ndarray, fast: float, least: int) -> np.ndarray:
     """What a record shows before it moves, less its straight line; empty where that is less than `least` samples."""
-    moved = np.abs(values - np.median(values[:RESTS_AT])) > LEFT_REST * fast
-    number = np.arange(int(np.argmax(moved)) - BEGUN_BEFORE if moved.any() else values.size)
-    if number.size < max(least, FEWEST_AT_REST):
-        return np.empty(0)
-    rest = values[: number.size]
-    return rest - np.polyval(np.polyfit(number, rest, 1), number)
+    off = values - np.median(values[:RESTS_AT])
+    moved = np.abs(off) > LEFT_REST * fast
+    gone = int(np.argmax(moved))
+    last = gone - BEGUN_BEFORE if moved.any() else values.size
+    fewest = max(least, FEWEST_AT_REST)
+    begun = last if last < fewest else _begun(_straightened(values[:last]), float(np.sign(off[gone])))
+    return _straightened(values[:begun]) if begun >= fewest else np.empty(0)
+
+
+def _straightened(values: np.ndarray) -> np.ndarray:
+    """Values (n,) less their straight line."""
+    number = np.arange(values.size)
+    return np.asarray(values - np.polyval(np.polyfit(number, values, 1), number))
+
+
+def _begun(rest: np.ndarray, side: float) -> int:
+    """From which sample on a record whose `rest` (n,) this seems to be may already move to a `side` (1 or -1).
+
+    Softly, it begins long before it is far off: where it last crosses its rest, if it goes farther from there than ever
+    before.
+    """
+    near = side * np.convolve(rest, np.full(BEGUN_BEFORE, 1 / BEGUN_BEFORE), "valid")
+    below = np.flatnonzero(near <= 0)
+    begun = int(below[-1]) if below.size else 0
+    farther = near[begun:].max() > np.abs(near[:begun]).max(initial=0.0)
+    return begun if farther else rest.size
 
 
 def _level(lags: np.ndarray, variances: np.ndarray, sizes: np.ndarray) -> float:
