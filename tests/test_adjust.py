@@ -19,7 +19,7 @@ from tubular_dea.identify.records.experiment import Experiment, Recordings
 from tubular_dea.identify.signals.noise import Noise
 from tubular_dea.identify.study import adjust, nuisances, spreads
 from tubular_dea.identify.study.adjust import adjusted
-from tubular_dea.identify.study.monitor_uncertainty import shifted, slow_sensitivities
+from tubular_dea.identify.study.monitor_uncertainty import noise_sensitivities, shifted
 from tubular_dea.identify.study.nuisances import with_nuisances
 from tubular_dea.identify.study.study import PRIOR, Piece, Study, study
 from tubular_dea.kernel import Kernel, KernelError
@@ -452,7 +452,7 @@ def test_where_an_input_moved_has_no_answer_less_of_it_is_asked() -> None:
     work = study(Recordings(plant, [record]), held_out=())
     with pytest.raises(KernelError):
         work.asked((), [shifted(work.pieces[0].case, "load")[0]]).outputs_alone(values)
-    gains, middle = slow_sensitivities(work.response((), work.pieces), values, "load", work.pieces)[0], TIME.size // 2
+    gains, middle = noise_sensitivities(work.response((), work.pieces), values, "load", work.pieces)[0], TIME.size // 2
     assert gains[middle] == pytest.approx(1 / (1.002 - rising[middle]), rel=0.05)
     found = adjusted(work, (), values).pieces[0].nuisances
     assert not found.columns[:, found.names.index("load")].any()  # left out, and nothing is refused
@@ -578,3 +578,29 @@ def test_what_smooths_a_sample_leaves_a_curve_as_it_is() -> None:
 
     neighbours, cubic = nuisances.SMOOTHERS
     assert left(5e-4, neighbours) > 1.0 > 0.75 > left(5e-4, cubic)
+
+
+def test_noise_of_a_voltage_passes_into_a_current_that_has_no_static_gain() -> None:
+    """3 V through 2 MOhm into 4 nF are 1.5 uA from sample to sample: a null was unexplained beside 0.4 uA of its own."""
+    m = Build("Membrane", "A capacitance behind a resistance")
+    voltage = m.input("voltage", "V", nominal=3000)
+    resistance = m.parameter("R", "Ohm", 2e6, minimum=1e3)
+    capacitance = m.parameter("C", "F", 4e-9, minimum=1e-12)
+    across = m.state("across", "V", nominal=3000)
+    charging = m.define("charging", "A", (voltage - across) / resistance)
+    m.derivative(across, charging / capacitance)
+    m.output("current", "A", charging, display_unit="uA")
+    m.output("charged", "V", across)
+    plant = Plant(m.model(), inputs=[Input("voltage")], outputs=[Output("current"), Output("charged")])
+    random, time = np.random.default_rng(6), np.arange(0, 10, 0.0025)
+    chirp = 1800 + 900 * np.sin(2 * np.pi * (time + 0.4 * time**2))
+    run = Kernel(plant.model).simulate(Protocol(time, {"voltage": chirp}), time)
+    sensors = {"current": 0.4e-6, "charged": 2.0}
+    read = {name: run[name] + level * random.standard_normal(time.size) for name, level in sensors.items()}
+    monitor = chirp + 3 * random.standard_normal(time.size)
+    record = Experiment("one", time, {"voltage": monitor}, read, np.arange(time.size))
+    work = study(Recordings(plant, [record]), held_out=())
+    values = plant.model.parameter_values()
+    gains = noise_sensitivities(work.response((), work.pieces), values, "voltage", work.pieces)[0]
+    current, charged = (gains[rows] for rows in work.pieces[0].case.parts)
+    assert np.all(np.abs(2e6 * current - 1) < 0.2) and np.all(np.abs(charged - 1) < 0.01)

@@ -18,7 +18,7 @@ from ...identify.fitting.fit import NORMAL_95
 from ...identify.fitting.misfit import BLOCK
 from ...identify.fitting.problem import whitened
 from ...identify.signals.monitors import GAUSSIAN_MAD
-from ...identify.study.monitor_uncertainty import slow_sensitivities
+from ...identify.study.monitor_uncertainty import noise_sensitivities
 from ...identify.study.nuisances import SMOOTH_OF, corner_squares, with_nuisances
 from ...identify.study.remembered import remembers
 from ...identify.study.study import Piece, Study, fastest
@@ -288,7 +288,7 @@ def _followed(piece: Piece, name: str) -> float:
 
 
 def input_sensitivities(study: Study, values: Mapping[str, float], ids: Ids = ()) -> InputSensitivities:
-    """How far slow noise of each monitor moves the outputs of every piece: output over input, each (N,)."""
+    """How far noise of each monitor moves the outputs of every piece: output over input, each (N,)."""
     response = study.response(ids, study.pieces)
     noisy = [name for name, level in study.monitor_noise.items() if level > 0]
-    return {name: slow_sensitivities(response, values, name, study.pieces) for name in noisy}
+    return {name: noise_sensitivities(response, values, name, study.pieces) for name in noisy}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit
-from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, block_sums, parts
+from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, alike_throughout, block_sums, parts
 from ...identify.fitting.problem import whitened
 from ...identify.signals.colour import filtered
 from ...identify.signals.noise import Noise
@@ -40,8 +40,9 @@ class LackOfFit:
     root mean square of the residual beyond noise [SI], `ratio` that of the residual over the noise. Above a ratio of
     `far`, the error of the model's form and not the noise limits the distinction between effects. `coloured` is the
     variance of the block means relative to that of noise where no stretch is quiet or long enough to tell how much slow
-    noise there is; 1 elsewhere. `driven` is the variance of block means that the monitors' noise makes
-    of white noise of variance 1, which the likelihood takes the residual for; 1 where it makes no more.
+    noise there is, and it is alike in all parts of the records; 1 elsewhere. `driven` is the variance of block means
+    that the monitors' noise makes of white noise of variance 1, which the likelihood takes the residual for; 1 where it
+    makes no more.
     """
 
     excess: float
@@ -72,6 +73,8 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
     quiet = all(noise.quiet for noise in study.noise.values())
     known = quiet and all(noise.slow_known for noise in study.noise.values())
     slow = float(means @ means - variance.sum())
+    ends = np.cumsum([p.record.size // BLOCK for p in pieces])[:-1]
+    told = known or not alike_throughout(np.split(means / np.sqrt(variance), ends))
     z_slow = slow / np.hypot(np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum())
     uncertainty = np.hypot(np.sqrt(2.0 * n), level * n)
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))
@@ -85,7 +88,7 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
         float(np.sqrt(max(gained, 0.0))),
         float(np.sqrt(max(1 + excess / expected, 0.0))),
         FAR if quiet else FAR_UNQUIET,
-        1.0 if known else max(1.0, float(means @ means / variance.sum())),
+        1.0 if told else max(1.0, float(means @ means / variance.sum())),
         max(1.0, float(variance.mean())),
     )
 

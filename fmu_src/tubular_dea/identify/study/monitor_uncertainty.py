@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from ...emit.variables import direct_dependencies
 from ...protocol import Protocol
 from ..fitting.cases import Case
 from ..fitting.fit import Fit
@@ -49,7 +50,7 @@ def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], lev
     for part, weight in zip(parts, weights, strict=True):  # the weights' share of the noise is counted below
         covariance -= (part * (1 - weight**2)) @ part.T
     for name in sorted({n for d in drives for n in d.corners if d.noise[n] > 0}):
-        sensitivities = slow_sensitivities(problem.response, best.values, name, pieces)
+        sensitivities = noise_sensitivities(problem.response, best.values, name, pieces)
         for i, driven in enumerate(drives):
             level = max(driven.noise[name], levels.get(name, 0.0))
             covariance += level**2 * _added(problem, i, parts[i] * weights[i], sensitivities[i], driven.corners[name])
@@ -61,15 +62,20 @@ def with_monitor_noise(problem: Problem, best: Fit, pieces: Sequence[Piece], lev
     return best.with_covariance(covariance)
 
 
-def slow_sensitivities(
+def noise_sensitivities(
     response: Response, values: Mapping[str, float], name: str, pieces: Sequence[Piece]
 ) -> list[np.ndarray]:
-    """The change of the output of every case with slow noise of an input, each (N,), SI: its static gain, the change
-    with a constant added to the input; where the plant remembers noise, what nuisance parameters do not tell of that.
+    """The change of the output of every case with noise of an input, each (N,), SI: its static gain, the change with a
+    constant added to the input; where the plant remembers noise, what nuisance parameters do not tell of that.
+
+    An output that an input enters at once may change by more: a current through a capacitance has no static gain. There
+    it is how much of white noise at the corners of the input's line it passes, if that is more.
 
     Where the model has no answer with more of an input, near a fold, less of it is asked; where it has none at all, the
     gain is 0.
     """
+    model = response.kernel.model
+    at_once = {o for o in model.outputs if name in direct_dependencies(model, model.expression(o))}
 
     def alone(case: Case) -> np.ndarray | None:
         return response.of([case]).possible(values)[0]
@@ -79,13 +85,43 @@ def slow_sensitivities(
         if left is not None:
             return left
         here = alone(case)
+        if here is None:
+            return np.zeros(case.times.size)
+        found = np.zeros(case.times.size)
         for sign in (1, -1):
             moved, step = shifted(case, name, sign)
-            if here is not None and (there := alone(moved)) is not None:
-                return np.asarray((there - here) / step)
-        return np.zeros(case.times.size)
+            if (there := alone(moved)) is not None:
+                found = np.asarray((there - here) / step)
+                break
+        if at_once & {*case.outputs}:
+            noisy, draw = _with_draw(case, name)
+            if (there := alone(noisy)) is not None:
+                found = _or_passed(case, found, there - here, draw, at_once)
+        return found
 
     return side_by_side(gain, range(len(pieces)))
+
+
+def _with_draw(case: Case, name: str) -> tuple[Case, np.ndarray]:
+    """The case with a small draw of white noise added to an input at its corners, and that noise at its readings (N,),
+    in the input's unit."""
+    protocol = case.protocol
+    draw = INPUT_STEP * (float(np.abs(protocol.inputs[name]).max()) or 1.0)
+    noise = draw * np.random.default_rng(0).standard_normal(protocol.time.size)
+    moved = Protocol(protocol.time, protocol.inputs | {name: protocol.inputs[name] + noise})
+    return replace(case, protocol=moved), moved.at(case.times)[name] - protocol.at(case.times)[name]
+
+
+def _or_passed(case: Case, found: np.ndarray, changed: np.ndarray, draw: np.ndarray, at_once: set[str]) -> np.ndarray:
+    """Gains (N,), with that of the noise that passed where outputs that it enters `at_once` changed by more."""
+    found = found.copy()
+    for reading, rows in zip(case.readings, case.parts, strict=True):
+        noise = float(draw[rows] @ draw[rows])
+        if reading.output in at_once and noise > 0:
+            passed = float(np.sqrt(changed[rows] @ changed[rows] / noise))
+            if passed**2 * found[rows].size > found[rows] @ found[rows]:
+                found[rows] = passed
+    return found
 
 
 def shifted(case: Case, name: str, sign: int = 1) -> tuple[Case, float]:
