@@ -581,7 +581,7 @@ def test_what_smooths_a_sample_leaves_a_curve_as_it_is() -> None:
 
 
 def test_noise_of_a_voltage_passes_into_a_current_that_has_no_static_gain() -> None:
-    """3 V through 2 MOhm into 4 nF are 1.5 uA from sample to sample: a null was unexplained beside 0.4 uA of its own."""
+    """3 V through 2 MOhm into 4 nF are 1.5 uA from sample to sample; a null was unexplained."""
     m = Build("Membrane", "A capacitance behind a resistance")
     voltage = m.input("voltage", "V", nominal=3000)
     resistance = m.parameter("R", "Ohm", 2e6, minimum=1e3)
@@ -603,4 +603,5 @@ def test_noise_of_a_voltage_passes_into_a_current_that_has_no_static_gain() -> N
     values = plant.model.parameter_values()
     gains = noise_sensitivities(work.response((), work.pieces), values, "voltage", work.pieces)[0]
     current, charged = (gains[rows] for rows in work.pieces[0].case.parts)
-    assert np.all(np.abs(2e6 * current - 1) < 0.2) and np.all(np.abs(charged - 1) < 0.01)
+    assert np.all(np.abs(2e6 * current - 1) < 0.2)
+    assert np.all(np.abs(charged[40:] - 1) < 0.01)  # once the capacitance has taken the constant up

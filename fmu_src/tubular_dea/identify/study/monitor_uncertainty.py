@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from ...emit.jacobian import real
 from ...emit.variables import direct_dependencies
 from ...protocol import Protocol
 from ..fitting.cases import Case
@@ -75,7 +76,7 @@ def noise_sensitivities(
     gain is 0.
     """
     model = response.kernel.model
-    at_once = {o for o in model.outputs if name in direct_dependencies(model, model.expression(o))}
+    at_once = {o for o in model.outputs if name in direct_dependencies(model, real(o))}
 
     def alone(case: Case) -> np.ndarray | None:
         return response.of([case]).possible(values)[0]
