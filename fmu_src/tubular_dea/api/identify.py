@@ -22,6 +22,7 @@ from ..identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from ..identify.fitting.problem import Problem
 from ..identify.study import procedure
 from ..identify.study.adjust import adjusted, with_starts_at
+from ..identify.study.free_rings import with_slow_rings
 from ..identify.study.monitor_uncertainty import with_monitor_noise
 from ..identify.study.nuisances import with_nuisances
 from ..identify.study.remembered import NOISE_OF
@@ -255,7 +256,7 @@ def identify(
     values = known.model.parameter_values() | _start(known, start)
     with recorded(known), steps(progress, None) as tell, threadpool_limits(limits=1):  # more are six times slower
         tell("monitors and noise")
-        work = study(recordings, held_out=(), prior=PRIOR, effects=False)
+        work = with_slow_rings(study(recordings, held_out=(), prior=PRIOR, effects=False))
         if any(work.unknown((), p) for p in work.pieces):  # a fit must not depend on where the plant starts
             sought = procedure.free_parameters(known.model, values, free)
             work = adjusted(work, (), work.shared(values), sought, started=False)

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ArgumentError, UserError
 from ..identify.fitting.fit import NORMAL_95, Fit
 from ..identify.records.experiment import Recordings
+from ..identify.study.free_rings import with_slow_rings
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.study import PRIOR, Study, study
 from ..identify.threads import one_blas_thread
@@ -189,7 +190,7 @@ def _begun(
 ) -> tuple[Study, Study, Fit]:
     """The study as it is prepared, and as its base was recalibrated, with that."""
     tell("monitors and noise")
-    work = study(recordings, held_out, PRIOR)
+    work = with_slow_rings(study(recordings, held_out, PRIOR))
     if held_out is None:
         work = with_held_out(work)
     _check_enough(recordings, sum(p.record.size for p in work.training), "samples in training")

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ...protocol import Protocol
-from ..signals.quiet import Clock
+from ..signals.quiet import LEAST_STRETCH, Clock, basis
 
 # Set by judgement: far below any sampling interval, far above what rounding changes when clocks are set.
 # Check: `pytest tests/test_cases.py`
@@ -48,11 +48,16 @@ class Reading:
 
 @dataclass(frozen=True)
 class Case:
-    """The simulation of one experiment: inputs, readings with their times, and `own` values of parameters (SI)."""
+    """The simulation of one experiment: inputs, readings with their times, and `own` values of parameters (SI).
+
+    Within the times `rings` (begin, end) [s] of its clock the plant rings freely, as no record shows: readings are what
+    is slow of it there.
+    """
 
     protocol: Protocol
     readings: tuple[Reading, ...]
     own: Mapping[str, float] = field(default_factory=dict)
+    rings: tuple[tuple[float, float], ...] = ()
 
     @property
     def times(self) -> np.ndarray:
@@ -74,8 +79,27 @@ class Case:
     def read(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """What the sensors report, (N,) or (N, m), from values at `instants` by output."""
         if len(self.readings) == 1:
-            return values[self.readings[0].output]
-        return np.concatenate([values[r.output][np.searchsorted(self.instants, r.times)] for r in self.readings])
+            found = values[self.readings[0].output]
+        else:
+            found = np.concatenate([values[r.output][np.searchsorted(self.instants, r.times)] for r in self.readings])
+        if not self._ringing:
+            return found
+        found = found.copy()
+        for rows, slow in self._ringing:
+            found[rows] = slow @ (slow.T @ found[rows])
+        return found
+
+    @cached_property
+    def _ringing(self) -> list[tuple[slice, np.ndarray]]:
+        """The readings in which the plant rings freely, and what is slow there (n, p), orthonormal."""
+        found = []
+        for begin, end in self.rings:
+            for reading, rows in zip(self.readings, self.parts, strict=True):
+                first, last = np.searchsorted(reading.times, [begin, end])
+                if last - first >= LEAST_STRETCH:
+                    inside = slice(rows.start + int(first), rows.start + int(last))
+                    found.append((inside, basis(last - first, reading.clock.step)))
+        return found
 
     @cached_property
     def parts(self) -> list[slice]:
