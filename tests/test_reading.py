@@ -773,3 +773,25 @@ def test_a_second_output_tells_what_the_first_does_not(clock: float, factor: flo
     }
     (said,) = tubular_dea.read_recordings({n: table for n in "abc"}, plant=plant).findings()[:1]
     assert words in said
+
+
+def test_a_radius_in_another_unit_that_was_taken_for_a_displacement_is_asked_about(tmp_path: Path) -> None:
+    """15.0 to 20 um at rest and under load are no displacement: a search of 5 minutes had no answer."""
+    table = headed()
+    table["r [um]"] = 1e3 * table.pop("radius [m]")
+    said = scales.findings(read_folder(written(tmp_path / "data", table).parent, PLANT))
+    assert said and said[0].startswith("is displacement no change but a radius, mm labelled um?")
+    assert "--columns 'radius=COLUMN[mm]'" in said[0]
+    counted = read_folder(tmp_path / "data", PLANT, ["radius=4[mm]"])
+    assert scales.findings(counted) == []
+
+
+def test_inputs_that_are_exchanged_in_one_file_are_asked_about_there(tmp_path: Path) -> None:
+    """All files together said that their times were in another unit."""
+    for name in ("one", "two", "three"):
+        written(tmp_path / "data", headed(), f"{name}.csv")
+    table = headed()
+    table["pressure [Pa]"], table["voltage [V]"] = table["voltage [V]"], table["pressure [Pa]"]
+    written(tmp_path / "data", table, "other.csv")
+    said = scales.findings(read_folder(tmp_path / "data", PLANT))
+    assert len(said) == 1 and said[0].startswith("other: are the columns of pressure and voltage exchanged there?")

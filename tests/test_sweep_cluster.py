@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -70,7 +75,7 @@ def test_no_scheduler_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixtu
     plan.write_text('study = "rest"\noutputs = ["radius"]\n[vary]\nvoltage = ["0 kV", "5 kV"]\n', encoding="utf-8")
     words, scheduler = ["sweep", str(plan), "--out", str(out), "--no-report"], dask.config.get("scheduler", None)
     assert main([*words, "--scheduler", "nowhere://127.0.0.1:1"]) == 2
-    assert "the scheduler nowhere://127.0.0.1:1 cannot be reached" in capsys.readouterr().err
+    assert "no Dask scheduler answers at 'nowhere://127.0.0.1:1'" in capsys.readouterr().err
     assert not out.exists() and dask.config.get("scheduler", None) == scheduler
     assert main(words) == 0
     before = {path: path.stat().st_mtime_ns for path in (out, *out.rglob("*"))}
@@ -79,5 +84,39 @@ def test_no_scheduler_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_no_scheduler_there() -> None:
-    with pytest.raises(BackendError, match="cannot be reached"), backend(None, None, "tcp://127.0.0.1:1", timeout=1.0):
+    with (
+        pytest.raises(BackendError, match="no Dask scheduler answers at"),
+        backend(None, None, "tcp://127.0.0.1:1", timeout=1.0),
+    ):
         pass
+
+
+def test_a_web_server_is_no_scheduler() -> None:
+    """A client of Dask waited for it for ever, or took what it said for the length of a message."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        address = f"127.0.0.1:{server.server_port}"
+        with pytest.raises(BackendError, match="answers at"), backend(None, None, address, timeout=1.0):
+            pass
+        server.shutdown()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="this system has no signal masks")
+def test_ctrl_c_in_a_terminal_is_one_line(tmp_path: Path) -> None:
+    """A terminal sends it to the workers, too: each printed where it was, 70 lines in all."""
+    run = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    run += "from tubular_dea.cli import main\nsys.exit(main(sys.argv[1:]))"
+    command = [
+        "sweep",
+        str(Path(__file__).parents[1] / "cosim_examples" / "sweep_snap_through.toml"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    with subprocess.Popen(
+        [sys.executable, "-c", run, *command, "--local-cluster", "2"], stderr=subprocess.PIPE, start_new_session=True
+    ) as begun:
+        time.sleep(2.0)
+        os.killpg(begun.pid, signal.SIGINT)
+        _, said = begun.communicate(timeout=60)
+    lines = [line for line in said.decode().splitlines() if "rows" not in line]
+    assert begun.returncode == 130 and lines == ["tubular-dea sweep: interrupted"]

@@ -6,11 +6,15 @@ worker are under way, so that memory does not grow with the sweep.
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import pickle
+import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
+from multiprocessing import resource_tracker
 from queue import SimpleQueue
 from typing import Any
 
@@ -111,19 +115,52 @@ def backend(
         return
     distributed = load("distributed", "a cluster", "sweep")
     if scheduler is not None:
-        try:
-            # As the default, one that fails at its address would leave Dask set to a cluster that is not there.
-            client = distributed.Client(scheduler, timeout=timeout, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as problem:
-            raise BackendError(
-                f"the scheduler {scheduler} cannot be reached: {problem}; give its address, or none"
-            ) from None
-        with client:
+        _check_answers(distributed, scheduler, timeout)
+        # As the default, one that fails at its address would leave Dask set to a cluster that is not there.
+        with distributed.Client(scheduler, timeout=timeout, set_as_default=False) as client:
             yield Cluster(client)
         return
-    with (
-        load("dask", "a cluster", "sweep").config.set(QUIET),
-        distributed.LocalCluster(n_workers=local_cluster, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        yield Cluster(client)
+    with load("dask", "a cluster", "sweep").config.set(QUIET):
+        with _no_interrupts():
+            cluster = distributed.LocalCluster(
+                n_workers=local_cluster, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
+            )
+        with cluster, distributed.Client(cluster) as client:
+            yield Cluster(client)
+
+
+def _check_answers(distributed: Any, scheduler: str, timeout: float) -> None:
+    """`BackendError` where no scheduler answers at an address.
+
+    Asked before a client is made: one that has no answer leaves threads behind, waits for ever where a web server
+    listens, and takes what another program says for the length of a message.
+    """
+
+    async def asked() -> None:
+        async with distributed.rpc(scheduler, timeout=timeout) as remote:
+            await asyncio.wait_for(remote.identity(), timeout)
+
+    with ThreadPoolExecutor(1) as pool:  # where a notebook has a loop of its own, this thread has none
+        try:
+            pool.submit(asyncio.run, asked()).result()
+        except (Exception, MemoryError) as problem:
+            silent = isinstance(problem, MemoryError) or not str(problem)  # the first: a length that is none
+            why = f"nothing in its language within {timeout:g} s" if silent else str(problem).partition("\n")[0]
+            raise BackendError(
+                f"no Dask scheduler answers at {scheduler!r} ({why}); give its address as in tcp://10.0.0.1:8786"
+            ) from None
+
+
+@contextmanager
+def _no_interrupts() -> Iterator[None]:
+    """Ctrl-C waits until the end, and never reaches threads and processes that are begun here: a terminal sends it to
+    all, and each would say so."""
+    masked = hasattr(signal, "pthread_sigmask")  # not on Windows
+    if masked:
+        resource_tracker.ensure_running()  # begun later, it would let Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if masked else set()
+    try:
+        yield
+    finally:
+        if masked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)

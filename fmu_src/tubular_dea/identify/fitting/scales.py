@@ -154,13 +154,14 @@ def findings(recordings: Recordings) -> list[str]:
 def _by_one_output(declared: DeclaredAnswers) -> list[str]:
     plant, records = declared.plant, [declared.record(e) for e in _informative(declared.experiments)]
     base = declared.missed(records)
-    if not base > MISSED:
-        return list(_single_files(declared))
+    alone = list(_single_files(declared))
+    if alone or not base > MISSED:
+        return alone
     if RUN_AWAY < base < np.inf:
         return [_runs_away(plant)]
     found = declared.likely(records, mislabellings(plant, [declared.output.name]), LEFT * base)
     if not found:
-        return [*_counted_from_elsewhere(declared, records, base), *_single_files(declared)]
+        return [*_size_in_another_unit(declared, records, base), *_counted_from_elsewhere(declared, records, base)]
     now = "has no answer to them" if base == np.inf else f"misses {_percent(base)} of these records (rms)"
     return [
         f"{declared.told(records[0], [w for _, w in found])}? With the numbers as they are, the declared {plant.name} "
@@ -217,6 +218,26 @@ def _counted_from_elsewhere(declared: DeclaredAnswers, records: Sequence[Thinned
         usual = ANOTHER_PLACE * output.zero if output.zero else float(np.ptp(answered))
         if left < min(LEFT * base, MOST_LEFT) and abs(at_rest) > usual:
             yield _from_elsewhere(declared, record, at_rest + record.zero, sign, grows, (base, left))
+
+
+def _size_in_another_unit(declared: DeclaredAnswers, records: Sequence[Thinned], base: float) -> Iterator[str]:
+    """A sentence where an output that was taken for a change is a size in another unit: a radius in mm, labelled um."""
+    output, size = declared.output, declared.output.size_at_rest
+    if not size or any(record.zero for record in records):
+        return
+    at_rest = (declared.plant.model.parameter_values() | dict(declared.known))[size]
+    tried = [w for w in mislabellings(declared.plant, [output.name]) if w.signal == output.name and w.factor > 0]
+    wholes = [[replace(r, seen=r.seen / w.factor - at_rest) for r in records] for w in tried]
+    shares = [(declared.missed(whole), w) for whole, w in zip(wholes, tried, strict=True)]
+    share, wrong = min(shares, key=lambda pair: pair[0])
+    if share < min(LEFT * base, MOST_LEFT):
+        label, heading = declared.label(records[0], output.name), output.headings[0]
+        words = matching(wrong.words, label) or f"{_times(wrong.factor)}"
+        yield (
+            f"is {output.change} no change but a {heading}, {words}? With the numbers as they are, the declared "
+            f"{declared.plant.name} misses {_percent(base)} of these records (rms), else {_percent(share)}; if so, say "
+            f"--columns '{heading}=COLUMN[{words.partition(' labelled ')[0]}]'"
+        )
 
 
 def _from_elsewhere(

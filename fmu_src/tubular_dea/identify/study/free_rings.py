@@ -20,10 +20,10 @@ from .study import Piece, Study
 # Set by judgement. Check: `pytest tests/test_free_rings.py`
 BELOW = 0.5  # [1] of a sensor's noise (rms) that a ringing is at most: a record would show more
 FAINT = 1e-3  # [1] of it that it is at least, to matter
-TURNS = 4.0  # [1] times as often as a smooth curve may leave it that a ringing changes its sign, at least
+OSCILLATES = 4.0  # [1] times as often as a smooth curve may leave it that a ringing changes its sign, at least
 LASTING = 0.7  # [1] of it in the first half of a stretch that is left in the second, of one that is not damped
-BESIDE = 4  # [samples] beside a corner of an input, which may move by a few
-BEGINS = (0.0, 0.125, 0.25, 0.5)  # [1] parts of a stretch after which what its begin has set off may be over
+OFF_A_CORNER = 4  # [samples] beside a corner of an input, which may move by a few
+SET_OFF = (0.0, 0.125, 0.25, 0.5)  # [1] parts of a stretch after which what its begin has set off may be over
 
 
 def with_slow_rings(work: Study) -> Study:
@@ -46,7 +46,7 @@ def _rings(work: Study, piece: Piece, answer: np.ndarray) -> tuple[tuple[float, 
     ]
     found = []
     for begin, end in zip(corners[:-1], corners[1:], strict=True):
-        begins = [b for part in BEGINS if (b := _ringing_from(begin + part * (end - begin), end, outputs)) is not None]
+        begins = [b for part in SET_OFF if (b := _ringing_from(begin + part * (end - begin), end, outputs)) is not None]
         if begins:
             found.append((begins[0], float(end)))
     return tuple(found)
@@ -56,7 +56,7 @@ def _ringing_from(begin: float, end: float, outputs: list[tuple[np.ndarray, np.n
     """From when on before `end` outputs (times, answer, noise) ring freely, if they do from `begin` [s] on."""
     told = False
     for times, answer, noise in outputs:
-        first, last = int(np.searchsorted(times, begin)) + BESIDE, int(np.searchsorted(times, end)) - BESIDE
+        first, last = int(np.searchsorted(times, begin)) + OFF_A_CORNER, int(np.searchsorted(times, end)) - OFF_A_CORNER
         if last - first < LEAST_STRETCH or not steady(times[first:last]).all():
             return None
         slow = basis(last - first, float(times[first + 1] - times[first]))
@@ -66,7 +66,7 @@ def _ringing_from(begin: float, end: float, outputs: list[tuple[np.ndarray, np.n
             return None
         turns = np.count_nonzero(left[1:] * left[:-1] < 0)
         if later > FAINT * noise.rms:
-            if later < LASTING * sooner or turns < TURNS * slow.shape[1]:
+            if later < LASTING * sooner or turns < OSCILLATES * slow.shape[1]:
                 return None
             told, begin = True, float(times[first])
     return begin if told else None
