@@ -279,7 +279,10 @@ def test_a_parameter_that_is_known_from_one_side_alone_has_no_standard_error() -
     told = estimates.ParameterEstimate(2.96e10, 9.7e10, (1.74e10, np.inf), "Pa.s")
     assert estimates._estimate("eta_2", told) == "eta_2    above 17.4 GPa.s (95 %)"
     assert estimates._estimate("eta_2", replace(told, ci95=(-np.inf, 2e6))) == "eta_2    below 2 MPa.s (95 %)"
-    assert "+-" in estimates._estimate("eta_2", replace(told, ci95=(1e10, 5e10)))
+    even = replace(told, stderr=1e10, ci95=(1e10, 5e10))
+    assert estimates._estimate("eta_2", even) == "eta_2    29.6 +- 10 GPa.s"
+    uneven = replace(even, stderr=1e8)
+    assert estimates._estimate("eta_2", uneven) == "eta_2    29.6 GPa.s, 10 to 50 (95 %)"
 
 
 def test_what_is_nearly_at_a_bound_begins_at_it() -> None:

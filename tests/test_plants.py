@@ -271,3 +271,9 @@ def test_a_step_at_a_number_is_one() -> None:
     """A friction of 2 step(v) - 1 with v at rest was a traceback."""
     x = sympy.Symbol("x", real=True)
     assert [step(x).subs(x, at) for at in (-1, 0, sympy.Float(0.0), 1)] == [0, 0, 0, 1]
+
+
+def test_an_effect_that_is_none_is_told_what_is_like_it() -> None:
+    with pytest.raises(KeyError, match=r"no effect 'electrode_resistence'; did you mean electrode_resistance"):
+        PLANT.catalogue["electrode_resistence"]
+    assert PLANT.catalogue.get("electrode_resistence") is None

@@ -325,7 +325,8 @@ def test_a_drift_of_the_sensor_is_no_residual_that_looks_like_noise() -> None:
 
 def test_a_parameter_that_is_not_determined_is_told_in_the_unit_of_its_uncertainty() -> None:
     def said(value: float, stderr: float) -> str:
-        return identify._estimate("C_3", SimpleNamespace(value=value, stderr=stderr, unit="Pa", ci95=(0.0, 1e9)))
+        ends = value - 1.96 * stderr, value + 1.96 * stderr
+        return identify._estimate("C_3", SimpleNamespace(value=value, stderr=stderr, unit="Pa", ci95=ends))
 
     assert said(0.129874, 4600.0) == "C_3      0.000129874 +- 4.6 kPa"
     assert said(3086.4, 130.0) == "C_3      3.0864 +- 0.13 kPa"

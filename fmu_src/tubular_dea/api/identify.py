@@ -16,7 +16,7 @@ from ..discover.alternatives.input_noise import input_sensitivities, weighted
 from ..discover.scores.parameters import is_share
 from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
-from ..identify.fitting.fit import Fit, goodness, rmse, uncertainty
+from ..identify.fitting.fit import NORMAL_95, Fit, goodness, rmse, uncertainty
 from ..identify.fitting.intervals import intervals, vanishing, with_coarse_residuals
 from ..identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from ..identify.fitting.problem import Problem
@@ -40,6 +40,10 @@ from .work import steps
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+
+# Set by judgement. Check: `pytest tests/test_identify.py -k no_standard_error`
+UNEVEN = 1.5  # [1] times by which an interval's end may be off what its standard error says, to be told by that
 
 
 @dataclass(frozen=True)
@@ -343,12 +347,16 @@ def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str
 
 
 def _estimate(name: str, told: ParameterEstimate, vague: bool = False) -> str:
-    """A parameter with its standard error, in a unit that suits the larger of the two; or the one end that is known of
-    its interval; or the value alone of what is `vague`."""
+    """A parameter with its standard error, in a unit that suits the larger of the two; or with its interval, where that
+    is no 1.96 of them to both sides; or the one end that is known of it; or the value alone of what is `vague`."""
     for end, words in zip(told.ci95, ("above", "below"), strict=True):
         if math.isfinite(end) and not all(map(math.isfinite, told.ci95)):
             return f"{name:8s} {words} {in_words(end, told.unit)} (95 %)"
     if vague:
         return f"{name:8s} {in_words(told.value, told.unit)}, not determined"
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
+    half = NORMAL_95 * told.stderr
+    if any(not half / UNEVEN < abs(end - told.value) < half * UNEVEN for end in told.ci95):
+        low, high = (f"{end / scale:.6g}" for end in told.ci95)
+        return f"{name:8s} {told.value / scale:.6g} {unit}".removesuffix(" 1") + f", {low} to {high} (95 %)"
     return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")

@@ -213,7 +213,7 @@ def simulate(
     elif isinstance(inputs, Mapping) and (owner := _owner(model, chosen, plant)) is not None:
         remarks = tuple(_faint(protocol, owner))
     sampled = _times(protocol, spacing) if wanted is None else wanted
-    remarks += tuple(_unset(chosen, values))
+    remarks += tuple(_unset(chosen, values, _owner(model, chosen, plant)))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
     remarks += tuple(_runs_away(found) or _breaks_down(found))
@@ -329,9 +329,12 @@ def _faint(protocol: Protocol, plant: Plant) -> list[str]:
     return said
 
 
-def _unset(model: Model, values: Mapping[str, float]) -> list[str]:
-    """Free start values that were not given: every run needs some."""
+def _unset(model: Model, values: Mapping[str, float], owner: Plant | None) -> list[str]:
+    """Free start values that were not given, nor changed in the model from what its plant declares: every run needs
+    some."""
+    declared = {} if owner is None else owner.model.parameter_values()
     free = [p.quantity for p in model.parameters if p.start and p.quantity.name not in values]
+    free = [q for q in free if q.value == declared.get(q.name, q.value)]
     if not free:
         return []
     taken = ", ".join(f"{q.name} = {q.value:g} {q.unit}".removesuffix(" 1") for q in free)

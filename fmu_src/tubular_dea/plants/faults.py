@@ -87,7 +87,10 @@ def _meant(problem: BaseException) -> str:
             return "; functions of quantities are sympy's: write `from sympy import sqrt`, say"
         if problem.name in FUNCTIONS:
             return f"; write `from sympy import {problem.name}`"
-        return close_to(problem.name, [*frame.f_locals, *frame.f_globals]) or close_to(problem.name, dir(builtins), 0.8)
+        meant = close_to(problem.name, [*frame.f_locals, *frame.f_globals]) or close_to(
+            problem.name, dir(builtins), 0.8
+        )
+        return meant or f"; declare it before, as m.parameter({problem.name!r}, ...) or m.define({problem.name!r}, ...)"
     return ""
 
 

@@ -178,6 +178,13 @@ class Stage:
     prepare: Callable[[Values], Values] = dict
 
 
+class _Effects(dict[str, Effect]):
+    """Effects by id; a name that is none says what is like it."""
+
+    def __missing__(self, name: str) -> Effect:
+        raise KeyError(f"no effect {name!r}{nearest(name, self)}")
+
+
 @dataclass(frozen=True)
 class Plant:
     """A model with its signals, places and effects. `DeclarationError` if these name what the model does not have.
@@ -365,7 +372,8 @@ class Plant:
             if any(type(p) is type(place) and p.name == place.name for p in self.places[:number]):
                 there = self._of_another(place, held)
             found |= {effect.id: effect for effect in there if effect.id not in found}
-        return MappingProxyType({name: effect for name, effect in found.items() if name not in self.model.effects})
+        kept = {name: effect for name, effect in found.items() if name not in self.model.effects}
+        return MappingProxyType(_Effects(kept))
 
     def _of_another(self, place: Place, held: Sequence[str]) -> list[Effect]:
         """The effects at a place that is declared once more because it may depend on a further quantity: only what that

@@ -30,7 +30,7 @@ CONFIDENCE = {
     "ambiguous": "It is certain that something of this kind is missing. These recordings cannot show which of "
     "the named effects it is.",
     "partly_explained": "Each named effect reduces what is left of experiments that took no part in the fits, weighted "
-    "as in the fits. The remaining residual is larger than the noise, so something else is missing too.",
+    "as in the fits. What remains is more than noise, in its slow part at least, so something else is missing too.",
     "unexplained": "It is certain that something is missing: the residual is larger than the noise. No effect of the "
     "catalogue, alone or with others, explains most of it and reduces the error on experiments that took no part in "
     "the fits.",

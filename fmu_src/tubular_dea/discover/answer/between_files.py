@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -154,8 +155,8 @@ def starts(found: Discovery) -> list[str]:
         )
     if free:
         settled_there = (
-            " If a file began at rest under its first load, say so in bench.toml ([start] and NAME = "
-            '"equilibrium"): smaller effects can then be seen in it.'
+            " If a file began at rest under its first load, say so in bench.toml ([start], and below it, for each such "
+            f'file, {json.dumps(free[0], ensure_ascii=False)} = "equilibrium"): smaller effects can then be seen in it.'
             if found.study.plant.model.curve and not cut.issuperset(free)
             else ""
         )
