@@ -356,7 +356,7 @@ def _estimate(name: str, told: ParameterEstimate, vague: bool = False) -> str:
         return f"{name:8s} {in_words(told.value, told.unit)}, not determined"
     scale, unit = readable(max(abs(told.value), told.stderr if np.isfinite(told.stderr) else 0.0), told.unit)
     half = NORMAL_95 * told.stderr
-    if any(not half / UNEVEN < abs(end - told.value) < half * UNEVEN for end in told.ci95):
+    if np.isfinite(half) and any(not half / UNEVEN < abs(end - told.value) < half * UNEVEN for end in told.ci95):
         low, high = (f"{end / scale:.6g}" for end in told.ci95)
         return f"{name:8s} {told.value / scale:.6g} {unit}".removesuffix(" 1") + f", {low} to {high} (95 %)"
     return f"{name:8s} {told.value / scale:.6g} +- {float(f'{told.stderr / scale:.2g}'):g} {unit}".removesuffix(" 1")
