@@ -302,3 +302,11 @@ def test_progress_in_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
         time.sleep(1.2)  # the time that has gone is told in whole seconds
         assert capsys.readouterr().err.startswith("long"), "and goes on being told"
     assert not bar._clock.is_alive(), "no thread is left behind"
+
+
+def test_a_full_disk_is_told_with_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler's own words name no folder that a user knows of."""
+    monkeypatch.setenv("TUBULAR_DEA_CACHE", str(tmp_path))
+    said = cache.why_compiling_failed("clang -cc1as: fatal error: IO failure on output stream: No space left on device")
+    assert str(tmp_path) in said and "set TUBULAR_DEA_CACHE" in said and "clang" not in said
+    assert cache.why_compiling_failed("model.c:1: what is this?") == "\nmodel.c:1: what is this?"

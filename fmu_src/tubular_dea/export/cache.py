@@ -64,6 +64,16 @@ def compiler_environment() -> dict[str, str]:
     return {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / "zig")} | dict(os.environ)
 
 
+def why_compiling_failed(said: str) -> str:
+    """What a compiler said that failed; where there is no space left, what to do."""
+    if "No space left on device" not in said:
+        return f"\n{said or 'no word from the compiler'}"
+    return (
+        f" no space is left on the device of {cache_folder()}, where compiled models are kept, or of "
+        f"{tempfile.gettempdir()}; free some, or set TUBULAR_DEA_CACHE or TMPDIR to another folder"
+    )
+
+
 def kept(name: str) -> Path | None:
     """A file of the cache; None where it is not there, or is not what was written."""
     path = cache_folder() / name

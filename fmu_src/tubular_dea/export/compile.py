@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..files import working_folder
-from .cache import compiler_environment, keep, kept
+from .cache import compiler_environment, keep, kept, why_compiling_failed
 
 
 class CompileError(UserError, RuntimeError):
@@ -187,4 +187,4 @@ def _zig_cc(target: Platform, compiled: list[str], library: Path, flags: tuple[s
         check=False,
     )
     if done.returncode:
-        raise CompileError(f"compiling for {target.name} failed:\n{done.stderr.strip() or 'no word from the compiler'}")
+        raise CompileError(f"compiling for {target.name} failed:{why_compiling_failed(done.stderr.strip())}")

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..files import working_folder
-from .cache import compiler_environment, keep, kept
+from .cache import compiler_environment, keep, kept, why_compiling_failed
 from .compile import CompileError, zig
 from .wasm_runtime import TARGET, include_flags, runtime
 
@@ -77,7 +77,7 @@ def _compiled(
     if "undefined symbol" in problem:  # a model may want more of the C library than was compiled beforehand
         problem = _zig_cc(folder, *command)
     if problem:
-        raise CompileError(f"compiling for WebAssembly failed:\n{problem}")
+        raise CompileError(f"compiling for WebAssembly failed:{why_compiling_failed(problem)}")
     return (folder / "module.wasm").read_bytes()
 
 
