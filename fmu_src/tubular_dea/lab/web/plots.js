@@ -3,6 +3,9 @@
 const COLOURS = ["--c1", "--c2", "--c3", "--c4", "--c5"];
 const plots = {};
 
+/* How wide the numbers beside an axis are, and its label: in SI units 80 000 000 V/m. */
+const roomFor = (u, texts) => Math.max(64, 22 + 7.5 * Math.max(0, ...(texts ?? []).map((t) => String(t).length)));
+
 /* A figure with a title, a chart, a key and its take-aways. `options`: id, title, height, describe. */
 class Plot {
   constructor({ id, title, height = 210, sync = null, caption = "", wide = false }) {
@@ -56,7 +59,7 @@ class Plot {
       width: Math.max(180, this.chart.clientWidth || 480), height: this.height, legend: { show: false },
       cursor: { drag: { x: true, y: free, setScale: true }, sync: this.sync ? { key: this.sync } : undefined, points: { size: 6 } },
       scales: { x: { time: false, range: free ? () => this.wanted.x : undefined }, y: { range: free ? () => this.wanted.y : (u, low, high) => roomy(low, high) } },
-      axes: [{ ...axis(this.x.q), size: 34 }, { ...axis(first.q), size: 64 }],
+      axes: [{ ...axis(this.x.q), size: 34 }, { ...axis(first.q), size: roomFor }],
       series: [{}, ...this.series.map((s, i) => ({ label: s.name, stroke: () => css(s.colour ?? COLOURS[i % COLOURS.length]), width: s.width ?? 1.75, dash: s.dash, points: { show: false }, spanGaps: false }))],
       hooks: { draw: [(u) => this.drawCurves(u)], setCursor: [(u) => this.readOut(u)], setSelect: [() => { this.zoomed = true; }] },
     };
