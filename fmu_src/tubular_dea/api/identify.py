@@ -133,11 +133,10 @@ class IdentificationResult:
             )
         if self.verdict == "misfit":
             said.append(
-                "the model lacks something: the slow part of the misfit is "
+                f"the model lacks something{self._zeros_of_its_own()}: the slow part of the misfit is "
                 f"{self.content['residual_over_noise_slow']:.2f} times what noise and sampling allow, and all of it "
                 f"{self.content['residual_over_noise']:.2f} times (the sensor's noise: "
                 f"{in_units_of(self.content['noise_floor'], self.content)}), so the intervals are too narrow"
-                f"{self._zeros_of_its_own()}"
             )
         if self.content["slow_noise_unknown"]:
             said.append(
@@ -153,7 +152,7 @@ class IdentificationResult:
             return ""
         example = self.study.assumable[0]
         return (
-            f"; or sensors have zeros, of which the plant declares none (zero=... for {example}, as close-loop finds)"
+            f", or sensors have zeros, of which the plant declares none (zero=... for {example}, as close-loop finds)"
         )
 
     def to_pandas(self) -> pandas.DataFrame:
