@@ -95,7 +95,8 @@ def residual_over_noise(problem: Problem, best: Fit) -> ResidualOverNoise:
     """How the residual of a fit compares with the noise of its problem."""
     each = parts(best.residual, problem.records)
     sums = block_sums(each)
-    alike = alike_throughout([block_sums([r]) / np.sqrt(BLOCK) for r in each])
+    rounded = any(noise.grain > 0 for noise in problem.noise.values())  # it is slow where the plant moves slowly
+    alike = rounded or alike_throughout([block_sums([r]) / np.sqrt(BLOCK) for r in each])
     slow = float(np.mean(sums**2)) / BLOCK
     count = sum(r.size for r in each)
     squares = sum(float(r @ r) for r in each) / (count - len(best.names))
