@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..discover.answer.between_files import disagree, implausible_zero, in_few_files
+from ..discover.answer.determined import determined
 from ..discover.answer.outcome import TOO_NOISY, beyond_noise, contested, floor, remainder
 from ..discover.answer.remarks import counted_backwards, unexplained_output
 from ..discover.answer.reservations import loud, still, thin
@@ -20,7 +21,7 @@ from ..discover.search.rounds import Round
 from ..identify.fitting.misfit import BLOCK, SLOW_CHANCE
 from ..model.units import in_units_of
 from ..recordings.table import FEW, either, some
-from .effects import determined, effects
+from .effects import effects
 from .in_short import (
     LEFT,
     WHITE,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..discover.answer.determined import SPANS, determined
 from ..discover.answer.own_curve import Excitation, IsolatedEffect, OwnCurve, own_curve
 from ..discover.engine import Discovery
 from ..kernel import KernelError
@@ -30,7 +31,6 @@ BINS, LEAST, PART = 16, 25, 1e-3  # places along an axis at which the residual i
 A_LINE = 4  # places that a line goes through at least
 TURNS = 1.3  # times as much that is explained if rising and falling are kept apart, where they are
 LITTLE = 0.3  # of the usual weight: samples that fits gave less are left out
-SPANS = 100.0  # times by which an interval's far end may be the near one, for a size that is told in the summary
 BETTER = 1.5  # times as much that another axis has to explain than one before it
 TURNING = {0: "", 1: ", rising", -1: ", falling"}
 KINDS = {
@@ -99,19 +99,6 @@ def size_words(effect: Effect, entry: dict[str, Any], model: Model) -> str:
             unknown.append(meaning.split(":", maxsplit=1)[0])
     rest = [f"not determined by these recordings: {', '.join(unknown)}"] if unknown else []
     return "; ".join([", ".join(known)] * bool(known) + rest)
-
-
-def determined(effect: Effect, name: str, ends: Sequence[float | None]) -> bool:
-    """Whether an interval tells a parameter: it neither includes the value without effect nor spans a large factor.
-
-    A level may be at 0, and of an end that is open a remark tells what is known.
-    """
-    low, high = ends
-    if low is None or high is None or name in effect.levels:
-        return low is not None or high is not None
-    off = effect.off.get(name, 0.0)
-    near, far = sorted((abs(low - off), abs(high - off)))
-    return (low - off) * (high - off) > 0 and far <= SPANS * near
 
 
 def _sizes(effect: Effect, entry: dict[str, Any], model: Model) -> list[list[str]]:

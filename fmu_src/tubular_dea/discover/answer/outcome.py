@@ -32,6 +32,7 @@ from ..scores.parameters import implausible, switched_on
 from ..search import equivalence, second_output
 from ..search.second_output import Missed
 from . import between_files, remarks, reservations
+from .determined import determined
 from .oscillations import Oscillation, oscillations
 from .own_records import own_records
 
@@ -68,10 +69,11 @@ def result(found: Discovery) -> dict[str, Any]:
     study, chosen, waves = found.study, found.named, oscillations(found)
     published = {q: v for q, v in study.plant.model.parameter_values().items() if q not in study.geometry}
     after = errors(found.named_study, chosen.ids, chosen.fitted.values)
+    named = [_effect(found, name) for name in chosen.ids]
     return {
         "verdict": found.verdict,
         "plant": study.plant.name,
-        "effects": [_effect(found, name) for name in chosen.ids],
+        "effects": named,
         "error": {
             "published": errors(found.search.base_study, (), published),
             "recalibrated": errors(found.search.base_study, (), found.base.fitted.values),
@@ -84,12 +86,23 @@ def result(found: Discovery) -> dict[str, Any]:
         "remarks": [*remarks.remarks(found, waves), *between_files.odd_files(found, after)],
         "next_experiment": advice(found, between_files.in_few_files(found, after)),
         "base_parameters": {n: _parameter(chosen.fitted, n, _unit(found, n)) for n in found.base.fitted.names},
-        "undetermined": chosen.fitted.undetermined(),
+        "undetermined": _undetermined(found, named),
         "noise": _noise(found, waves),
         "held_out": [p.name for p in study.held_out],
         "records": own_records(found),
         "ranking": ranking(found),
     }
+
+
+def _undetermined(found: Discovery, named: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The parameters of the plant and of its `named` effects that the recordings do not determine."""
+    vague = [
+        name
+        for entry in named
+        for name, p in entry["parameters"].items()
+        if not determined(found.study.catalogue[entry["id"]], name, p["ci95"])
+    ]
+    return list(dict.fromkeys([*found.named.fitted.undetermined(), *vague]))
 
 
 def _shapes(found: Discovery) -> dict[str, dict[str, float]]:

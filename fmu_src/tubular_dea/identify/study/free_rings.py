@@ -46,9 +46,10 @@ def _rings(work: Study, piece: Piece, answer: np.ndarray) -> tuple[tuple[float, 
     ]
     found = []
     for begin, end in zip(corners[:-1], corners[1:], strict=True):
-        begins = [b for part in SET_OFF if (b := _ringing_from(begin + part * (end - begin), end, outputs)) is not None]
-        if begins:
-            found.append((begins[0], float(end)))
+        tried = (_ringing_from(begin + part * (end - begin), end, outputs) for part in SET_OFF)
+        since = next((b for b in tried if b is not None), None)
+        if since is not None:
+            found.append((since, float(end)))
     return tuple(found)
 
 
