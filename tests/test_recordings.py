@@ -16,11 +16,12 @@ import scipy.io
 from injuries import injured
 from laboratory import drawn
 from tubular_dea.api import unusual
-from tubular_dea.api.recordings import not_used, read_recordings
+from tubular_dea.api.recordings import read_recordings
 from tubular_dea.identify.records.data import read_experiment, read_folder
 from tubular_dea.identify.records.experiment import DataError
 from tubular_dea.identify.records.lost import lost_samples
 from tubular_dea.identify.records.spikes import spikes
+from tubular_dea.identify.records.unused import not_used
 from tubular_dea.identify.records.updates import repeated_readings
 from tubular_dea.kernel import Kernel
 from tubular_dea.model.units import converted, factor

@@ -133,6 +133,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
         ),
         ("Which data is it based on?", [f"{counted(len(files), 'recording')} with {_samples(found)}. {apart}"]),
         ("What else should be known?", outcome["remarks"]),
+        ("How were the files read?", outcome["reading"]),
         ("Which effects could these recordings not have shown?", list(_hidden(found, outcome))),
         ("What should be measured next?", [outcome["next_experiment"]]),
     ]

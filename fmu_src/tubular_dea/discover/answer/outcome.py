@@ -11,6 +11,7 @@ import numpy as np
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit, goodness, rmse
 from ...identify.fitting.intervals import interval
+from ...identify.records.unused import not_used
 from ...identify.study.nuisances import with_nuisances, zero_spread
 from ...identify.study.remembered import NOISE_OF
 from ...identify.study.study import Piece, Study
@@ -89,6 +90,7 @@ def result(found: Discovery) -> dict[str, Any]:
         "undetermined": _undetermined(found, named),
         "noise": _noise(found, waves),
         "held_out": [p.name for p in study.held_out],
+        "reading": not_used(found.recordings),
         "records": own_records(found),
         "ranking": ranking(found),
     }
