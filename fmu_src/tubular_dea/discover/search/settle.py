@@ -9,6 +9,7 @@ from ...identify.fitting.fit import AGREE, Fit, described, may_be_better
 from ...identify.study.adjust import MOST_SETTLES, adjusted, with_starts_at
 from ...identify.study.study import Study, carried
 from ...kernel import KernelError
+from ..alternatives.zeros import impossible
 from ..options.acceptance import clean
 from ..options.options import Option, fitted_option, option, problem_of
 from ..scores.parameters import declared_values, lost
@@ -23,7 +24,8 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
 
     A start under load and the parameters that it is estimated with change together, in several steps. Where more than
     noise is left, parameters that a fit may lose (`Plant.restart`) begin once more at their declared values; where
-    some are far from these, all begin there: two branches may have taken each other's place, and that of a viscosity.
+    some are far from these, or a sensor would need a zero that none has, all begin there: two branches may have taken
+    each other's place, and that of a viscosity, or zeros and a parameter that of friction, which is there by now.
     """
     tried = [iterated(study, one)]
     study, one = tried[0]
@@ -31,7 +33,7 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
         again = fitted_option(study, one.ids, one.fitted.values | study.plant.restarts, one.refined)
         if again is not None and may_be_better(again.fitted, one.fitted):
             tried.append(iterated(study, again))
-    if lost(study.plant, one.fitted):
+    if lost(study.plant, one.fitted) or (one.ids and impossible(study, one) is not None):
         tried += _begun_as_declared(study, one)
     return min(tried, key=lambda settled: settled[1].misfit)
 
