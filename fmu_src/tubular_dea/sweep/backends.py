@@ -116,8 +116,12 @@ def backend(
     distributed = load("distributed", "a cluster", "sweep")
     if scheduler is not None:
         _check_answers(distributed, scheduler, timeout)
-        # As the default, one that fails at its address would leave Dask set to a cluster that is not there.
-        with distributed.Client(scheduler, timeout=timeout, set_as_default=False) as client:
+        try:
+            # As the default, one that fails at its address would leave Dask set to a cluster that is not there.
+            client = distributed.Client(scheduler, timeout=timeout, set_as_default=False)
+        except (OSError, ValueError) as problem:
+            raise BackendError(f"the scheduler {scheduler} cannot be used: {problem}") from None
+        with client:
             yield Cluster(client)
         return
     with load("dask", "a cluster", "sweep").config.set(QUIET):
