@@ -112,7 +112,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
     page.heading("Summary")
     first = [f"{said[0].upper()}{said[1:]}" for said in asked_first(outcome["remarks"])]
     page.answers([("What was found?", [*_found(found, outcome), *first])])
-    page.drawings([_errors(found, outcome)])
+    page.drawings(_errors(found, outcome))
     odd = between_files.in_few_files(found, outcome["error"]["after"])
     files = sorted({p.source for p in found.study.pieces})
     held = ", ".join(outcome["held_out"])
@@ -318,27 +318,39 @@ def oscillating(outcome: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [wave for sensor in sensors for wave in sensor["oscillations"] if not wave.get("recorded")]
 
 
-def _errors(found: Discovery, outcome: dict[str, Any]) -> tuple[str, str]:
-    """The model's error before and after, next to the noise, as bars."""
-    kinds = {"": "rmse"} if not outcome["held_out"] else {", fitted": "rmse", ", held out": "held_out_rmse"}
+def _errors(found: Discovery, outcome: dict[str, Any]) -> list[tuple[str, str]]:
+    """The model's error before and after, next to the noise, as bars; of every output."""
     effects = " and ".join(e["id"] for e in outcome["effects"])
-    rows = []
-    for kind, key in kinds.items():
-        rows.append((f"{'before' if effects else 'the model'}{kind}", outcome["error"]["recalibrated"][key], BEFORE))
-        rows += [(f"after{kind}", outcome["error"]["after"][key], AFTER)] if effects else []
-    rows.append(("sensor's noise", outcome["noise_floor"], RECORD))
-    entries = []
-    for words, value, colour in rows:
-        told = "no answer" if value is None else in_units_of(value, outcome["error"]["after"])
-        entries.append((words, value or 0.0, told, colour))
     first = found.study.plant.outputs[0].headings[0]
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
     declared = " ".join(about_held_out(found, outcome["error"]))
-    return bars("errors", entries), (
+    caption = (
         f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
         f"{least(found)} {declared}".strip()
     )
+    drawn = [(_error_bars(outcome, outcome["error"], outcome["noise_floor"]), caption)]
+    for name in [*outcome["error"]["after"].get("outputs", {})][1:]:
+        of_it = {kind: errors["outputs"][name] for kind, errors in outcome["error"].items()}
+        drawn.append(
+            (_error_bars(outcome, of_it, outcome["noise"]["sensors"][name]["rms"]), f"The same of the {name}.")
+        )
+    return drawn
+
+
+def _error_bars(outcome: Mapping[str, Any], errors: Mapping[str, Any], noise: float) -> str:
+    """The errors of one output before and after, and its noise (SI)."""
+    kinds = {"": "rmse"} if not outcome["held_out"] else {", fitted": "rmse", ", held out": "held_out_rmse"}
+    rows = []
+    for kind, key in kinds.items():
+        rows.append((f"{'before' if outcome['effects'] else 'the model'}{kind}", errors["recalibrated"][key], BEFORE))
+        rows += [(f"after{kind}", errors["after"][key], AFTER)] if outcome["effects"] else []
+    rows.append(("sensor's noise", noise, RECORD))
+    entries = []
+    for words, value, colour in rows:
+        told = "no answer" if value is None else in_units_of(value, errors["after"])
+        entries.append((words, value or 0.0, told, colour))
+    return bars("errors", entries)
 
 
 def about_held_out(found: Discovery, errors: dict[str, Any]) -> list[str]:
