@@ -281,8 +281,8 @@ def _in_its_place(found: Discovery, entry: Mapping[str, Any]) -> list[str]:
         said.append(f"It may equally be {_which_explain(alike)} {well}.")
     if nearly:
         said.append(
-            f"It may {'also ' if alike else ''}be {_which_explain(nearly)} nearly as well: less well than "
-            "chance allows, but no less than a law that is not quite the plant's would."
+            f"It may {'also ' if alike else ''}be {_which_explain(nearly)} nearly as well: worse by more "
+            "than chance, but by no more than a law that is not exact may be."
         )
     worse = [f"{other} ({times:.2f} times)" for other, times in left.items() if times >= SLIGHTLY]
     if worse:
