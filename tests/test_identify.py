@@ -176,7 +176,9 @@ def test_a_misfit_is_said(carried_out: Callable[..., Path]) -> None:
     lines = ("(+- standard error", "\nfit ", "\nthe model lacks something", "\nto find what it is", "\nwrote ")
     places = [said.index(line) for line in lines]
     assert places == sorted(places), "advice comes after what was found"
-    assert re.search(r"^eta_1 .* (k|M)Pa\.s$", said, re.MULTILINE) and re.search(r"the sensor\'s noise: \S+ um\)", said)
+    assert re.search(r"^eta_1 .* (k|M)Pa\.s(, \S+ to \S+ \(95 %\))?$", said, re.MULTILINE) and re.search(
+        r"the sensor\'s noise: \S+ um\)", said
+    )
     content = json.loads((out / "parameters.json").read_text())
     assert content["verdict"] == "misfit"
     assert content["residual_over_noise"] > 1.1
