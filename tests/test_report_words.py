@@ -547,7 +547,8 @@ def test_what_explains_less_well_is_said_to() -> None:
     search = SimpleNamespace(rivals=rivals)
     found = SimpleNamespace(chosen=lag, search=search, repeated=False)
     alike, nearly, worse = in_short._in_its_place(found, {"id": "lag", "equivalent": ["slew", "stop", "creep"]})
-    assert nearly.startswith("It may also be stop, which explains the recordings nearly as well: worse by more than chance")
+    said = "It may also be stop, which explains the recordings nearly as well: worse by more than chance"
+    assert nearly.startswith(said)
     assert alike == "It may equally be slew, which explains the recordings as well."
     assert "it may also be creep (1." in worse and "what lag leaves" in worse
     assert in_short._in_its_place(found, {"id": "lag", "equivalent": []}) == []
