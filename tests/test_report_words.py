@@ -894,3 +894,22 @@ def test_what_is_slower_than_the_records_and_free_at_their_start_is_told(known: 
     assert len(said) == told
     if told:
         assert "charge_trapping is slower (tau_trap) than the longest recording (28 s)" in said[0]
+
+
+def test_errors_are_drawn_of_every_output_that_takes_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A current that stands still in every file has an error, and no noise of its own: the report was a traceback."""
+    monkeypatch.setattr(in_short, "least", lambda found: "")
+    monkeypatch.setattr(in_short, "about_held_out", lambda found, errors: [])
+    one = {"rmse": 2e-6, "held_out_rmse": None, "unit": "m", "display_unit": "um"}
+    errors = one | {"outputs": {"radius": one, "current": one | {"unit": "A"}, "flow": one | {"unit": "m3/s"}}}
+    sensors = {"radius": {"rms": 1e-6}, "flow": {"rms": 1e-6}}
+    outcome = {
+        "effects": [],
+        "held_out": [],
+        "error": {"recalibrated": errors, "after": errors},
+        "noise": {"sensors": sensors},
+        "noise_floor": 1e-6,
+    }
+    plant = SimpleNamespace(outputs=[SimpleNamespace(headings=("radius",))])
+    drawn = in_short._errors(SimpleNamespace(study=SimpleNamespace(plant=plant)), outcome)
+    assert [caption.rstrip(". ").split()[-1] for _, caption in drawn] == ["refitted", "flow"]

@@ -330,11 +330,10 @@ def _errors(found: Discovery, outcome: dict[str, Any]) -> list[tuple[str, str]]:
         f"{least(found)} {declared}".strip()
     )
     drawn = [(_error_bars(outcome, outcome["error"], outcome["noise_floor"]), caption)]
-    for name in [*outcome["error"]["after"].get("outputs", {})][1:]:
+    sensors = outcome["noise"]["sensors"]  # those that take part in fits
+    for name in [n for n in outcome["error"]["after"].get("outputs", {}) if n in sensors][1:]:
         of_it = {kind: errors["outputs"][name] for kind, errors in outcome["error"].items()}
-        drawn.append(
-            (_error_bars(outcome, of_it, outcome["noise"]["sensors"][name]["rms"]), f"The same of the {name}.")
-        )
+        drawn.append((_error_bars(outcome, of_it, sensors[name]["rms"]), f"The same of the {name}."))
     return drawn
 
 
