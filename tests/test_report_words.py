@@ -901,7 +901,7 @@ def test_errors_are_drawn_of_every_output_that_takes_part(monkeypatch: pytest.Mo
     monkeypatch.setattr(in_short, "least", lambda found: "")
     monkeypatch.setattr(in_short, "about_held_out", lambda found, errors: [])
     one = {"rmse": 2e-6, "held_out_rmse": None, "unit": "m", "display_unit": "um"}
-    errors = one | {"outputs": {"radius": one, "current": one | {"unit": "A"}, "flow": one | {"unit": "m3/s"}}}
+    errors = one | {"outputs": {"radius": one, "current": one, "flow": one}}
     sensors = {"radius": {"rms": 1e-6}, "flow": {"rms": 1e-6}}
     outcome = {
         "effects": [],
@@ -910,6 +910,6 @@ def test_errors_are_drawn_of_every_output_that_takes_part(monkeypatch: pytest.Mo
         "noise": {"sensors": sensors},
         "noise_floor": 1e-6,
     }
-    plant = SimpleNamespace(outputs=[SimpleNamespace(headings=("radius",))])
+    plant = SimpleNamespace(outputs=[SimpleNamespace(name="radius", headings=("radius",))])
     drawn = in_short._errors(SimpleNamespace(study=SimpleNamespace(plant=plant)), outcome)
     assert [caption.rstrip(". ").split()[-1] for _, caption in drawn] == ["refitted", "flow"]

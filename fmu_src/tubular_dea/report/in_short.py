@@ -321,17 +321,17 @@ def oscillating(outcome: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _errors(found: Discovery, outcome: dict[str, Any]) -> list[tuple[str, str]]:
     """The model's error before and after, next to the noise, as bars; of every output."""
     effects = " and ".join(e["id"] for e in outcome["effects"])
-    first = found.study.plant.outputs[0].headings[0]
+    first = found.study.plant.outputs[0]
     where = "on fitted and on held-out experiments" if outcome["held_out"] else "on the fitted recordings"
     after = f" (before) and with {effects} (after)" if effects else ""
     declared = " ".join(about_held_out(found, outcome["error"]))
     caption = (
-        f"Root mean square error of the {first} {where}: with the model's own parameters refitted{after}. "
+        f"Root mean square error of the {first.headings[0]} {where}: with the model's own parameters refitted{after}. "
         f"{least(found)} {declared}".strip()
     )
     drawn = [(_error_bars(outcome, outcome["error"], outcome["noise_floor"]), caption)]
     sensors = outcome["noise"]["sensors"]  # those that take part in fits
-    for name in [n for n in outcome["error"]["after"].get("outputs", {}) if n in sensors][1:]:
+    for name in [n for n in outcome["error"]["after"].get("outputs", {}) if n in sensors and n != first.name]:
         of_it = {kind: errors["outputs"][name] for kind, errors in outcome["error"].items()}
         drawn.append((_error_bars(outcome, of_it, sensors[name]["rms"]), f"The same of the {name}."))
     return drawn
