@@ -203,17 +203,17 @@ def simulate(
     if not 1e-12 <= tolerance <= 1e-2:
         raise ArgumentError("tolerance", f": expected 1e-12 to 1e-2 but was given {tolerance:g}")
     protocol = _protocol(chosen, timed, named, stop, list_of_names("columns", columns))
+    owner = _owner(model, chosen, plant)
     remarks: tuple[str, ...] = ()
     between = ""
     if isinstance(timed, str | Path):
         wanted = _rows(protocol, spacing) if wanted is None and interval is None else wanted
-        owner = _owner(model, chosen, plant)
         remarks = tuple(_odd(Path(timed), protocol, owner)) if owner is not None else ()
         protocol, between = _as_recorded(protocol, owner)
-    elif isinstance(inputs, Mapping) and (owner := _owner(model, chosen, plant)) is not None:
+    elif isinstance(inputs, Mapping) and owner is not None:
         remarks = tuple(_faint(protocol, owner))
     sampled = _times(protocol, spacing) if wanted is None else wanted
-    remarks += tuple(_unset(chosen, values, _owner(model, chosen, plant)))
+    remarks += tuple(_unset(chosen, values, owner))
     kernel = Kernel(chosen, differentiated=False)
     found = kernel.simulate(protocol, sampled, values, tolerance, with_fold=chosen.curve is not None)
     remarks += tuple(_runs_away(found) or _breaks_down(found))

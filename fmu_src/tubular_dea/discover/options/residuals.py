@@ -9,7 +9,7 @@ import numpy as np
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import Fit
-from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, alike_throughout, block_sums, parts
+from ...identify.fitting.misfit import BLOCK, SLOW_CHANCE, block_sums, parts, slow_noise_told
 from ...identify.fitting.problem import whitened
 from ...identify.signals.colour import filtered
 from ...identify.signals.noise import Noise
@@ -71,11 +71,9 @@ def lack_of_fit(study: Study, fitted: Fit, pieces: Sequence[Piece] | None = None
     means, variance = block_means(residual, pieces), _block_variance(study, pieces)
     level = max(noise.uncertainty for noise in study.noise.values())
     quiet = all(noise.quiet for noise in study.noise.values())
-    known = quiet and all(noise.slow_known for noise in study.noise.values())
     slow = float(means @ means - variance.sum())
     ends = np.cumsum([p.record.size // BLOCK for p in pieces])[:-1]
-    rounded = any(noise.grain > 0 for noise in study.noise.values())  # it is slow where the plant moves slowly
-    told = known or not (rounded or alike_throughout(np.split(means / np.sqrt(variance), ends)))
+    told = slow_noise_told(study.noise.values(), np.split(means / np.sqrt(variance), ends))
     z_slow = slow / np.hypot(np.sqrt(2.0) * np.linalg.norm(variance), level * variance.sum())
     uncertainty = np.hypot(np.sqrt(2.0 * n), level * n)
     share = float(np.mean(np.concatenate([p.weight for p in pieces]) ** 2))

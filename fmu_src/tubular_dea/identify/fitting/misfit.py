@@ -3,12 +3,13 @@ narrow."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
+from ..signals.noise import Noise
 from .fit import Fit
 from .problem import Problem
 
@@ -80,6 +81,16 @@ def alike_throughout(means: Sequence[np.ndarray]) -> bool:
     return bool(chi2.sf(statistic, len(kept) - 1) > UNLIKE_CHANCE)
 
 
+def slow_noise_told(noises: Collection[Noise], means: Sequence[np.ndarray]) -> bool:
+    """Whether stretches tell how slow all noises are, or block means (n,) of each record that these are no noise.
+
+    What rounding adds is slow where the plant moves slowly: it is alike nowhere.
+    """
+    if all(noise.quiet and noise.slow_known for noise in noises):
+        return True
+    return not (any(noise.grain > 0 for noise in noises) or alike_throughout(means))
+
+
 def parts(residual: np.ndarray, records: Sequence[np.ndarray]) -> list[np.ndarray]:
     """The residual (N,) of each record; the rows of a prior, which follow them, are left out."""
     ends = np.cumsum([r.size for r in records])
@@ -95,17 +106,16 @@ def residual_over_noise(problem: Problem, best: Fit) -> ResidualOverNoise:
     """How the residual of a fit compares with the noise of its problem."""
     each = parts(best.residual, problem.records)
     sums = block_sums(each)
-    rounded = any(noise.grain > 0 for noise in problem.noise.values())  # it is slow where the plant moves slowly
-    alike = rounded or alike_throughout([block_sums([r]) / np.sqrt(BLOCK) for r in each])
+    ends = np.cumsum([r.size // BLOCK for r in each])[:-1]
     slow = float(np.mean(sums**2)) / BLOCK
     count = sum(r.size for r in each)
     squares = sum(float(r @ r) for r in each) / (count - len(best.names))
     level = max(noise.uncertainty for noise in problem.noise.values())
-    known = all(noise.quiet and noise.slow_known for noise in problem.noise.values())
+    told = slow_noise_told(problem.noise.values(), np.split(sums / np.sqrt(BLOCK), ends))
     return ResidualOverNoise(
         float(np.sqrt(squares)),
         (slow - 1) / float(np.hypot(np.sqrt(2 / sums.size), level)),
         (squares - 1) / float(np.hypot(np.sqrt(2 / count), level)),
-        1.0 if known or not alike else max(1.0, slow),
+        1.0 if told else max(1.0, slow),
         float(np.sqrt(slow)),
     )

@@ -226,17 +226,19 @@ def _size_in_another_unit(declared: DeclaredAnswers, records: Sequence[Thinned],
     if not size or any(record.zero for record in records):
         return
     at_rest = (declared.plant.model.parameter_values() | dict(declared.known))[size]
-    tried = [w for w in mislabellings(declared.plant, [output.name]) if w.signal == output.name and w.factor > 0]
+    label, heading = declared.label(records[0], output.name), output.headings[0]
+    mine = [w for w in mislabellings(declared.plant, [output.name]) if w.signal == output.name]
+    tried = [replace(w, words=words) for w in mine if (words := matching(w.words, label))]
+    if not tried:
+        return
     wholes = [[replace(r, seen=r.seen / w.factor - at_rest) for r in records] for w in tried]
     shares = [(declared.missed(whole), w) for whole, w in zip(wholes, tried, strict=True)]
     share, wrong = min(shares, key=lambda pair: pair[0])
     if share < min(LEFT * base, MOST_LEFT):
-        label, heading = declared.label(records[0], output.name), output.headings[0]
-        words = matching(wrong.words, label) or f"{_times(wrong.factor)}"
         yield (
-            f"is {output.change} no change but a {heading}, {words}? With the numbers as they are, the declared "
+            f"is {output.change} no change but a {heading}, {wrong.words}? With the numbers as they are, the declared "
             f"{declared.plant.name} misses {_percent(base)} of these records (rms), else {_percent(share)}; if so, say "
-            f"--columns '{heading}=COLUMN[{words.partition(' labelled ')[0]}]'"
+            f"--columns '{heading}=COLUMN[{wrong.words.partition(' labelled ')[0]}]'"
         )
 
 
