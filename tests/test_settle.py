@@ -74,7 +74,7 @@ def test_a_model_without_an_answer_at_the_declared_values_stays_as_it_settled(mo
     monkeypatch.setattr(settle, "as_read", lambda work, ids: work)
     monkeypatch.setattr(settle, "adjusted", none)
     one = option("lag")
-    assert settle._begun_as_declared(cast(Study, SimpleNamespace(plant=None)), one) == []
+    assert settle._begun_as_read(cast(Study, SimpleNamespace(plant=None)), one, {}) == []
 
 
 def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatch: pytest.MonkeyPatch) -> None:

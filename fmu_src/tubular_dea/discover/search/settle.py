@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ...identify.fitting.compiled import Ids
 from ...identify.fitting.fit import AGREE, Fit, described, may_be_better
 from ...identify.study.adjust import MOST_SETTLES, adjusted, with_starts_at
+from ...identify.study.read_starts import begins_elsewhere, read_starts
 from ...identify.study.study import Study, carried
 from ...kernel import KernelError
 from ..alternatives.zeros import impossible
@@ -34,7 +36,9 @@ def own_nuisances(study: Study, one: Option) -> tuple[Study, Option]:
         if again is not None and may_be_better(again.fitted, one.fitted):
             tried.append(iterated(study, again))
     if lost(study.plant, one.fitted) or (one.ids and impossible(study, one) is not None):
-        tried += _begun_as_declared(study, one)
+        tried += _begun_as_read(study, one, one.fitted.values | declared_values(study.plant, one.fitted))
+    elif not clean(one.lack_of_fit) and begins_elsewhere(study, study.training):
+        tried += _begun_as_read(study, one, one.fitted.values)
     return min(tried, key=lambda settled: settled[1].misfit)
 
 
@@ -42,6 +46,7 @@ def as_read(study: Study, ids: Ids) -> Study:
     """The study without the starts that were estimated: they belong to other parameters."""
     declared = study.plant.model.parameter_values()
     first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
+    first = [own | read_starts(study.plant, p.case, p.record) for p, own in zip(study.pieces, first, strict=True)]
     cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
     return replace(study, pieces=carried([replace(p, case=c) for p, c in zip(study.pieces, cases, strict=True)]))
 
@@ -55,10 +60,9 @@ def fit_as_declared(study: Study, fitted: Fit) -> Fit | None:
         return None
 
 
-def _begun_as_declared(study: Study, one: Option) -> list[tuple[Study, Option]]:
-    """The option fitted once more from the declared values, with nuisance parameters as these make them likely; nothing
-    where a model with both those and the effects has no answer."""
-    values = one.fitted.values | declared_values(study.plant, one.fitted)
+def _begun_as_read(study: Study, one: Option, values: Mapping[str, float]) -> list[tuple[Study, Option]]:
+    """The option fitted once more from `values`, with nuisance parameters as these make them likely; nothing where a
+    model with both those and the effects has no answer."""
     try:
         begun = adjusted(as_read(study, one.ids), one.ids, values, one.fitted.free, started=False)
     except KernelError:

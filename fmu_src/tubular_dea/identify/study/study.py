@@ -33,6 +33,7 @@ from ..signals.noise_bound import limited
 from ..signals.quiet import pace_of
 from ..signals.sampling import SAME_STEP
 from ..signals.slow import LEFT_REST, RESTS_AT, level_at_rest, slow_level
+from .read_starts import read_starts
 
 # Set by convention: a quarter.
 # Check: `pytest tests/test_discover.py::test_held_out_experiments_stay_inside_what_the_others_reach`
@@ -362,9 +363,10 @@ def _piece(recordings: Recordings, experiment: Experiment, driven: Drive, held_o
     seen = {o.name: experiment.seen(o.name) & told for o in plant.outputs}
     read = [(o, *_read(experiment, o.name, seen[o.name])) for o in plant.outputs if seen[o.name].any()]
     record = np.concatenate([values for o, _, values in read if not o.feels_rates])
+    case = Case(driven.protocol, tuple(reading for o, reading, _ in read if not o.feels_rates), own)
     return Piece(
         experiment.name,
-        Case(driven.protocol, tuple(reading for o, reading, _ in read if not o.feels_rates), own),
+        replace(case, own=own | read_starts(plant, case, record)),
         record,
         held_out,
         np.ones(record.size),
