@@ -227,8 +227,12 @@ def test_unseen_data_are_those_that_can_tell(
 
 
 @pytest.mark.parametrize(("value", "away"), [(1.21, True), (1.19, False), (0.81, False), (0.79, True)])
-def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) -> None:
+def test_an_interval_with_the_off_value_names_nothing(
+    value: float, away: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The standard error is 0.1, and the effect is off at 1."""
+    left = {(): 8.6, ("lag",): 1.0}  # over noise, where samples weigh alike
+    monkeypatch.setattr(judgement, "_squares_left", lambda study, one: left[one.ids])
     lag = SimpleNamespace(
         hard=(), off={"lag": 1.0}, fit=("lag",), parameters=[SimpleNamespace(name="lag", minimum=None)]
     )
@@ -242,6 +246,11 @@ def test_an_interval_with_the_off_value_names_nothing(value: float, away: bool) 
     study = SimpleNamespace(catalogue={"lag": lag}, plant=SimpleNamespace(places=[]), zero=lambda name: 0.0)
     described = replace(option("lag", excess=100.0, held_out=2000.0), fitted=fitted)
     assert judgement.supported(study, found(BASE, described), described) is away
+    left["lag",] = 8.5
+    assert judgement.supported(study, found(BASE, described), described) is away
+    left["lag",] = 149.0  # a muscle's absorber was a resonance of the set point: 72 um without it, 297 um with it
+    assert not judgement.supported(study, found(BASE, described), described)
+    left["lag",] = 1.0
     denied = replace(described, unseen=1.1 * BASE.unseen)
     assert not judgement.supported(study, found(BASE, denied), denied)
     assert judgement.supported(study, found(BASE, BASE), BASE)  # nothing is named

@@ -71,7 +71,7 @@ def judge(found: Search, turned: bool) -> Judgement:
     shifted, missed = zeros.impossible(work, chosen), second_output.missed(work, chosen)
     unlike = unlike_files(work, chosen)
     speaks = missed is not None or unlike is not None
-    hidden = bool(chosen.ids) and input_noise.unweighted(work, chosen.ids, chosen.fitted.values) > acceptance.UNWEIGHTED
+    hidden = bool(chosen.ids) and _squares_left(work, chosen) > acceptance.UNWEIGHTED
     word = decide(found, ratio, equivalent, wandering is not None, shifted is not None, speaks, turned, hidden)
     if word == "unexplained":  # then the base is what is handed out, with intervals of its own
         same = chosen is found.base and work is found.base_study
@@ -202,11 +202,19 @@ def _well_declared(found: Search) -> bool:
 
 
 def supported(work: Study, found: Search, described: Option) -> bool:
-    """Whether every chosen effect has a strength inside its bounds and an interval that excludes its off value, and
-    held-out data support the choice."""
+    """Whether every chosen effect has a strength inside its bounds and an interval that excludes its off value,
+    held-out data support the choice, and weights do not hide more of what it leaves than the base leaves."""
     if not described.ids:
         return True
-    return not _vague(work, found, described) and acceptance.confirmed(found.base, found.chosen)
+    if _vague(work, found, described) or not acceptance.confirmed(found.base, found.chosen):
+        return False
+    left = _squares_left(work, found.chosen)
+    return left <= acceptance.UNWEIGHTED or left < _squares_left(found.base_study, found.base)
+
+
+def _squares_left(work: Study, option: Option) -> float:
+    """What an option leaves over what all noise makes where samples at which inputs switch weigh as others do."""
+    return input_noise.unweighted(work, option.ids, option.fitted.values)
 
 
 def _vague(work: Study, found: Search, described: Option) -> dict[str, str]:
@@ -254,7 +262,7 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
     """The choice (and its rivals) without its least supported effect; the base, if that was the only one."""
     vague = _vague(work, found, described)
     least = min(vague or described.ids, key=lambda n: found.gains.get(n, 0.0))
-    found.withdrawn[least] = vague.get(least, "data that took part in no fit do not support it")
+    found.withdrawn[least] = vague.get(least, "data that took part in no fit, or weigh little in one, do not support it")
 
     def without(one: Option) -> Option | None:
         rest = tuple(i for i in one.ids if i != least)
