@@ -262,7 +262,7 @@ def _withdrawn(work: Study, found: Search, described: Option) -> Option:
     """The choice (and its rivals) without its least supported effect; the base, if that was the only one."""
     vague = _vague(work, found, described)
     least = min(vague or described.ids, key=lambda n: found.gains.get(n, 0.0))
-    found.withdrawn[least] = vague.get(least, "data that took part in no fit, or weigh little in one, do not support it")
+    found.withdrawn[least] = vague.get(least, "data that count in no fit, or little, do not support it")
 
     def without(one: Option) -> Option | None:
         rest = tuple(i for i in one.ids if i != least)
