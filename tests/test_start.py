@@ -72,6 +72,37 @@ def test_a_plant_without_an_equilibrium_may_have_stood_under_load(
     assert detected(Experiment("one", TIME, inputs, outputs, np.arange(100)), plant) == kind
 
 
+def coil() -> Plant:
+    """A motor whose angle starts anywhere; its current, which starts at 0, is read beside it."""
+    m = Build("Motor", "A motor with a torsion spring")
+    voltage, r = m.input("voltage", "V", nominal=3), m.parameter("R", "ohm", 2.5, minimum=0.01)
+    i, angle = m.state("i", "A", nominal=1), m.state("angle", "rad", start="free", nominal=0.3)
+    m.derivative(i, (voltage - r * i) / m.parameter("L", "H", 1e-3, minimum=1e-6))
+    gain = m.parameter("gain", "rad/A", 1.0, minimum=0.01)
+    m.derivative(angle, (gain * i - angle) / m.parameter("tau", "s", 0.01, minimum=1e-4))
+    m.output("turned", "rad", angle)
+    m.output("current", "A", i)
+    m.output("drop", "V", voltage - r * i)
+    return Plant(m.model(), [Input("voltage")], [Output("turned"), Output("current"), Output("drop")])
+
+
+@pytest.mark.parametrize(
+    ("current", "drop", "kind"),
+    [
+        (0.4, 0.0, UNKNOWN),  # it stood under load
+        (0.0, 1.2, RESTED),  # it was switched on before the first sample
+        (0.0, 0.6, RESTED),  # for all that is known: a fit may change what is declared of it
+    ],
+)
+def test_any_output_may_show_that_a_plant_stood_under_load(current: float, drop: float, kind: str) -> None:
+    """A galvanometer's angle started anywhere, and its current at 0, not at 0.43 A: a null was "unexplained"."""
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((4, 100))
+    read = dict(zip(("turned", "current", "drop"), (0.4, current, drop), strict=True))
+    outputs = {name: level + LATER / 100 + e for (name, level), e in zip(read.items(), noise, strict=False)}
+    inputs = {"voltage": 1.2 + LATER / 100 + noise[3]}
+    assert detected(Experiment("one", TIME, inputs, outputs, np.arange(100)), coil()) == kind
+
+
 def test_a_plant_without_an_equilibrium_starts_at_none(tmp_path: Path) -> None:
     file = tmp_path / "bench.toml"
     file.write_text('[start]\none = "equilibrium"\n')

@@ -65,13 +65,17 @@ def detected(experiment: Experiment, plant: Plant) -> str:
     loaded = any(_begins_off(time, experiment.inputs[s.name], s.known_zero) for s in plant.inputs)
     if static:
         return UNKNOWN if loaded else RESTED
-    name = next(iter(experiment.outputs))
-    seen, signal = experiment.seen(name), next(o for o in plant.outputs if o.name == name)
-    rest = signal.rest if plant.model.curve else _declared_reading(experiment, plant, name)
-    if rest is None or not loaded:
-        return RESTED
-    moved = _begins_off(time[seen], experiment.outputs[name][seen] - rest, signal.known_zero)
-    return UNKNOWN if moved else RESTED
+    first, *others = [o for o in plant.outputs if o.name in experiment.outputs]
+    told = [first, *(o for o in others if not plant.model.curve and not _fits_change_start(plant, o))]
+    return UNKNOWN if loaded and any(_begun_off(experiment, plant, o) for o in told) else RESTED
+
+
+def _begun_off(experiment: Experiment, plant: Plant, output: Output) -> bool:
+    """Whether an output clearly begins elsewhere than at rest, or than where the plant is declared to start."""
+    seen = experiment.seen(output.name)
+    rest = output.rest if plant.model.curve else _declared_reading(experiment, plant, output.name)
+    values = experiment.outputs[output.name][seen]
+    return rest is not None and _begins_off(experiment.time[seen], values - rest, output.known_zero)
 
 
 def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> float | None:
@@ -85,6 +89,12 @@ def _declared_reading(experiment: Experiment, plant: Plant, output: str) -> floa
         return None
     found = value(*(known[str(s)] for s in symbols))
     return found if np.isfinite(found) else None
+
+
+def _fits_change_start(plant: Plant, output: Output) -> bool:
+    """Whether what an output reads at the declared start depends on parameters that a fit may change."""
+    fitted = {p.quantity.symbol for p in plant.model.parameters if p.tunable}
+    return bool(_at_declared_start(plant.model, output.name).free_symbols & fitted)
 
 
 def _at_declared_start(model: Model, output: str) -> sympy.Expr:
@@ -104,12 +114,7 @@ def begun_elsewhere(recordings: Recordings, output: Output) -> tuple[Experiment,
     is zero, as then the sensor's own zero is as likely.
     """
     plant, first = recordings.plant, None
-    fitted = {p.quantity.symbol for p in plant.model.parameters if p.tunable}
-    if (
-        plant.model.curve
-        or not plant.model.states
-        or _at_declared_start(plant.model, output.name).free_symbols & fitted
-    ):
+    if plant.model.curve or not plant.model.states or _fits_change_start(plant, output):
         return None
     for e in recordings.experiments:
         if recordings.starts[e.name] != RESTED or e.follows or output.name not in e.outputs:
