@@ -295,3 +295,23 @@ def test_what_is_nearly_at_a_bound_begins_at_it() -> None:
     begun = problem.values(begun_at_bounds(problem, start))
     assert 1.1 - 1e-7 < begun["skew"] < 1.1
     assert begun["travel"] == pytest.approx(5.8e-4) and begun["part"] == pytest.approx(0.3)
+
+
+def test_what_other_weights_leave_lacks_nothing() -> None:
+    """A membrane, with 3 V of noise in the voltage that makes its current, "lacks something": its fit, in which samples
+    weighed as if there were none, left 1.24 times what there is to be left."""
+    m = Build("Circuit", "A capacitance behind a resistance")
+    voltage, across = m.input("voltage", "V", nominal=1.0), m.state("across", "V", nominal=1.0)
+    m.derivative(across, (voltage - across) / m.parameter("tau", "s", 0.5, minimum=0.01))
+    m.output("charged", "V", across)
+    plant = Plant(m.model(), [Input("voltage")], [Output("charged")])
+    random, time = np.random.default_rng(4), np.arange(0, 10, 0.01)
+    drive = np.where(time > 1, np.sin(2 * time - 2), 0.0)
+    charged = td.simulate(plant, td.Protocol.of(time, voltage=drive), times=time)["charged"]
+    read = {"charged [V]": charged + 2e-3 * random.standard_normal(time.size), "voltage [V]": drive}
+    work = study(td.read_recordings({"one": {"time [s]": time, **read}}, plant), held_out=(), effects=False)
+    problem = work.problem((), procedure.free_parameters(plant.model, {"tau": 0.5}), {"tau": 0.5})
+    best = fit(problem, {"tau": 0.5})
+    moved = replace(best, scaled=best.scaled + 0.02)
+    assert residual_over_noise(problem, replace(moved, residual=problem.residuals(moved.scaled))).significant
+    assert not estimates._misfit(work, problem, moved).significant

@@ -16,7 +16,7 @@ from ..discover.alternatives.input_noise import input_sensitivities, weighted
 from ..discover.scores.parameters import is_share
 from ..errors import ArgumentError, list_of_names
 from ..files import write_atomically
-from ..identify.fitting.fit import NORMAL_95, Fit, goodness, rmse, uncertainty
+from ..identify.fitting.fit import NORMAL_95, Fit, fit, goodness, rmse, uncertainty
 from ..identify.fitting.intervals import intervals, vanishing, with_coarse_residuals
 from ..identify.fitting.misfit import ResidualOverNoise, residual_over_noise
 from ..identify.fitting.problem import Problem
@@ -322,9 +322,12 @@ def _content(work: Study, problem: Problem, best: Fit, profile: bool) -> dict[st
 
 
 def _misfit(work: Study, problem: Problem, best: Fit) -> ResidualOverNoise:
-    """How the residual compares with noise, where that of the monitors, which drive the model, counts as such."""
+    """How the residual compares with noise, where that of the monitors, which drive the model, counts as such: where
+    more is left, also that of a fit in which samples weigh as this makes them, as another one leaves more than it has
+    to."""
     judged = weighted(work, input_sensitivities(work, best.values)).problem((), best.free, problem.fixed)
-    return residual_over_noise(judged, replace(best, residual=judged.residuals(best.scaled)))
+    left = residual_over_noise(judged, replace(best, residual=judged.residuals(best.scaled)))
+    return residual_over_noise(judged, fit(judged, best.values)) if left.significant else left
 
 
 def _errors(work: Study, answers: Sequence[np.ndarray], output: str) -> dict[str, Any]:
