@@ -21,7 +21,24 @@ def test_units_convert() -> None:
     assert parse("Pa.s").exponents == parse("kg/m/s").exponents
 
 
-@pytest.mark.parametrize("unit", ["barn", "mm Gh", "", "V//m", "m-"])
+@pytest.mark.parametrize(
+    ("written", "plain"),
+    [
+        ("kPa/(mL/min)", "kPa.min/mL"),  # it was kPa/(mL.min), and a right declaration was refused
+        ("1/(K/J)", "J/K"),
+        ("J/(kg.K)", "J/kg/K"),
+        ("(W/m)/K", "W/m/K"),
+        ("[ (W / m).K ]", "W.K/m"),
+        ("V/(m/(s/A))", "V.s/m/A"),
+        ("m.(s/(K/A))/V", "m.s.A/K/V"),
+        ("(V)/(m)", "V/m"),
+    ],
+)
+def test_units_with_brackets(written: str, plain: str) -> None:
+    assert parse(written) == parse(plain)
+
+
+@pytest.mark.parametrize("unit", ["barn", "mm Gh", "", "V//m", "m-", "(m/s)2", "kPa (abs)", "(kPa", "2(m)"])
 def test_unknown_units_are_named(unit: str) -> None:
     with pytest.raises(UnitError, match="cannot read the unit"):
         parse(unit)

@@ -130,6 +130,7 @@ UNDERSTOOD = {
     "a time t and a temperature T": lines(
         lambda rows: [f"{row},{'23.1' if i else 'T [degC]'}" for i, row in enumerate(rows)]
     ).replace("time [s]", "t [s]"),
+    "units with brackets": GOOD.replace("[V]", "[A.(V/A)]").replace("[m]", "[V/(V/m)]"),
     "other units": GOOD.replace("voltage [V]", "Voltage / V").replace("[m]", "(m)"),
     "gaps": column(1, lambda i, v: np.nan if 200 < i < 300 else v),
     "doubled rows": lines(lambda rows: [*rows[:200], rows[199], *rows[200:220], rows[219], *rows[220:]]),

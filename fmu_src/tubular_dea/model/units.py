@@ -9,6 +9,7 @@ unit is in SI base units. Laboratories write in other ways, which are understood
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import re
 import unicodedata
@@ -24,6 +25,7 @@ from ..errors import UserError
 MOST_DIGITS = 9  # of a number that is known that well
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 BASE = ("kg", "m", "s", "A", "K", "mol")
+_BRACKET = re.compile(r"\(([^()]*)\)")  # one that holds no others
 PRODUCT = re.compile(r"(?<!\d)\.|\.(?!\d)")  # a dot between digits is that of a broken exponent
 Amount = TypeVar("Amount", float, np.ndarray)
 Power: TypeAlias = int | Fraction
@@ -349,10 +351,29 @@ def quantity(text: str, expected: str) -> float:
 def _plain(text: str) -> str:
     """As in Modelica: µ is u, a dot for every sign of a product, digits for exponents, no brackets; /s is 1/s."""
     plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).strip().replace("..", "")
-    while plain.startswith(("(", "[")) and plain.endswith((")", "]")):
+    while plain.startswith(("(", "[")) and plain.endswith((")", "]")) and not set("()") & set(plain[1:-1]):
         plain = plain[1:-1].strip()
-    plain = re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain.replace("/(", "/").rstrip(")"))
+    plain = re.sub(r"\s*([()])\s*", r"\1", plain.removeprefix("[").removesuffix("]").strip())
+    plain = _without_brackets(re.sub(r"\s*([/.])\s*|\s+", lambda m: m[1] or ".", plain)).rstrip(")")
     return f"1{plain}" if plain.startswith("/") else plain
+
+
+def _without_brackets(text: str) -> str:
+    """Products and quotients in brackets, the innermost first, multiplied out: a/(b/c).d is c.a/b.d, where a product
+    binds more than a quotient. What is nothing of the kind keeps its brackets, and is refused by whoever reads it."""
+    while group := _BRACKET.search(text):
+        before, after = text[: group.start()], text[group.end() :]
+        above, *below = group[1].split("/")
+        if re.match(r"[-0-9A-Za-z%]", after) or (before and before[-1] not in "/.("):
+            break
+        begin = before.rfind("(") + 1  # of the product or quotient around it
+        if "/" in before[begin:]:
+            text = before[:begin] + "".join(f"{one}." for one in below) + before[begin:] + (above or "1") + after
+        else:
+            opened = itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in after)
+            end = next((i for i, depth in enumerate(opened) if depth < 0), len(after))
+            text = before + (above or "1") + after[:end] + "".join(f"/{one}" for one in below) + after[end:]
+    return text
 
 
 def _written(name: str, exponent: Power) -> str:

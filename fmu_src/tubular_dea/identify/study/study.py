@@ -300,13 +300,16 @@ def log_determinant(pieces: Sequence[Piece]) -> float:
 
 
 def _integrated(work: Study) -> Study:
-    """The study with the rough tolerance, if its error at the declared values is nothing beside the noise."""
-    coarse = replace(work, tolerance=ROUGH)
-    problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
-    try:
-        return coarse if problem.numerical_error(FINER) < NEGLIGIBLE else work
-    except KernelError:  # no answer there
-        return work
+    """The study with the roughest tolerance whose error at the declared values is nothing beside the noise."""
+    for tolerance in ROUGH:
+        coarse = replace(work, tolerance=tolerance)
+        problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
+        try:
+            if problem.numerical_error(FINER) < NEGLIGIBLE:
+                return coarse
+        except KernelError:
+            return work
+    return work
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:

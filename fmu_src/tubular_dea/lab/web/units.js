@@ -34,9 +34,27 @@ function convertedUnit(values, unit, expected) {
 
 function plainUnit(text) {
   let plain = Array.from(text.normalize("NFKC"), (c) => words.signs[c] ?? c).join("").trim().replaceAll("..", "");
-  while (/^[([]/.test(plain) && /[)\]]$/.test(plain)) plain = plain.slice(1, -1).trim();
-  plain = plain.replaceAll("/(", "/").replace(/\)+$/, "").replace(/\s*([/.])\s*|\s+/g, (_, mark) => mark || ".");
+  while (/^[([]/.test(plain) && /[)\]]$/.test(plain) && !/[()]/.test(plain.slice(1, -1))) plain = plain.slice(1, -1).trim();
+  plain = plain.replace(/^\[|\]$/g, "").trim().replace(/\s*([()])\s*/g, "$1");
+  plain = withoutBrackets(plain.replace(/\s*([/.])\s*|\s+/g, (_, mark) => mark || ".")).replace(/\)+$/, "");
   return plain.startsWith("/") ? `1${plain}` : plain;
+}
+
+/* Products and quotients in brackets, the innermost first, multiplied out: a/(b/c).d is c.a/b.d. */
+function withoutBrackets(text) {
+  for (let group; (group = /\(([^()]*)\)/.exec(text)); ) {
+    const before = text.slice(0, group.index), after = text.slice(group.index + group[0].length);
+    const [above, ...below] = group[1].split("/"), begin = before.lastIndexOf("(") + 1; // of what is around it
+    if (/^[-0-9A-Za-z%]/.test(after) || (before && !"/.(".includes(before.at(-1)))) break;
+    if (before.slice(begin).includes("/")) {
+      text = before.slice(0, begin) + below.map((one) => `${one}.`).join("") + before.slice(begin) + (above || "1") + after;
+    } else {
+      let end = 0;
+      for (let open = 0; end < after.length && (open += { "(": 1, ")": -1 }[after[end]] ?? 0) >= 0; ) end++;
+      text = before + (above || "1") + after.slice(0, end) + below.map((one) => `/${one}`).join("") + after.slice(end);
+    }
+  }
+  return text;
 }
 
 function unitPower(name, text) {
