@@ -24,7 +24,18 @@ from ..threads import side_by_side
 from .arrivals import sent_as_recorded, with_arrivals
 from .instants import bounds, into_bounds, part_on_clock
 from .linearised import Linearised, common_shift, lasting_edges, linearised_piece, wide, windows_of
-from .nuisances import DELAY_OF, DRIFT_OF, GAIN_OF, SMOOTH_OF, START_OF, prior, start_columns, step_of, with_columns
+from .nuisances import (
+    DELAY_OF,
+    DRIFT_OF,
+    GAIN_OF,
+    SMOOTH_OF,
+    START_OF,
+    prior,
+    start_columns,
+    step_of,
+    with_columns,
+    without_delays,
+)
 from .remembered import NOISE_OF
 from .spreads import Common, most_spread, spreads
 from .study import Piece, Study, carried
@@ -193,20 +204,10 @@ def _without_own(piece: Piece, linear: Linearised, sd: np.ndarray) -> np.ndarray
     as it is where no edge has a window, as nobody asks."""
     if not linear.windows:
         return linear.residual
-    sd = _undelayed(piece, sd)
+    sd = without_delays(piece, sd)
     local = marginal(windows_of(piece, linear, piece.shifts), np.empty((piece.record.size, 0)), np.empty(0))
     own = piece.nuisances.mean(local.apply(linear.columns), local.apply(linear.residual), sd)
     return linear.residual + linear.columns @ own
-
-
-def _undelayed(piece: Piece, sd: np.ndarray) -> np.ndarray:
-    """The priors (k,) without delays of inputs with edges, by which to tell their instants.
-
-    A delay moves all edges of an input alike, which their instants do as well. What many share would be taken for one,
-    and their instants would come near the likeliest ones only little by little.
-    """
-    switched = {f"{DELAY_OF}{e.input}" for e in piece.driven.edges}
-    return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
 
 
 def _moved_alike(
@@ -247,7 +248,7 @@ def _together(
 
     The other nuisance parameters are integrated out.
     """
-    lasting, sd = lasting_edges(piece), _undelayed(piece, sd)
+    lasting, sd = lasting_edges(piece), without_delays(piece, sd)
     mine, numbers = list(lasting), list(lasting.values())
     change = piece.nuisances.mean(linear.columns, linear.residual, sd, linear.lasting)
     others = sd.copy()

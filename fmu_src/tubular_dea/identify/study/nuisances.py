@@ -360,10 +360,13 @@ def zero_spread(study: Study, name: str) -> float:
 
 def with_nuisances(study: Study, piece: Piece, answer: np.ndarray, without: str = "") -> np.ndarray:
     """A model's output (N,) for a piece, corrected by the most likely values of its nuisance parameters, `without` some
-    kind of them: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded."""
+    kind of them: without `NOISE_OF` it goes as far astray as any model that is driven by what was recorded.
+
+    Edges are where they likely were, and no delay beside is a straight line there: it would draw spikes.
+    """
     if not piece.nuisances.names:  # none are known before a first fit
         return answer
-    own = likeliest(study, piece, answer)
+    own = likeliest(study, piece, answer, without_delays(piece, piece.nuisances.sd))
     if without:
         own = np.where([n.startswith(without) for n in piece.nuisances.names], 0.0, own)
     return answer + piece.nuisances.columns @ own
@@ -399,10 +402,20 @@ def share_unknown(study: Study, piece: Piece) -> np.ndarray:
     return left
 
 
-def likeliest(study: Study, piece: Piece, answer: np.ndarray) -> np.ndarray:
+def likeliest(study: Study, piece: Piece, answer: np.ndarray, sd: np.ndarray | None = None) -> np.ndarray:
     """The most likely values (k,) of the nuisance parameters of a piece, for which a model has the output `answer`
-    (N,)."""
+    (N,); their priors are `sd` (k,), if they are others."""
     residual = whitened(piece.case, answer - piece.record, study.noise, piece.weight)
     columns = whitened(piece.case, piece.nuisances.columns, study.noise, piece.weight)
     local = Marginal(piece.marginal.windows)
-    return piece.nuisances.mean(local.apply(columns), local.apply(residual), piece.nuisances.sd)
+    return piece.nuisances.mean(local.apply(columns), local.apply(residual), piece.nuisances.sd if sd is None else sd)
+
+
+def without_delays(piece: Piece, sd: np.ndarray) -> np.ndarray:
+    """The priors (k,) without delays of inputs with edges, by which to tell their instants.
+
+    A delay moves all edges of an input alike, which their instants do as well. What many share would be taken for one,
+    and their instants would come near the likeliest ones only little by little.
+    """
+    switched = {f"{DELAY_OF}{e.input}" for e in piece.driven.edges}
+    return np.where([n in switched for n in piece.nuisances.names], 0.0, sd)
