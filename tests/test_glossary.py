@@ -34,6 +34,7 @@ DISCOURAGED = {
     "foretell": "predict",
     "foretold": "predicted",
     "foreign": "external",
+    "lest": "so that ... not",
     "right side": "right-hand side",
 }
 

@@ -132,7 +132,7 @@ def test_what_is_missing_is_certain_only_beside_noise_that_was_seen(quiet: bool)
     )
     said = in_short._confidence(found)
     assert said.startswith("It is certain that something is missing") == quiet
-    assert ("7 times what was told" in said) != quiet
+    assert ("7 times what was estimated" in said) != quiet
 
 
 @pytest.mark.parametrize(("stderr", "told"), [(0.5, "only show that it is at least 5.0"), (40.0, "do not tell it")])
@@ -261,7 +261,9 @@ def test_a_residual_that_is_noise_only_if_nobody_knows_it_is_not_called_nothing(
         wandering=None,
     )
     said = reservations.loud(found)
-    assert ("the slow part of the residual is 2.5 times that of the noise that could be told" in said) == (not quiet)
+    assert ("the slow part of the residual is 2.5 times that of the noise that could be estimated" in said) == (
+        not quiet
+    )
     assert in_short._confidence(found) == (in_short.CONFIDENCE["no_effect"] if quiet else in_short.LOUDER)
     nothing = in_short._nothing(found, {"error": {"after": NO_FILES}})
     assert (nothing == in_short.NOTHING) == quiet and said in nothing
@@ -345,6 +347,24 @@ def of_size(one: Option, structure: float) -> Option:
     return replace(one, lack_of_fit=replace(one.lack_of_fit, structure=structure))
 
 
+def test_a_model_that_makes_up_for_what_is_missing_says_so() -> None:
+    """An electrode that loses contact: C_3 was 474 times as declared, and a margin to snap-through 202 050 mmHg."""
+    declared = PLANT.model.parameter_values()
+    values = {"C_1": 1.2 * declared["C_1"], "C_3": 474 * declared["C_3"], "k_2": 0.9 * declared["k_2"]}
+
+    def said(verdict: str, values: dict[str, float]) -> list[str]:
+        fitted = SimpleNamespace(values=values, names=[*values])
+        found = SimpleNamespace(
+            verdict=verdict, study=SimpleNamespace(plant=PLANT), named=SimpleNamespace(fitted=fitted)
+        )
+        return reservations.compensating(found)
+
+    for verdict in ("unexplained", "partly_explained"):
+        (only,) = said(verdict, values)
+        assert "beyond these recordings" in only and "(C_3 474 times as declared)" in only
+    assert said("no_effect", values) == said("unexplained", {"C_1": values["C_1"]}) == []
+
+
 @pytest.mark.parametrize("structure", [0.0, 1e-6])
 def test_a_residual_of_noise_is_told_as_that_only(structure: float) -> None:
     quiet = of_size(made_up.option(excess=-50.0, z_slow=-0.9), structure)
@@ -396,7 +416,8 @@ def test_summary_and_steps_say_the_same_of_an_uncertain_channel(disturbance: boo
     close_loop._channels(page, found, told)
     assert told == "sensor"
     assert (
-        f"electrical. The channel is uncertain: the one told is the sensor channel, because {why}." in page.document()
+        f"electrical. The channel is uncertain: the one reported is the sensor channel, because {why}."
+        in page.document()
     )
     advice = outcome.advice(found)
     assert f"a second sensor, because {why}; the channel is uncertain, as the " in advice
@@ -690,7 +711,7 @@ def test_what_noise_and_sampling_allow_is_explained_beside_its_size() -> None:
 
 @pytest.mark.parametrize(("quiet", "excess", "certain"), [(True, 4e3, True), (False, 4e3, False), (False, 4e5, True)])
 def test_what_may_be_noise_is_not_certain(quiet: bool, excess: float, certain: bool) -> None:
-    """Where no part is quiet, twice the noise that could be told may be noise; many times is not."""
+    """Where no part is quiet, twice the noise that could be estimated may be noise; many times is not."""
     study = SimpleNamespace(plant=PLANT, noise={PLANT.outputs[0].name: Noise(9e-6, 0.0, quiet=quiet)})
     found = SimpleNamespace(verdict="unexplained", study=study, named=made_up.option(excess=excess), wandering=None)
     found.strained, found.unlike = (), None

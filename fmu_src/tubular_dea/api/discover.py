@@ -111,7 +111,7 @@ class DiscoveryResult:
         said += first_remark(self.content["remarks"], said)
         if not self.discovery.named.ids:
             said.append("model.json and the FMU carry the recalibrated base model only")
-        return said
+        return [*said, *reservations.compensating(self.discovery)]
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row a parameter: those of the named effects, then the model's own. Needs the extra `tables`."""
@@ -157,7 +157,8 @@ class DiscoveryResult:
 
         text = json.dumps(self.content, indent=2, allow_nan=False) + "\n"
         covariance = uncertainty(found.named.fitted, self.model)
-        saved = as_json(self.model, f"identified from {recordings.source}", covariance, recordings.plant)
+        note = f"identified from {recordings.source} ({self.verdict})"
+        saved = as_json(self.model, note, covariance, recordings.plant)
         try:
             with ThreadPoolExecutor(2) as pool:  # the compilers of both work beside the report
                 compiled = pool.submit(built)

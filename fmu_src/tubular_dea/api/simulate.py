@@ -358,7 +358,7 @@ def _breaks_down(found: Trajectory) -> list[str]:
         return []
     return [
         f"the electric field reaches {1e-6 * largest:.4g} V/um: expected at most {1e-6 * FIELD_LIMIT:g} V/um, which is "
-        "what the scheduler allows (field_limit), lest the elastomer break down"
+        "what the scheduler allows (field_limit): beyond, the elastomer may break down"
     ]
 
 

@@ -330,9 +330,9 @@ def _channels(page: Page, found: Discovery, told: str | None) -> None:
         if found.isolated.disturbance
         else "from a latent input of free form in each channel"
     )
-    later = f" The effect that is named acts in the {told} channel and explains more, so that is the channel told."
+    later = f" The effect that is named acts in the {told} channel and explains more, so that is the channel reported."
     if why := contested(found):
-        later = f" The channel is uncertain: the one told is the {told} channel, because {why}."
+        later = f" The channel is uncertain: the one reported is the {told} channel, because {why}."
     evidence = sorted(found.isolated.evidence.items(), key=lambda entry: -entry[1])
     differs = told not in (None, found.isolated.channel)
     page.text(f"3. The channel in which the residual arises, {how}: {found.isolated.channel}.{later * differs}")

@@ -10,7 +10,7 @@ import numpy as np
 from ..discover.answer import between_files
 from ..discover.answer.outcome import beyond_noise
 from ..discover.answer.remarks import not_named
-from ..discover.answer.reservations import forced, from_the_start, hidden_by_noise, loud
+from ..discover.answer.reservations import compensating, forced, from_the_start, hidden_by_noise, loud
 from ..discover.engine import Discovery
 from ..discover.options.acceptance import far, noise_alone
 from ..discover.options.residuals import FAR
@@ -48,14 +48,14 @@ DRIFTS = (
     "the catalogue explains clearly more of it than such a drift. A slow effect of this size would look the same."
 )
 LOUDER = (
-    "The residual is larger than the noise that could be told, but no part of the recordings is quiet: either "
+    "The residual is larger than the noise that could be estimated, but no part of the recordings is quiet: either "
     "something is missing, or the noise is larger and its errors last longer. Some rest in each file would "
     "tell, or its size under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
 )
 FAR_ABOVE = (
-    "Something is missing, or the noise is much larger than could be told: no part of the recordings is quiet, and the "
-    "residual is {ratio:.0f} times what was told. Some rest in each file would make it certain, or the size of the "
-    "noise under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
+    "Something is missing, or the noise is much larger than could be estimated: no part of the recordings is quiet, "
+    "and the residual is {ratio:.0f} times what was estimated. Some rest in each file would make it certain, or the "
+    "size of the noise under [noise] in bench.toml. No effect of the catalogue explains most of the residual."
 )
 DROWNED = (
     "The residual is no larger than what the noise of sensors and inputs may cause, but so is most of what the records "
@@ -126,6 +126,7 @@ def in_short(page: Page, found: Discovery, outcome: dict[str, Any]) -> None:
                 APART if odd else _confidence(found),
                 *forced(found),
                 *from_the_start(found),
+                *compensating(found),
                 *_driven(found, outcome),
                 *_left(found, outcome),
                 *_rivals(outcome),
@@ -148,7 +149,7 @@ def _unknown(found: Discovery) -> str:
 
 
 def may_be_louder(found: Discovery) -> bool:
-    """Whether what nothing explains may be noise that is larger than could be told."""
+    """Whether what nothing explains may be noise that is larger than could be estimated."""
     return found.verdict == "unexplained" and not _noise_known(found) and found.named.lack_of_fit.ratio < FAR
 
 

@@ -407,7 +407,9 @@ def _coloured(found: Discovery) -> list[str]:
         return []
     quiet = reservations.quiet(found)
     told = (
-        "quiet stretches tell. It may be noise that is slower than these stretches last" if quiet else "could be told"
+        "quiet stretches tell. It may be noise that is slower than these stretches last"
+        if quiet
+        else "could be estimated"
     )
     also = "or a weak effect: record longer ones, in which nothing moves" if quiet else "as no stretch is quiet"
     part = reservations.slow_part(state, told)

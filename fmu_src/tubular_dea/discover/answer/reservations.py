@@ -6,12 +6,12 @@ import numpy as np
 
 from ...identify.study.nuisances import START_OF
 from ...model.starts import unknowns
-from ...model.units import in_words
+from ...model.units import in_words, three
 from ..alternatives.input_noise import allowed_rms
 from ..engine import Discovery
 from ..options.acceptance import PREDICTED, clean, size_interval
 from ..options.residuals import LackOfFit
-from ..scores.parameters import at_bounds
+from ..scores.parameters import at_bounds, implausible_values
 
 # Set by judgement. Check: `python -m blind.score --external 12 --seed 1000`
 FEW_EXPERIMENTS = 3  # [1] experiments below which a verdict rests on little
@@ -47,6 +47,19 @@ def forced(found: Discovery) -> list[str]:
     ]
 
 
+def compensating(found: Discovery) -> list[str]:
+    """Where a residual stays, that parameters of the model that is handed out make up for what is missing by values
+    that no such plant has: it is good for nothing but these recordings."""
+    far_off = implausible_values(found.study.plant, found.named.fitted)
+    if found.verdict not in ("unexplained", "partly_explained") or not far_off:
+        return []
+    times = ", ".join(f"{name} {three(by)}" for name, by in far_off.items())
+    return [
+        "Do not use the model in model.json and the FMU beyond these recordings: unless declared values were first "
+        f"guesses, its parameters make up for what is missing ({times} times as declared)."
+    ]
+
+
 def from_the_start(found: Discovery) -> list[str]:
     """That a named effect is slower than the records are long, each of which begins at its own state of it: a voltage
     of 260 V that never changes was a trap of 980 s with 58 kV in it."""
@@ -76,7 +89,7 @@ def loud(found: Discovery) -> str:
         return drowned
     if clean(found.named.lack_of_fit) or quiet(found):
         return ""
-    return f"no stretch is quiet, and {slow_part(found.named.lack_of_fit, 'could be told')}"
+    return f"no stretch is quiet, and {slow_part(found.named.lack_of_fit, 'could be estimated')}"
 
 
 def hidden_by_noise(found: Discovery) -> str:

@@ -48,15 +48,26 @@ def implausible(plant: Plant, fitted: Fit) -> list[str]:
 
     One that may be exchanged with another is not if it is plausible in its place: which is which may not be told.
     """
+    return [*_times_declared(plant, {n: interval(fitted, n) for n in fitted.names})]
+
+
+def implausible_values(plant: Plant, fitted: Fit) -> dict[str, float]:
+    """By how many times their declared values such parameters are implausible, whatever their intervals say."""
+    return _times_declared(plant, {n: (fitted.values[n], fitted.values[n]) for n in fitted.names})
+
+
+def _times_declared(plant: Plant, found: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """The parameters of which all that lies between two ends is implausible, and the first end over the declared
+    value."""
     declared = plant.model.parameter_values()
-    judged = [n for n, value in declared_values(plant, fitted).items() if value != 0]
+    judged = [n for n in declared if n in found and declared[n] != 0]
     places = {n: [n, *(e.pairs[n] for e in plant.exchanges if n in e.pairs)] for n in judged}
 
     def far(name: str, place: str) -> bool:
-        low, high = sorted(end / declared[place] for end in interval(fitted, name))
+        low, high = sorted(end / declared[place] for end in found[name])
         return low >= IMPLAUSIBLE or high <= 1 / IMPLAUSIBLE
 
-    return [n for n in judged if all(far(n, place) for place in places[n])]
+    return {n: found[n][0] / declared[n] for n in judged if all(far(n, place) for place in places[n])}
 
 
 def effect_parameters(effect: Effect, refined: bool = False) -> list[Free]:
