@@ -38,6 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+OUTSIDE = {"Path", "Driven", "None"}  # types in docstrings of other libraries, and what `Kernel.driven` gives
 EXAMPLES = [*FUNCTIONS, "Kernel", "Kernel.simulate", "Kernel.derivatives", "Protocol.of"]
 
 
@@ -67,6 +68,9 @@ def test_every_argument_is_documented(name: str) -> None:
     }
     assert documented == set(inspect.signature(thing).parameters) - {"self"}
     assert "Raises\n------\n" in text or "." in name
+    types = " ".join(line.split(" : ")[1] for line in sections[0].splitlines() if line[:1].strip() and " : " in line)
+    named = set(re.findall(r"\b[A-Z]\w*[a-z]\w*", types))
+    assert named <= set(td.__all__) | OUTSIDE, f"{name}: {named - set(td.__all__)} are nowhere to be found"
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -130,7 +134,7 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     run = td.simulate(pressure="95 mmHg", voltage=0, stop=0.1)
     for library in ("pandas", "xarray"):
         monkeypatch.setitem(sys.modules, library, None)
-        with pytest.raises(ImportError, match=rf"needs {library}.*pip install 'tubular-dea\[tables\]'"):
+        with pytest.raises(ImportError, match=rf"needs {library}.*pip install '\.\[tables\]'"):
             getattr(run, f"to_{library}")()
 
 

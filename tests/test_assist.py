@@ -21,7 +21,7 @@ from shared_data import shared
 from tubular_dea.api.given import settings_of
 from tubular_dea.cli import main
 from tubular_dea.commands.assist import EXAMPLE
-from tubular_dea.cosim.beats import FIGURES, BeatError, beats, measure, r_wave_rows
+from tubular_dea.cosim.beats import INDICES, BeatError, beats, measure, r_wave_rows
 from tubular_dea.cosim.course import Spread, _row
 from tubular_dea.cosim.heart_assist import archive, fmus, heart_assist
 from tubular_dea.cosim.master import Options, Run, simulate
@@ -437,7 +437,7 @@ def test_a_rate_is_read_as_it_is_advised() -> None:
     ],
 )
 def test_a_change_is_that_of_the_numbers_beside_it(without: float, assisted: float, shown: tuple[str, ...]) -> None:
-    (figure,) = [f for f in FIGURES if f.name == "stroke_volume"]
+    (figure,) = [f for f in INDICES if f.name == "stroke_volume"]
     a, b = (Spread(v * 1e-6, 0.0, v * 1e-6, 3) for v in (without, assisted))
     course = SimpleNamespace(
         without={figure.name: a}, assisted={figure.name: b}, change=lambda name: b.mean / a.mean - 1
@@ -448,3 +448,9 @@ def test_a_change_is_that_of_the_numbers_beside_it(without: float, assisted: flo
 
 def test_no_sign_stands_before_nothing() -> None:
     assert [signed(v, 1) for v in (-0.04, 0.04, -0.0, -0.06, 12.34)] == ["0.0", "0.0", "0.0", "-0.1", "+12.3"]
+
+
+def test_more_beats_than_memory_holds_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A million were accepted: 380 GB, and two hours until that showed."""
+    assert main(["assist", "--beats", "1000000", "--out", str(tmp_path / "out")]) == 2
+    assert "--beats: expected at most 12500, or a larger step, but was given 1000000" in capsys.readouterr().err

@@ -84,9 +84,20 @@ def test_full_disk(tmp_path: Path) -> None:
     assert not [p for p in (tmp_path / "out").rglob("*") if p.is_file()], "nothing half-written"
 
 
+def test_a_terminal_that_has_only_ascii(tmp_path: Path) -> None:
+    """The report of an assisted heart says +-, and a handbook more: a question mark there, no traceback."""
+    done = command("assist", "--beats", "5", "--out", str(tmp_path / "out"), PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    assert (tmp_path / "out" / "report.html").is_file() and "?" in done.stdout
+
+
 def test_dangling_link(tmp_path: Path) -> None:
     (tmp_path / "out").symlink_to(tmp_path / "nowhere" / "at all")
     refused(command(*SIMULATE, "--out", str(tmp_path / "out")), "is a link to", "which is not there")
+    for out in ("out", "out/further"):  # before anything is searched for
+        refused(command("close-loop", str(tmp_path), "--out", str(tmp_path / out)), "--out", "which is not there")
+    (tmp_path / "book.html").symlink_to(tmp_path / "nowhere.html")
+    refused(command("handbook", "--out", str(tmp_path / "book.html")), "--out", "which is not there")
     with pytest.raises(FileError, match="is a link to .*which is not there"):
         write_atomically(tmp_path / "out" / "file", b"x")
 

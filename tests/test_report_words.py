@@ -806,7 +806,7 @@ def test_numbers_and_names_are_written_as_people_read_them() -> None:
     assert with_ends(0.3, (0.1, None)) == ["0.3", "0.1", "open"]
     assert with_ends(2.0, (2.0, 2.0)) == ["2", "2", "2"]
     assert effects._label("p_C", "Pa") == "p_C [Pa]"
-    figure = next(f for f in course.FIGURES if f.name == "end_diastolic_volume")
+    figure = next(f for f in course.INDICES if f.name == "end_diastolic_volume")
     a, b = (course.Spread(mean=v, deviation=0.0, worst=v, beats=3) for v in (242.10e-6, 242.09e-6))
     told = SimpleNamespace(without={figure.name: a}, assisted={figure.name: b}, change=lambda name: -1e-5)
     assert course._row(figure, told)[-1] == "0.0 (0.0 %)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import re
 import sys
@@ -52,6 +53,9 @@ def number(text: str) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 2 where the user has something to correct, 130 when interrupted."""
     given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that has no sign for +- shows another one
+            stream.reconfigure(errors="replace")
     parser = Parser(
         prog="tubular-dea",
         description="A tubular dielectric elastomer actuator as a co-simulation unit.",
@@ -74,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if getattr(options, "out", None) is not None:
             usual = subparsers.choices[options.command].get_default("out")
             is_file = named_file(options.out, usual) if usual is not None else False
-            writable_folder(options.out.parent if is_file or options.out.suffix in FILES else options.out)
+            writable_folder(options.out, is_file or options.out.suffix in FILES)
         options.run(options)
     except UserError as problem:
         print(f"tubular-dea {options.command}: {printable(as_option(problem, options))}", file=sys.stderr)
@@ -116,9 +120,14 @@ def named_file(out: Path, usual: Path) -> bool:
     return True
 
 
-def writable_folder(out: Path) -> None:
-    """`UserError` where --out cannot become a folder to write to; nothing is created yet."""
-    existing = next(p for p in (out, *out.absolute().parents) if p.exists())
+def writable_folder(out: Path, is_file: bool = False) -> None:
+    """`UserError` where --out, or what holds it if it is a file, cannot become a folder to write to; nothing is created
+    yet."""
+    for one in (out, *out.absolute().parents):
+        if one.is_symlink() and not one.exists():
+            raise UserError(f"--out {out}: {one} is a link to {one.readlink()}, which is not there; give another name")
+    folder = out.parent if is_file else out
+    existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     if not existing.is_dir():
         raise UserError(f"--out {out}: expected a folder but {existing} is a file; give another name")
     if not os.access(existing, os.W_OK | os.X_OK) or existing.is_relative_to("/proc"):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..cosim.beats import FIGURES
+from ..cosim.beats import INDICES
 from ..cosim.course import Course, follow
 from ..cosim.heart_assist import models
 from ..cosim.hold import RADIUS, Held, held_radius, how_held
@@ -62,7 +62,7 @@ class AssistResult:
         return self.course.change(figure)
 
     def lines(self) -> list[str]:
-        """The verdict, the figures and the counts as text."""
+        """The verdict, the indices and the counts as text."""
         rows = self.course.rows()
         width = max(len(row[0]) for row in rows)
         judged = f"over {self.course.judged_words}"
@@ -82,7 +82,7 @@ class AssistResult:
         Over the assisted beats from the third on. Needs the extra `tables`.
         """
         rows = []
-        for figure in FIGURES:
+        for figure in INDICES:
             a, b = self.course.without.get(figure.name), self.course.assisted.get(figure.name)
             if b is not None:
                 means = {"figure": figure.name, "without": a.mean if a else np.nan, "with": b.mean}
@@ -211,7 +211,7 @@ def assist(
     Returns
     -------
     AssistResult
-        Both runs, the figures over the assisted beats from the third on, and a verdict.
+        Both runs, the indices over the assisted beats from the third on, and a verdict.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def assist(
     >>> f"{100 * helped.change('stroke_work_per_stroke_volume'):.0f} %"
     '-2 %'
 
-    Source: figures and their formulas are in `tubular_dea.cosim.beats`, each with its own.
+    Source: indices and their formulas are in `tubular_dea.cosim.beats`, each with its own.
     """
     rhythm, controlled = Rhythm.of(ecg, lead, r_times), controller is not None
     loop = Loop.of(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..cosim.beats import FIGURES
+from ..cosim.beats import INDICES
 from ..cosim.course import Course, follow
 from ..cosim.master import Run
 from ..errors import ArgumentError
@@ -48,7 +48,7 @@ class ComparisonResult:
     def to_pandas(self) -> pandas.DataFrame:
         """One row a figure: its mean without assist and for each of the settings, SI unit. Needs the extra `tables`."""
         first, rows = next(iter(self.courses.values())), []
-        for figure in FIGURES:
+        for figure in INDICES:
             means = {name: course.assisted.get(figure.name) for name, course in self.courses.items()}
             shown = {"without": first.without.get(figure.name), **means}
             values = {name: spread.mean if spread else np.nan for name, spread in shown.items()}

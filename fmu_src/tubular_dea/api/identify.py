@@ -204,7 +204,7 @@ def identify(
 
     Parameters
     ----------
-    data : str, Path or Recordings
+    data : str, Path or RecordingSet
         A folder of recordings, or what `read_recordings` has read.
     plant : Plant, str or Path
         The recorded plant, where `data` is a folder.

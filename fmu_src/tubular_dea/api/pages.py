@@ -51,7 +51,7 @@ def lab_page(model: AnyModel | None = None, data: Data | None = None, *, plant: 
     ----------
     model : Model, Plant, str or Path, optional
         What the page shows (default: the plant's own model).
-    data : str, Path or Recordings, optional
+    data : str, Path or RecordingSet, optional
         A folder of recordings, or what `read_recordings` has read, to open with.
     plant : Plant, str or Path
         The plant of the model and the recordings.

@@ -174,7 +174,7 @@ def best_pulse(
         model = loop.parts["tube"].with_values(changed)
     heart, limits = {**loop.patient, **_of(loop.settings, "heart")}, _limits(scheduler, largest_voltage)
     usual = Pulse(scheduler["on_fraction"], scheduler["off_fraction"], scheduler["voltage_on"])
-    with progress_bar(unit="run", desc="optimise", disable=not progress) as bar:
+    with progress_bar(unit=" trajectories", desc="optimise", disable=not progress) as bar:
         best = search(heart, limits, objective, usual, model, bar.update)
     chosen = {**loop.settings, **PulseResult(loop, best, {}, {}).settings}
     return PulseResult(loop, best, *run_cases(loop, {DEFAULT: loop.settings, OPTIMUM: chosen}, progress))

@@ -1,7 +1,7 @@
 """Run the assisted heart: ventricle and windkessel, tube and scheduler, strongly coupled; with and without assist.
 
 Writes report.html (figures to zoom), lab.html (the same, live in any browser), PNGs, the values over time (CSV) and the
-figures over the assisted beats (JSON).
+indices over the assisted beats (JSON).
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ VOLTAGES = ("controller.voltage", "scheduler.voltage")  # the tube's is the firs
 
 
 @dataclass(frozen=True)
-class Figure:
+class ShownIndex:
     """An index as it is shown: label, unit, its SI unit, and which way it gets `worse` (+1 larger, -1 smaller, 0)."""
 
     index: Index
@@ -218,27 +218,27 @@ class Figure:
         return self.index.__name__
 
 
-FIGURES = (
-    Figure(stroke_volume, "stroke volume", "mL", "m3", -1),
-    Figure(cardiac_output, "cardiac output", "L/min", "m3/s", -1),
-    Figure(ejection_fraction, "ejection fraction", "%", "1", -1),
-    Figure(stroke_work, "stroke work", "mJ", "J", 1),
-    Figure(stroke_work_per_stroke_volume, "stroke work per stroke volume", "mmHg", "Pa", 1),
-    Figure(pressure_volume_area, "pressure-volume area", "mJ", "J", 1),
-    Figure(cardiac_power_output, "cardiac power output", "W", "W", -1),
-    Figure(end_diastolic_volume, "end-diastolic volume", "mL", "m3", 1),
-    Figure(end_diastolic_pressure, "end-diastolic aortic pressure", "mmHg", "Pa", 1),
-    Figure(peak_aortic_pressure, "peak systolic aortic pressure", "mmHg", "Pa", 1),
-    Figure(peak_diastolic_pressure, "peak diastolic aortic pressure", "mmHg", "Pa", -1),
-    Figure(mean_aortic_pressure, "mean aortic pressure", "mmHg", "Pa", -1),
-    Figure(early_diastolic_pressure, "mean aortic pressure in early diastole", "mmHg", "Pa", -1),
-    Figure(tension_time_index, "tension-time index", "mmHg.s", "Pa.s", 1),
-    Figure(diastolic_pressure_time_index, "diastolic pressure-time index", "mmHg.s", "Pa.s", -1),
-    Figure(subendocardial_viability_ratio, "their ratio (SEVR)", "1", "1", -1),
-    Figure(electrical_energy, "electrical energy per beat, with all losses", "mJ", "J", 1),
-    Figure(mechanical_energy, "work of the tube on the blood per beat", "mJ", "J", -1),
-    Figure(largest_field, "largest field", "V/um", "V/m", 1),
-    Figure(smallest_margin, "smallest margin to snap-through", "mmHg", "Pa", -1),
+INDICES = (
+    ShownIndex(stroke_volume, "stroke volume", "mL", "m3", -1),
+    ShownIndex(cardiac_output, "cardiac output", "L/min", "m3/s", -1),
+    ShownIndex(ejection_fraction, "ejection fraction", "%", "1", -1),
+    ShownIndex(stroke_work, "stroke work", "mJ", "J", 1),
+    ShownIndex(stroke_work_per_stroke_volume, "stroke work per stroke volume", "mmHg", "Pa", 1),
+    ShownIndex(pressure_volume_area, "pressure-volume area", "mJ", "J", 1),
+    ShownIndex(cardiac_power_output, "cardiac power output", "W", "W", -1),
+    ShownIndex(end_diastolic_volume, "end-diastolic volume", "mL", "m3", 1),
+    ShownIndex(end_diastolic_pressure, "end-diastolic aortic pressure", "mmHg", "Pa", 1),
+    ShownIndex(peak_aortic_pressure, "peak systolic aortic pressure", "mmHg", "Pa", 1),
+    ShownIndex(peak_diastolic_pressure, "peak diastolic aortic pressure", "mmHg", "Pa", -1),
+    ShownIndex(mean_aortic_pressure, "mean aortic pressure", "mmHg", "Pa", -1),
+    ShownIndex(early_diastolic_pressure, "mean aortic pressure in early diastole", "mmHg", "Pa", -1),
+    ShownIndex(tension_time_index, "tension-time index", "mmHg.s", "Pa.s", 1),
+    ShownIndex(diastolic_pressure_time_index, "diastolic pressure-time index", "mmHg.s", "Pa.s", -1),
+    ShownIndex(subendocardial_viability_ratio, "subendocardial viability ratio (SEVR)", "1", "1", -1),
+    ShownIndex(electrical_energy, "electrical energy per beat, with all losses", "mJ", "J", 1),
+    ShownIndex(mechanical_energy, "work of the tube on the blood per beat", "mJ", "J", -1),
+    ShownIndex(largest_field, "largest field", "V/um", "V/m", 1),
+    ShownIndex(smallest_margin, "smallest margin to snap-through", "mmHg", "Pa", -1),
 )
 
 
@@ -259,11 +259,11 @@ def beats(run: Run) -> list[Beat]:
 
 def measure(beat: Beat) -> dict[str, float]:
     """The indices that this beat has, in SI units."""
-    found = {figure.name: figure.index(beat) for figure in FIGURES}
+    found = {figure.name: figure.index(beat) for figure in INDICES}
     return {name: value for name, value in found.items() if value is not None}
 
 
-def shown(figure: Figure) -> float:
+def shown(figure: ShownIndex) -> float:
     """Factor from SI to the unit in which the figure is shown."""
     return 100.0 if figure.unit == "%" else factor(figure.si, figure.unit)
 

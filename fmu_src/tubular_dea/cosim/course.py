@@ -1,4 +1,4 @@
-"""The assessment of a run: the fate of each beat, the figures over the assisted beats, and a verdict in words.
+"""The assessment of a run: the fate of each beat, the indices over the assisted beats, and a verdict in words.
 
 Usage::
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..model import scheduler
 from ..model.units import factor, signed
-from .beats import FIGURES, BeatError, Figure, beats, measure, r_wave_rows, shown
+from .beats import INDICES, BeatError, ShownIndex, beats, measure, r_wave_rows, shown
 from .master import Run
 
 # The possible fates of a beat, in the order in which they are checked.
@@ -47,7 +47,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Course:
-    """A run with assist beside the one without: `fates` of its beats, figures by name over the `judged` ones."""
+    """A run with assist beside the one without: `fates` of its beats, indices by name over the `judged` ones."""
 
     fates: tuple[str, ...]
     premature: int
@@ -61,7 +61,7 @@ class Course:
 
     @property
     def judged_words(self) -> str:
-        """Over which beats the figures are: "10 beats, from the third assisted on"."""
+        """Over which beats the indices are: "10 beats, from the third assisted on"."""
         settled = self.fates.count("assisted") - len(self.judged) == SETTLING
         return f"{len(self.judged)} beats" + (f", from the {SETTLED} assisted on" if settled else "")
 
@@ -74,7 +74,7 @@ class Course:
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Rows (figure with unit, without, with and its spread, worst, change) in customary units."""
-        rows = [_row(f, self) for f in FIGURES if f.name in self.assisted or f.name in self.without]
+        rows = [_row(f, self) for f in INDICES if f.name in self.assisted or f.name in self.without]
         gained = [(label, function(self)) for label, function in COMPARED.items()]
         return rows + [(f"{label} [mmHg]", "", signed(v * PA, 2), "", "") for label, v in gained if v is not None]
 
@@ -102,7 +102,7 @@ class Course:
                 "change": self.change(name),
                 "unit": figure.si,
             }
-            for figure in FIGURES
+            for figure in INDICES
             if (name := figure.name) in self.assisted
         }
         return {
@@ -207,7 +207,7 @@ def _judged(fates: Sequence[str]) -> list[int]:
 
 def _spreads(measured: Sequence[Mapping[str, float]]) -> dict[str, Spread]:
     spreads = {}
-    for figure in FIGURES:
+    for figure in INDICES:
         values = np.array([m[figure.name] for m in measured if figure.name in m])
         if values.size:
             mean = float(values.mean())
@@ -260,7 +260,7 @@ def _difference(course: Course, name: str) -> float | None:
     return course.assisted[name].mean - course.without[name].mean
 
 
-def _row(figure: Figure, course: Course) -> tuple[str, str, str, str, str]:
+def _row(figure: ShownIndex, course: Course) -> tuple[str, str, str, str, str]:
     scale, label = shown(figure), f"{figure.label} [{figure.unit}]"
     a, b = course.without.get(figure.name), course.assisted.get(figure.name)
     digits = _digits(max(abs(s.mean) for s in (a, b) if s) * scale)

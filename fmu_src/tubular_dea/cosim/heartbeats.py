@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UserError
+from ..extra import load
 from ..files import FileError, read_whole
 from ..model.units import UnitError, factor
 from ..model.windkessel import R_WAVE_DURATION
@@ -77,12 +78,7 @@ def detect(ecg: Ecg) -> np.ndarray:
 
     Dropouts (NaN) are bridged by straight lines, in which no beat is found.
     """
-    try:
-        from sleepecg.heartbeats import detect_heartbeats
-    except ImportError:
-        raise HeartbeatError(
-            "ECG: finding beats needs the package sleepecg; pip install '.[ecg]', or give R times"
-        ) from None
+    finder = load("sleepecg.heartbeats", "ECG: finding beats", "ecg", ", or give R times")
     if ecg.rate <= LEAST_RATE:
         raise HeartbeatError(
             f"ECG: {ecg.rate:.3g} samples a second; expected more than {LEAST_RATE:g}, to find beats: is the unit of "
@@ -95,7 +91,7 @@ def detect(ecg: Ecg) -> np.ndarray:
     if not good.any() or np.ptp(signal[good]) == 0:
         raise HeartbeatError("ECG: there are no beats in a signal that does not move; check the lead")
     filled = np.interp(np.arange(signal.size), np.flatnonzero(good), signal[good])
-    found = np.array(detect_heartbeats(filled, ecg.rate), dtype=np.intp)
+    found = np.array(finder.detect_heartbeats(filled, ecg.rate), dtype=np.intp)
     found = found[good[found]]
     _plausible(found.size, ecg.duration, "ECG", "check the lead")
     return np.asarray(found / ecg.rate, dtype=float)
@@ -184,12 +180,7 @@ def _plausible(beats: int, duration: float, what: str, advice: str) -> None:
 def _read_wfdb(path: Path, lead: str | None) -> Ecg:
     if not path.with_suffix(".hea").is_file():
         raise HeartbeatError(f"{path}: cannot be read as a WFDB record: there is no file {path.with_suffix('.hea')}")
-    try:
-        import wfdb
-    except ImportError:
-        raise HeartbeatError(
-            f"{path}: reading WFDB records needs the package wfdb; pip install '.[ecg]', or convert to CSV"
-        ) from None
+    wfdb = load("wfdb", f"{path}: reading WFDB records", "ecg", ", or convert to CSV")
     try:
         record = wfdb.rdrecord(str(path))
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:

@@ -30,6 +30,7 @@ from .system import Ports, System, Wiring, wire
 
 SCHEMES = ("jacobi", "gauss-seidel", "implicit")
 ROWS = 2048  # communication points between two looks at progress
+MOST_STEPS = 1e7  # whose results, some sixty numbers each, take 5 GB of memory
 
 
 class MasterError(UserError, RuntimeError):
@@ -327,8 +328,8 @@ def _check(options: Options, start: float, stop: float) -> None:
         raise MasterError(f"stop: expected a time after the start {start:g} s but was given {stop:g}")
     if not options.tolerance > 0:
         raise MasterError(f"tolerance: expected a positive number but was given {options.tolerance:g}")
-    if (stop - start) / options.step > 1e9:
-        raise MasterError(f"step: {options.step:g} s makes more than 1e9 steps; expected fewer")
+    if (stop - start) / options.step > MOST_STEPS:
+        raise MasterError(f"step: {options.step:g} s makes more than {MOST_STEPS:g} steps; expected fewer")
 
 
 # The C side ---------------------------------------------------------------------------------------------------

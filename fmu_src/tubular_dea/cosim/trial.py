@@ -20,9 +20,10 @@ from ..progress import progress_bar
 from ..protocol import Protocol
 from .heart_assist import fmus, heart_assist
 from .heartbeats import pace
-from .master import Options, Run, simulate
+from .master import MOST_STEPS, Options, Run, simulate
 
 FEWEST_BEATS = 5  # the scheduler learns for three
+SECONDS = "{desc}: {percentage:3.0f}% {n:.0f} of {total:.0f} s [{elapsed}<{remaining}]"
 AFTER = 0.05  # s: the run goes on so long after its last R wave, to see it
 
 
@@ -53,7 +54,11 @@ class Trial:
                 "beats", f": expected at least {FEWEST_BEATS} (the scheduler learns for three) but was given {beats}"
             )
         if r_times is None:
-            stop, told = (beats + AFTER) / (heart_rate or patient["heart_rate"]), None
+            rate = heart_rate or patient["heart_rate"]
+            most = int(MOST_STEPS * (options or Options()).step * rate)
+            if beats > most:
+                raise ArgumentError("beats", f": expected at most {most}, or a larger step, but was given {beats}")
+            stop, told = (beats + AFTER) / rate, None
         elif r_times.size < beats + 2:
             raise ArgumentError(
                 "beats", f": expected at most {r_times.size - 2}, which the recording has, but was given {beats}"
@@ -73,7 +78,7 @@ class Trial:
             del slaves["controller"]
             given = {name: v for name, v in given.items() if not name.startswith("controller.")}
         system = heart_assist(slaves, self.patient, given, self.pace)
-        with progress_bar(total=round(self.stop, 3), unit="s", desc=name, disable=not name) as bar:
+        with progress_bar(total=round(self.stop, 3), bar_format=SECONDS, desc=name, disable=not name) as bar:
 
             def progress(time: float) -> None:
                 bar.update(round(time - bar.n, 3))

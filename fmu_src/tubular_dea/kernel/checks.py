@@ -12,6 +12,8 @@ from ..errors import UserError, list_of_names
 from ..model.declare import Model, Quantity, nearest
 from ..protocol import Protocol
 
+ULPS = 4  # of a time: points of a protocol that are closer are one, where a step ends
+
 
 class KernelError(UserError, RuntimeError):
     """A trajectory that could not be computed, or an argument that cannot be used; the text says where and why."""
@@ -167,3 +169,13 @@ def vector(what: str, given: Sequence[float] | np.ndarray, names: Sequence[str])
     if not np.all(np.isfinite(values)):
         raise KernelError(f"{what}: expected finite numbers but was given {values[~np.isfinite(values)][0]:g}")
     return values
+
+
+def check_mesh(mesh: np.ndarray, points: np.ndarray) -> None:
+    """`KernelError` unless steps of a mesh (m,) end at all points (n,) of a protocol, but the first."""
+    later = points[points > points[0]]
+    ends = np.concatenate([points[:1], mesh])
+    behind = np.searchsorted(ends, later)
+    nearest = np.minimum(np.abs(ends[np.minimum(behind, ends.size - 1)] - later), np.abs(ends[behind - 1] - later))
+    if np.any(nearest > ULPS * np.spacing(later)):
+        raise KernelError("mesh: expected steps that end at every point of the protocol up to the last sample")

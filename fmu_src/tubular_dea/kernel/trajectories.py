@@ -21,6 +21,7 @@ from .checks import (
     KernelError,
     ascending,
     by_name,
+    check_mesh,
     check_protocol,
     check_value,
     declared,
@@ -367,6 +368,7 @@ class Kernel:
         if mesh is None:
             mesh = self._mesh(points[needed], u[needed], values, tolerance)
         mesh = ascending("mesh", mesh, points[0], points[-1])
+        check_mesh(mesh, points[needed])
         sampled, here, earlier = self._samples(protocol, times, values)
         columns = [name for name in names if name not in self._delayed.values()]
         states = [s for s in self.states if wanted is None or s in wanted]
@@ -556,29 +558,31 @@ class Kernel:
         Raises
         ------
         UserError
-            For a model without such a curve.
+            For a model without such a curve, and for inputs that it does not have, or that the curve gives.
         """
         if self.model.curve is None:
             raise KernelError(f"{self.model.name} has no equilibrium curve")
         unknown = doubles(self.model.curve.unknown, unknown)
         if unknown.ndim != 1 or not np.all(np.isfinite(unknown)):
             raise KernelError(f"{self.model.curve.unknown}: expected a list of finite numbers")
-        quantities = {q.name: q for q in self.model.inputs}
+        quantities, load = {q.name: q for q in self.model.inputs}, self.model.curve.load
         for name, value in by_name("inputs", inputs).items():
+            if name == load:
+                raise KernelError(f"inputs: {load} is what the curve gives; leave it out")
             check_value(declared(self.model.name, "input", name, quantities), value)
-        load, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
+        loads, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
         u = self._with_delayed(np.array([float(inputs.get(name, 0.0)) for name in self.inputs]))
         self._library.kernel_curve(
             pointer(u),
             pointer(self.parameters(parameters)),
             ctypes.c_long(unknown.size),
             pointer(unknown),
-            pointer(load),
+            pointer(loads),
             pointer(slope),
             pointer(fold),
         )
-        finite("curve", load)
-        return load, slope, (float(fold[0]), float(fold[1]))
+        finite("curve", loads)
+        return loads, slope, (float(fold[0]), float(fold[1]))
 
     def _with_delayed(self, u: np.ndarray) -> np.ndarray:
         """Inputs, and behind them what is delayed, at rest."""

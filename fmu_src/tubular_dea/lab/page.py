@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..cosim.beats import EARLY, EJECTING, FIGURES, shown
+from ..cosim.beats import EARLY, EJECTING, INDICES, shown
 from ..cosim.course import COUNTS, FATES, SETTLED, SETTLING
 from ..cosim.heart_assist import models as heart_models
 from ..emit.variables import guid
@@ -219,7 +219,7 @@ def _facts(content: Content, models: _Models) -> dict[str, Any]:
             "tolerance": VARIABLE.tolerance,
             "figures": [
                 {"name": f.name, "label": f.label, "unit": f.unit, "si": f.si, "worse": f.worse, "factor": 1 / shown(f)}
-                for f in FIGURES
+                for f in INDICES
             ],
             "early": EARLY,
             "ejecting": EJECTING,

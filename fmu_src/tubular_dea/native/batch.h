@@ -34,7 +34,7 @@ typedef enum {
     SOURCE_FOLD_PLACE,  /* the curve's unknown at the fold */
     SOURCE_BEYOND_FOLD, /* how far the unknown is beyond its place at the fold */
     SOURCE_TIME
-} Source;
+} ProbeSource;
 
 /* A number wanted of each row. */
 typedef struct {

@@ -13,6 +13,7 @@ from scipy.signal import find_peaks
 
 from ..cosim.heartbeats import FASTEST, LEADS, SLOWEST, Ecg, detect
 from ..errors import UserError
+from ..extra import load
 from ..identify.records.columns import is_in
 from ..identify.signals.sampling import usual_step
 from ..model.units import UnitError, factor
@@ -198,10 +199,7 @@ def _column(table: Table, name: str) -> np.ndarray | None:
 def _wfdb(path: Path) -> Signals:
     if not path.with_suffix(".hea").is_file():
         raise PatientRecordError(f"{path}: cannot be read as a WFDB record: there is no {path.with_suffix('.hea')}")
-    try:
-        import wfdb
-    except ImportError:
-        raise PatientRecordError(f"{path}: WFDB records need the package wfdb; pip install '.[ecg]'") from None
+    wfdb = load("wfdb", f"{path}: reading WFDB records", "ecg", ", or convert to CSV")
     try:
         record = wfdb.rdrecord(str(path))
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReadError
+from ..extra import MissingExtraError, load
 from .heading import parts
 from .table import Column, Table, some
 
@@ -99,12 +99,9 @@ def read_parquet(path: Path) -> Table:
 
 def _library(module: str, path: Path) -> Any:
     try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise ReadError(
-            f"{path}: reading it needs {module.partition('.')[0]}, which is not installed; install it with "
-            "pip install '.[files]' (in the folder of the repository), or export the recording as CSV"
-        ) from None
+        return load(module, f"{path}: reading it", "files", ", or export the recording as CSV")
+    except MissingExtraError as problem:
+        raise ReadError(str(problem)) from None
 
 
 def _broken(path: Path, what: str, problem: Exception) -> ReadError:

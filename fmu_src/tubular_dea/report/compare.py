@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..cosim.beats import FIGURES, shown
+from ..cosim.beats import INDICES, shown
 from ..cosim.course import SETTLED, Course
 from ..cosim.master import Run
 from ..files import write_atomically
@@ -47,7 +47,7 @@ def table(courses: Mapping[str, Course]) -> tuple[list[str], list[list[str]]]:
     header = ["mean over the assisted beats (all, if none is)", "without", *courses]
     rows = []
     first = next(iter(courses.values()))
-    for figure in FIGURES:
+    for figure in INDICES:
         scale, base = shown(figure), first.without.get(figure.name)
         cells = [f"{base.mean * scale:.2f}" if base else "-"]
         for course in courses.values():
