@@ -69,10 +69,6 @@ REFUSED: dict[str, tuple[Callable[[Kernel], object], str]] = {
         "mesh: expected steps that end at every point of the protocol up to the last sample",
     ),
     "short mesh": (lambda k: k.simulate(PROTOCOL, TIMES, mesh=times(0.3)), "mesh: expected steps that end at every"),
-    "curve load": (
-        lambda k: k.curve(times(1.1), {"pressure": 1e9}),
-        "inputs: pressure is what the curve gives; leave it out",
-    ),
     "length": (
         lambda k: k.simulate(Protocol(times(0, 1), {"pressure": times(0), "voltage": times(0, 0)}), TIMES),
         "pressure: expected 2 values, one a time, but was given 1",

@@ -34,6 +34,10 @@ def test_the_tolerance_follows_the_noise() -> None:
     rough, exact = (coarse.response((), coarse.pieces).outputs(values, finer) for finer in (1.0, 1e3))
     furthest = max(float(np.abs(a - b).max()) for a, b in zip(rough, exact, strict=True))
     assert furthest < 0.01 * coarse.noise["measured_displacement"].rms
+    rougher = replace(coarse, tolerance=1e-2)
+    needed = rougher.finer_for((), values)
+    assert needed is not None and needed.tolerance == ROUGH[-1]
+    assert needed.finer_for((), values) is None
     known = replace(recordings, noise=dict(recordings.noise) | {"radius": 1e-7})
     assert study(known).tolerance == TOLERANCE
 

@@ -177,5 +177,5 @@ def check_mesh(mesh: np.ndarray, points: np.ndarray) -> None:
     ends = np.concatenate([points[:1], mesh])
     behind = np.searchsorted(ends, later)
     nearest = np.minimum(np.abs(ends[np.minimum(behind, ends.size - 1)] - later), np.abs(ends[behind - 1] - later))
-    if np.any(nearest > ULPS * np.spacing(later)):
+    if np.any(nearest > ULPS * np.spacing(np.abs(later))):
         raise KernelError("mesh: expected steps that end at every point of the protocol up to the last sample")

@@ -542,7 +542,7 @@ class Kernel:
         unknown : ndarray of shape (n,)
             Values of the unknown (of the tube: the stretch lambda_2).
         inputs : mapping of str to float
-            The other inputs in SI units (default: 0).
+            The other inputs in SI units (default: 0); the load itself has no say.
         parameters : mapping of str to float, optional
             Values that differ from the model's.
 
@@ -558,17 +558,15 @@ class Kernel:
         Raises
         ------
         UserError
-            For a model without such a curve, and for inputs that it does not have, or that the curve gives.
+            For a model without such a curve, and for inputs that it does not have.
         """
         if self.model.curve is None:
             raise KernelError(f"{self.model.name} has no equilibrium curve")
         unknown = doubles(self.model.curve.unknown, unknown)
         if unknown.ndim != 1 or not np.all(np.isfinite(unknown)):
             raise KernelError(f"{self.model.curve.unknown}: expected a list of finite numbers")
-        quantities, load = {q.name: q for q in self.model.inputs}, self.model.curve.load
+        quantities = {q.name: q for q in self.model.inputs}
         for name, value in by_name("inputs", inputs).items():
-            if name == load:
-                raise KernelError(f"inputs: {load} is what the curve gives; leave it out")
             check_value(declared(self.model.name, "input", name, quantities), value)
         loads, slope, fold = np.empty_like(unknown), np.empty_like(unknown), np.empty(2)
         u = self._with_delayed(np.array([float(inputs.get(name, 0.0)) for name in self.inputs]))

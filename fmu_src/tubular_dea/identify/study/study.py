@@ -242,6 +242,21 @@ class Study:
             [p.marginal for p in pieces],
         )
 
+    def finer_for(self, ids: Ids, values: Mapping[str, float]) -> Study | None:
+        """The study with a finer tolerance, where the error of a model with effects `ids` shows beside noise though
+        that of the declared base does not: with a diode, 1e-4 moved a resistance by a seventh. None where it is well
+        as it is."""
+        if self.tolerance <= ROUGH[-1] or self._errs_little(ids, values):
+            return None
+        return replace(self, tolerance=ROUGH[-1])
+
+    def _errs_little(self, ids: Ids, values: Mapping[str, float]) -> bool:
+        """Whether the integrator's error is nothing beside the noise."""
+        try:
+            return self.problem(ids, [], values, self.pieces).numerical_error(FINER) < NEGLIGIBLE
+        except KernelError:  # no answer there
+            return False
+
     def weighted(self, weights: Sequence[np.ndarray]) -> Study:
         """The study with other weights of the samples, one array a piece."""
         return replace(self, pieces=[replace(p, weight=w) for p, w in zip(self.pieces, weights, strict=True)])
@@ -301,15 +316,8 @@ def log_determinant(pieces: Sequence[Piece]) -> float:
 
 def _integrated(work: Study) -> Study:
     """The study with the roughest tolerance whose error at the declared values is nothing beside the noise."""
-    for tolerance in ROUGH:
-        coarse = replace(work, tolerance=tolerance)
-        problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
-        try:
-            if problem.numerical_error(FINER) < NEGLIGIBLE:
-                return coarse
-        except KernelError:
-            return work
-    return work
+    rough = (replace(work, tolerance=tolerance) for tolerance in ROUGH)
+    return next((r for r in rough if r._errs_little((), work.plant.model.parameter_values())), work)
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
