@@ -734,11 +734,13 @@ def test_a_small_remainder_is_told_with_its_size() -> None:
 
 
 def test_a_remainder_of_held_out_experiments_alone_is_said_to_be_theirs() -> None:
-    left = {"rms": 541e-6, "unit": "m", "share": 0.42}
+    left = {"output": "measured_displacement", "rms": 541e-6, "unit": "m", "share": 0.42}
     found = SimpleNamespace(study=SimpleNamespace(plant=PLANT))
     assert close_loop._left_words(found, left | {"held_out": False}) == "541 um rms, 42% of what was not noise"
     said = close_loop._left_words(found, left | {"held_out": True})
     assert said == "541 um rms on held-out experiments, 42% of what was not noise there"
+    current = left | {"output": "current", "rms": 4.1e-6, "held_out": False}  # it stays there, though no radius tells
+    assert close_loop._left_words(found, current) == "4.1 uA rms of current, 42% of what was not noise"
 
 
 def test_a_residual_that_is_not_white_is_not_said_to_look_like_noise() -> None:

@@ -142,7 +142,10 @@ def _reserved(found: Discovery, outcome: Mapping[str, Any]) -> str:
 def _left_words(found: Discovery, left: Mapping[str, Any]) -> str:
     """A significant residual in words: its size, and its share."""
     where, there = (" on held-out experiments", " there") if left["held_out"] else ("", "")
-    return f"{_size(found, left['rms'])} rms{where}, {percent(left['share'])} of what was not noise{there}"
+    plant = found.study.plant
+    of = "" if left["output"] == plant.outputs[0].name else f" of {left['output']}"
+    size = _amount(left["rms"], plant.quantity(left["output"]).units)
+    return f"{size} rms{of}{where}, {percent(left['share'])} of what was not noise{there}"
 
 
 def _nearest(found: Discovery) -> str:

@@ -98,13 +98,12 @@ def result(found: Discovery) -> dict[str, Any]:
 
 def _undetermined(found: Discovery, named: Sequence[Mapping[str, Any]]) -> list[str]:
     """The parameters of the plant and of its `named` effects that the recordings do not determine."""
-    vague = [
-        name
+    told = {
+        name: determined(found.study.catalogue[entry["id"]], name, p["ci95"])
         for entry in named
         for name, p in entry["parameters"].items()
-        if not determined(found.study.catalogue[entry["id"]], name, p["ci95"])
-    ]
-    return list(dict.fromkeys([*found.named.fitted.undetermined(), *vague]))
+    }
+    return [*(n for n in found.named.fitted.undetermined() if n not in told), *(n for n, ok in told.items() if not ok)]
 
 
 def _shapes(found: Discovery) -> dict[str, dict[str, float]]:
@@ -158,9 +157,9 @@ def remainder(found: Discovery) -> dict[str, Any] | None:
     if whole := _all_of(found, alone):
         return _left(found, whole.output, abs(whole.value), 1.0)
     if found.hidden:
-        return _hidden(found)
+        return _of_alike_samples(found, "rmse", held_out=False)
     if found.named.ids and alone:
-        return _unpredicted(found)
+        return _of_alike_samples(found, "held_out_rmse", held_out=True)
     error = errors(found.named_study, found.named.ids, found.named.fitted.values)
     left = beyond_noise(state, error, floor(found.study, error["rmse"]))
     share = _unexplained(found.named_study, found.named) / _at_first(found)
@@ -178,8 +177,8 @@ def _all_of(found: Discovery, alone: bool) -> Shift | Missed | Unlike | None:
 
 def _left(found: Discovery, output: str, rms: float, share: float, held_out: bool = False) -> dict[str, Any]:
     """What is left of an output (SI, rms), and its share of what was not noise."""
-    unit = _unit(found, output)
-    return {"rms": rms, "unit": unit, "share": min(1.0, share), "channel": channel(found), "held_out": held_out}
+    told = {"output": output, "rms": rms, "unit": _unit(found, output)}
+    return told | {"share": min(1.0, share), "channel": channel(found), "held_out": held_out}
 
 
 def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> float:
@@ -191,31 +190,20 @@ def beyond_noise(state: LackOfFit, error: Mapping[str, Any], noise: float) -> fl
     return min(state.structure, (squares - noise**2 if noise**2 < squares else squares) ** 0.5)
 
 
-def _hidden(found: Discovery) -> dict[str, Any]:
-    """What is left of all samples alike, where those at which inputs switch weigh little in fits."""
-    first = found.study.plant.outputs[0].name
-    noise = found.study.noise[first].total ** 2 + found.caused[first] ** 2
+def _of_alike_samples(found: Discovery, kind: str, held_out: bool) -> dict[str, Any]:
+    """What is left of samples that all weigh alike (an error's `kind`): of the output of which that is most beside its
+    noise, and the share of what was not noise, over all outputs in units of theirs."""
+    noise = {n: one.total**2 + (0.0 if held_out else found.caused[n] ** 2) for n, one in found.study.noise.items()}
 
-    def beyond(study: Study, option: Option) -> float:
-        error = errors(study, option.ids, option.fitted.values)["rmse"] or 0.0
-        return float(max(error**2 - noise, 0.0))
+    def beyond(study: Study, option: Option) -> dict[str, float]:
+        error = errors(study, option.ids, option.fitted.values)
+        outputs = error.get("outputs", {found.study.plant.outputs[0].name: error})
+        return {n: max((outputs[n][kind] or 0.0) ** 2 / level - 1, 0.0) for n, level in noise.items() if level > 0}
 
-    left = beyond(found.named_study, found.named)
-    share = left / max(beyond(found.search.base_study, found.base), 1e-300)
-    return _left(found, first, left**0.5, share)
-
-
-def _unpredicted(found: Discovery) -> dict[str, Any]:
-    """What is left on the held-out experiments alone."""
-    first = found.study.plant.outputs[0].name
-
-    def beyond(study: Study, option: Option) -> float:
-        error = errors(study, option.ids, option.fitted.values)["held_out_rmse"] or 0.0
-        return float(max(error**2 - study.noise[first].rms ** 2, 0.0))
-
-    left = beyond(found.named_study, found.named)
-    share = left / max(beyond(found.search.base_study, found.base), 1e-300)
-    return _left(found, first, left**0.5, share, held_out=True)
+    left, before = beyond(found.named_study, found.named), beyond(found.search.base_study, found.base)
+    most = max(left, key=lambda n: left[n])
+    share = sum(left.values()) / max(sum(before.values()), 1e-300)
+    return _left(found, most, (left[most] * noise[most]) ** 0.5, share, held_out)
 
 
 def channel(found: Discovery) -> str | None:
