@@ -451,3 +451,24 @@ def test_a_plant_that_runs_away_is_said_without_a_warning() -> None:
     assert said.endswith("At its declared values Levitated runs away under these inputs")
     with pytest.raises(UserError, match="runs away by itself"):
         td.discover(recordings)
+
+
+def test_the_plant_whose_model_is_simulated_says_how_its_recorded_inputs_go_on(tmp_path: Path, capsys) -> None:
+    """With --model FILE.py the tube was asked: a KeyError for its pressure."""
+    file, record = (
+        written(tmp_path, HEAD + PLANT.replace('Input("pump")', 'Input("pump", held=True)')),
+        tmp_path / "r.csv",
+    )
+    record.write_text("time [s],pump [V]\n" + "".join(f"{t},{5 * (t > 10)}\n" for t in range(30)))
+    assert main(["simulate", "--model", file, "--inputs", str(record), "--out", str(tmp_path / "out")]) == 0
+    assert "pump held until the next row" in capsys.readouterr().out
+
+
+def test_equations_without_a_value_are_said_with_when(tmp_path: Path) -> None:
+    """The root of a falling level below nothing: it was said that the model cannot be solved, and no more."""
+    time, one = 0.1 * np.arange(300), 'one = m.parameter("one", "V", 1.0, tunable=False)\n'
+    root = HEAD.replace("k * (pump - level)", "k * one * sqrt((pump - level) / one)")
+    root = "from sympy import sqrt\n" + root.replace("m.derivative", f"{one}m.derivative")
+    table = {"time [s]": time, "pump [V]": np.sin(time), "reading [V]": 5 + np.cos(time)}
+    with pytest.raises(UserError, match=r"\(the trajectory ended at 0 s: no step size.* with what keeps them real"):
+        td.identify({"one": table}, plant=written(tmp_path, root + PLANT))

@@ -231,12 +231,12 @@ def simulate(
 
 def _owner(model: AnyModel, chosen: Model, plant: AnyPlant | None) -> Plant | None:
     """The plant that says how inputs are recorded; None where nobody told which one it is."""
-    if plant is not None:
-        return plant_of(plant)
     if isinstance(model, Plant):
         return model
-    named = isinstance(model, str | Path) and not str(model).endswith(".json")
-    return plant_of(str(model)) if named else shipped_of(chosen.name)
+    if isinstance(model, str | Path) and not str(model).endswith(".json"):
+        return plant_of(str(model))
+    given = None if plant is None else plant_of(plant)
+    return given if given is not None and given.name == chosen.name else shipped_of(chosen.name)
 
 
 def _as_recorded(protocol: Protocol, plant: Plant | None) -> tuple[Protocol, str]:

@@ -147,7 +147,9 @@ def _delays(study: Study, option: Option) -> dict[str, str]:
         told = [_delay(study, p, name, own[DELAY_OF + name]) for p, own in pieces if DELAY_OF + name in own]
         if told and float(np.median([moved for _, moved in told])) > 1.0:
             by, step = (float(np.median(each)) for each in ([by for by, _ in told], [step_of(p) for p, _ in pieces]))
-            found[name] = f"{in_words(abs(by), 's')} ({abs(by) / step:.2g} samples) {'late' if by > 0 else 'early'}"
+            count = f"{abs(by) / step:.2g}"
+            samples = f"{count} sample{'' if count == '1' else 's'}"
+            found[name] = f"{in_words(abs(by), 's')} ({samples}) {'late' if by > 0 else 'early'}"
     return found
 
 

@@ -128,10 +128,20 @@ def fit(
     if not found:
         raise FitError(
             "the model cannot be solved at the starting values: expected parameters under which it can follow the "
-            "recorded inputs; choose others, and declare a plant that runs away by itself with what holds it"
+            f"recorded inputs{_why(problem, start)}; choose others, and declare a plant that runs away by itself with "
+            "what holds it, and roots and logarithms of what may be negative with what keeps them real (root)"
         )
     best = min(found, key=lambda s: s.cost)
     return described(problem, best.x, bool(best.status > 0), (best.fun, best.jac))
+
+
+def _why(problem: Problem, start: Mapping[str, float]) -> str:
+    """Why a model has no answer at some values, in brackets; "" where it has."""
+    try:
+        problem.response.outputs(problem.values(problem.scaled(start)))
+    except KernelError as problem_there:
+        return f" ({problem_there})"
+    return ""
 
 
 def search(
