@@ -138,6 +138,24 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
             getattr(run, f"to_{library}")()
 
 
+def test_a_response_and_a_sweep_become_datasets(tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    run = td.simulate(pressure="95 mmHg", voltage=0, stop=0.1)
+    made = run.to_xarray()
+    assert made["lambda_2"].dims == ("time",) and np.array_equal(made["lambda_2"], run["lambda_2"])
+    assert made["pressure"].attrs["units"] == "Pa" and np.array_equal(made["time"], run.time)
+    plan = {
+        "model": "TubularDEA",
+        "inputs": {"pressure": "1 kPa", "voltage": "0 V"},
+        "run": {"stop": "0.1 s"},
+        "vary": {"C_1": {"from": 3e5, "to": 4e5, "count": 3}},
+        "outputs": {"end": "final lambda_2"},
+    }
+    rows = td.sweep(plan, tmp_path / "out")
+    assert dict(rows.to_xarray().sizes) == {"C_1": 3}
+    assert np.array_equal(rows.to_xarray()["end"], rows["end"])
+
+
 def test_any_plant_is_simulated_as_the_tube_is(folder: Path) -> None:
     file = "cosim_examples/plants/cascaded_tanks.py"
     by_file = td.simulate(file, pump="step 0 3 V at 10", stop="100 s", interval="1 s")

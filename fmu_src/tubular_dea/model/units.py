@@ -344,7 +344,8 @@ def quantity(text: str, expected: str) -> float:
     match = re.fullmatch(rf"\s*({NUMBER})\s*(\S*)\s*", text)
     value = float(match[1]) if match else float("nan")
     if match is None or not math.isfinite(value):
-        raise UnitError(f"expected a number with a unit like {expected!r} but was given {text!r}")
+        unit = "" if expected == "1" else f" with a unit like {expected!r}"
+        raise UnitError(f"expected a number{unit} but was given {text!r}")
     return converted(value, match[2], expected) if match[2] else value
 
 
