@@ -416,6 +416,20 @@ def test_an_effect_of_unusual_size_gives_way_to_an_equivalent_of_usual_size(
     assert search.gains == {chosen: 13000.0 - (10.0 if chosen == "slew" else 0.0)}
 
 
+@pytest.mark.parametrize(
+    ("behind", "impossible", "chosen"), [(200.0, (), "slew"), (300.0, (), "lag"), (9.0, ("slew",), "lag")]
+)
+def test_an_effect_that_cannot_be_gives_way_to_one_that_may(
+    behind: float, impossible: tuple[str, ...], chosen: str
+) -> None:
+    """A leak was an overflow at a level that no record reached, which explained a ten thousandth more: "unexplained"."""
+    first = replace(option("lag", excess=0.0, z_slow=0.0), unreached=("lag",))
+    other = replace(option("slew", excess=behind), pinned=impossible)
+    search = found(BASE, first, rivals=[other], gains={"lag": 13000.0})
+    revision.with_usual_sizes(search)
+    assert search.chosen.ids == (chosen,)
+
+
 def test_where_no_effect_is_left_the_search_begins_anew_from_the_base_they_led_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import ArgumentError
-from ..files import write_atomically
+from ..files import FileError, write_atomically
 from ..model.units import factor
 from ..model.windkessel import PARAMETERS
 from ..patients.patient import OUTPUT_UNCERTAINTY, Patient
@@ -82,8 +82,12 @@ class PatientResult:
         out = Path(out)
         if out.suffix != ".toml":
             raise ArgumentError("out", f" {out}: expected a file that ends in .toml")
+        picture = png(self.plot())
         written = write_atomically(out, self._toml().encode())
-        return [written, write_atomically(out.with_suffix(".png"), png(self.plot()))]
+        try:
+            return [written, write_atomically(out.with_suffix(".png"), picture)]
+        except FileError as problem:  # a full disk
+            raise FileError(f"{problem}; the patient is in {written}, without its picture") from None
 
     def _header(self) -> list[str]:
         """A summary of the fit in sentences."""

@@ -10,7 +10,7 @@ from ...identify.threads import side_by_side
 from ..options.acceptance import bounded_away, clean, denied, far
 from ..options.options import Option, finer_form, fitted_option
 from ..scores.parameters import unusual
-from .equivalence import CHANCE, error_reach, stands_in
+from .equivalence import CHANCE, FORM_SHARE, error_reach, stands_in
 from .rounds import AT_BEST, Progress, Round
 from .settle import iterated
 
@@ -195,22 +195,35 @@ def _without(option: Option, other: Option) -> list[str]:
 
 
 def with_usual_sizes(found: Search) -> None:
-    """Choose an equivalent of usual size in place of an effect that is far larger than such effects are.
+    """Choose an equivalent of usual size in place of an effect that is far larger than such effects are, and one that
+    may be there in place of one that cannot be as it was fitted.
 
     A mass of sixty tubes, where a delay of one sample explains as much, would be the last that anybody looks for.
-    What explains less by a share of the gain, as another form of the same effect may, does not explain as much.
+    What explains less by a share of the gain, as another form of the same effect may, does not explain as much; but it
+    does in place of what cannot be: of a leak, an overflow at a level that no record reached left 50 less of 569 000.
     """
+    impossible = found.chosen.impossible
     for rival in found.rivals:
-        pair = stands_in(rival, found.chosen, found.gains, form=0.0)
-        if pair is None or (clean(found.chosen.lack_of_fit) and not clean(rival.lack_of_fit)):
+        pair = stands_in(rival, found.chosen, found.gains, FORM_SHARE if impossible else 0.0)
+        if pair is None or (impossible and pair[0] not in impossible):
             continue
-        name, other = (found.study.catalogue[i] for i in pair)
-        if unusual(name, found.chosen.fitted) > TOO_UNUSUAL * max(1.0, unusual(other, rival.fitted)):
+        if impossible or (_as_clean(found.chosen, rival) and _more_usual(found, pair, rival)):
             gained = found.gains.pop(pair[0]) + rival.gain_over(found.chosen)
             found.gains[pair[1]] = gained
             rest = [found.chosen, *(r for r in found.rivals if r is not rival)]
             found.chosen, found.rivals = rival, sorted(rest, key=lambda o: -o.evidence)
             return
+
+
+def _as_clean(chosen: Option, rival: Option) -> bool:
+    """Whether a rival leaves noise alone where the choice does."""
+    return clean(rival.lack_of_fit) or not clean(chosen.lack_of_fit)
+
+
+def _more_usual(found: Search, pair: tuple[str, str], rival: Option) -> bool:
+    """Whether the second effect of a pair, as a rival has it, is of a far more usual size than the choice's first."""
+    name, other = (found.study.catalogue[i] for i in pair)
+    return unusual(name, found.chosen.fitted) > TOO_UNUSUAL * max(1.0, unusual(other, rival.fitted))
 
 
 def _promising(rival: Option, coarse: Option, gains: Mapping[str, float]) -> bool:
