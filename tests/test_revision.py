@@ -422,7 +422,7 @@ def test_an_effect_of_unusual_size_gives_way_to_an_equivalent_of_usual_size(
 def test_an_effect_that_cannot_be_gives_way_to_one_that_may(
     behind: float, impossible: tuple[str, ...], chosen: str
 ) -> None:
-    """A leak was an overflow at a level that no record reached, which explained a ten thousandth more: "unexplained"."""
+    """A leak was an overflow at a level that no record reached, which explained a ten thousandth more: unexplained."""
     first = replace(option("lag", excess=0.0, z_slow=0.0), unreached=("lag",))
     other = replace(option("slew", excess=behind), pinned=impossible)
     search = found(BASE, first, rivals=[other], gains={"lag": 13000.0})

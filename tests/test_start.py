@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 from tubular_dea.identify.inputs.drive import Drive, drives
 from tubular_dea.identify.records.bench_file import read_bench
-from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, Experiment
-from tubular_dea.identify.records.start import _begins_off, detected, zeroed
+from tubular_dea.identify.records.experiment import RESTED, UNKNOWN, Experiment, Recordings
+from tubular_dea.identify.records.start import _begins_off, detected, with_unknown_starts, zeroed
 from tubular_dea.plants import Build, Input, Output, Plant
 from tubular_dea.plants.tube import PLANT
 from tubular_dea.recordings import ReadError
@@ -101,6 +101,17 @@ def test_any_output_may_show_that_a_plant_stood_under_load(current: float, short
     outputs = {name: level + LATER / 100 + e for (name, level), e in zip(read.items(), noise, strict=False)}
     inputs = {"voltage": 1.2 + LATER / 100 + noise[3]}
     assert detected(Experiment("one", TIME, inputs, outputs, np.arange(100)), coil()) == kind
+
+
+@pytest.mark.parametrize(("volts", "said", "moved"), [(1.2, False, True), (0.0, False, False), (1.2, True, False)])
+def test_a_file_under_load_may_begin_with_what_nobody_read(volts: float, said: bool, moved: bool) -> None:
+    """A cylinder was at any place, and declared to stand still; it moved, and a null was "unexplained"."""
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 100))
+    inputs, outputs = {"voltage": volts + LATER / 100 + noise[0]}, {"turned": 0.4 + LATER / 100 + noise[1]}
+    files = [Experiment(n, TIME, inputs, outputs, np.arange(100), start_said=said) for n in ("one", "two")]
+    found = with_unknown_starts(Recordings(coil(), files))
+    assert (found is not None) is moved
+    assert found is None or set(found.starts.values()) == {UNKNOWN}
 
 
 def test_a_plant_without_an_equilibrium_starts_at_none(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ArgumentError, UserError
 from ..identify.fitting.fit import NORMAL_95, Fit
 from ..identify.records.experiment import Recordings
+from ..identify.records.start import with_unknown_starts
 from ..identify.study.free_rings import with_slow_rings
 from ..identify.study.noise_limit import quieter, with_noise_of
 from ..identify.study.study import PRIOR, Study, study
@@ -136,7 +137,7 @@ def discover(
         raise ArgumentError("hold_out", ": all experiments are held out; name fewer, so that some are left to fit")
     read = sum(int(e.seen(o.name).sum()) for e in fitted_with for o in recordings.fitted_outputs)
     _check_enough(recordings, read, "samples of the experiments that are not held out" if held_out else "samples")
-    prepared, work, fitted = _begun(recordings, seed, held_out, tell)
+    recordings, prepared, work, fitted = _begun_as_told(recordings, seed, held_out, tell)
     turned = backwards(prepared, work, fitted, lambda other: recalibrated(other, seed, False)[1])
     if turned is not None:
         tell(f"is {' and '.join(turned.outputs)} counted the other way? Change the sign in the files, if so")
@@ -201,6 +202,21 @@ def _begun(
         tell("what the base lacks shows in the held-out experiments alone: these take part now, and others not")
         work, fitted = recalibrated(_exchanged(work), seed, True)
     return prepared, work, fitted
+
+
+def _begun_as_told(
+    recordings: Recordings, seed: int, held_out: Sequence[str] | None, tell: Progress
+) -> tuple[Recordings, Study, Study, Fit]:
+    """The same with the recordings: where the base leaves noise alone only if files under load may have begun with
+    anything, they did."""
+    begun = _begun(recordings, seed, held_out, tell)
+    moving = with_unknown_starts(recordings)
+    if moving is None or acceptance.clean(option(begun[1], (), begun[2]).lack_of_fit):
+        return recordings, *begun
+    tell("the same from unknown starts")
+    other = _begun(moving, seed, held_out, tell)
+    clean = acceptance.clean(option(other[1], (), other[2]).lack_of_fit)
+    return (moving, *other) if clean else (recordings, *begun)
 
 
 def _restoring(found: Search, judged: Judgement, tell: Progress) -> dict[str, list[str]]:

@@ -70,6 +70,24 @@ def detected(experiment: Experiment, plant: Plant) -> str:
     return UNKNOWN if loaded and any(_begun_off(experiment, plant, o) for o in told) else RESTED
 
 
+def with_unknown_starts(recordings: Recordings) -> Recordings | None:
+    """The recordings with an unknown start of files that begin under load, though no output tells that they begin
+    elsewhere than as declared; None where there are none. A cylinder is at any place, but declared to stand still."""
+    plant = recordings.plant
+    if plant.model.curve or not plant.model.states or not unknowns(plant.model):
+        return None
+
+    def may_move(e: Experiment) -> bool:
+        loaded = any(_begins_off(e.time, e.inputs[s.name], s.known_zero) for s in plant.inputs)
+        return loaded and e.start == RESTED and not e.start_said and not e.follows
+
+    moving = [may_move(e) for e in recordings.experiments]
+    if not any(moving):
+        return None
+    changed = zip(recordings.experiments, moving, strict=True)
+    return replace(recordings, experiments=[replace(e, start=UNKNOWN) if moves else e for e, moves in changed])
+
+
 def _begun_off(experiment: Experiment, plant: Plant, output: Output) -> bool:
     """Whether an output clearly begins elsewhere than at rest, or than where the plant is declared to start."""
     seen = experiment.seen(output.name)
