@@ -180,6 +180,9 @@ def test_thousands_that_look_like_decimals_are_told_by_the_other_columns() -> No
     rows = [f"0,0{i};15,0{i};0,006" for i in range(10, 90)]  # all of one column look like thousands
     table = read_text(Path("a.csv"), "\n".join(["time [s];radius [mm];voltage [kV]", *rows]).encode())
     np.testing.assert_allclose(table.columns[1].values[:2], [15.010, 15.011])
+    rows = [f"2,{400 + i};12,{600 + i};{17000 + i}" for i in range(80)]  # whoever groups thousands groups all of them
+    table = read_text(Path("a.csv"), "\n".join(["time [s];pressure [kPa];radius [um]", *rows]).encode())
+    assert [c.values[1] for c in table.columns] == [2.401, 12.601, 17001]
     for cell in ("1_000", "inf", "1.5.2", "0x1F", "12 mV", "1e"):
         assert numbers([cell, "1.5", "2.5"]).bad.tolist() == [0], cell
 
@@ -228,6 +231,20 @@ def test_a_file_of_one_input_among_files_of_another_is_not_unlike(tmp_path: Path
         read = pressure + 4 * random.standard_normal(time.size)
         tables[name] = {"time [s]": time, "pressure [Pa]": read, "voltage [V]": voltage, "radius [m]": radius}
     assert not [said for said in unusual.findings(read_recordings(tables)) if "spans" in said]
+
+
+def test_a_file_whose_input_is_as_large_as_in_others_has_no_other_unit() -> None:
+    """A pressure that was held in two files, and moved in two: "spans 28 times what it spans in the other files"."""
+    time, random, tables = np.arange(0, 4, 0.01), np.random.default_rng(2), {}
+    for name, moves in (("a", False), ("b", True), ("c", True), ("d", False)):
+        pressure = 12e3 + moves * 6e3 * np.sin(2 * time) + 200 * np.sin(9 * time)
+        voltage = np.where((time > 1) & (time < 3), 5e3, 0.0)
+        radius = 0.015 + 2.5e-7 * pressure + 1e-3 * (voltage > 0) + 1e-5 * random.standard_normal(time.size)
+        read = pressure + 4 * random.standard_normal(time.size)
+        tables[name] = {"time [s]": time, "pressure [Pa]": read, "voltage [V]": voltage, "radius [m]": radius}
+    assert not [said for said in unusual.findings(read_recordings(tables)) if "spans" in said]
+    tables["b"]["pressure [Pa]"] = tables["b"]["pressure [Pa]"] / 133.3
+    assert [said for said in unusual.findings(read_recordings(tables)) if "pressure" in said and "unit" in said]
 
 
 def test_files_that_are_no_recordings_are_named(tmp_path: Path) -> None:

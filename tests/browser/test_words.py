@@ -60,6 +60,15 @@ def _german(row: str) -> str:
     return ";".join([*cells, number]).replace(".", ",")
 
 
+def _grouped_by_none(row: str) -> str:
+    """A row of three decimals behind commas, and of a radius in whole micrometres."""
+    *cells, last = row.split(",")
+    if last.startswith("radius"):
+        return ";".join([*cells, "radius [um]"])
+    numbers = [f"{float(cell) + 2.0 * (k == 0):.3f}".replace(".", ",") for k, cell in enumerate(cells)]
+    return ";".join([*numbers, f"{1e6 * float(last):.0f}"])
+
+
 REFUSED = {
     "empty": "",
     "blank": "\n\n\n",
@@ -124,6 +133,7 @@ UNDERSTOOD = {
     "a diameter": column(3, lambda i, v: 2 * v).replace("radius [m]", "Diameter of the tube [m]"),
     "short pulses on a coarse monitor": column(2, lambda i, v: _pulses(i)),
     "decimals like thousands": lines(lambda rows: [_german(row) for row in rows]),
+    "decimals like thousands in all columns": lines(lambda rows: [_grouped_by_none(row) for row in rows]),
     "semicolons": GOOD.replace(",", ";"),
     "tabs": GOOD.replace(",", "\t"),
     "capitals": GOOD.replace("time [s]", "TIME (S)"),

@@ -162,11 +162,13 @@ def _unlike(recordings: Recordings) -> Iterator[str]:
     ratios = {name: _ratios(experiments, name) for name in (*inputs, *outputs)}
     rates = {name: _ratios(experiments, name, rate=True) for name in inputs}  # a current follows the voltage's
     whole = {name: _ratios(experiments, name, tails=0.0) for name in ratios}  # spikes of a current, too, change by it
+    sizes = {name: _size_ratios(experiments, name) for name in ratios}  # another unit makes what is held larger, too
     for name, answers in [*((n, outputs) for n in inputs), *((n, inputs) for n in outputs)]:
         for file, ratio in ratios[name].items():
             beside = [r[a][file] for r in (ratios, rates) for a in answers if file in r.get(a, {})]
-            larger = min(ratio, whole[name][file]) > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
-            smaller = max(ratio, whole[name][file]) < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
+            size = sizes[name][file]
+            larger = min(ratio, whole[name][file], size) > UNLIKE and ratio > UNLIKE * max(beside, default=np.inf)
+            smaller = max(ratio, whole[name][file], size) < 1 / UNLIKE and ratio < min(beside, default=0.0) / UNLIKE
             others = [ratios[n].get(file, 0.0) for n in inputs if n != name] if name in inputs else []
             driven = any(others)  # by another input, as it may be; or the other files are, that hold this one
             if (larger and min(others, default=1.0) > HELD) or (smaller and not driven):
@@ -275,6 +277,16 @@ def _ratios(experiments: Sequence[Experiment], name: str, rate: bool = False, ta
     spans = {file: span for file, span in spans.items() if span > 0}  # 0: it moves in too few samples to tell
     usual = {file: [s for other, s in spans.items() if other != file] for file in spans}
     return {f: spans[f] / float(np.median(u)) for f, u in usual.items() if len(u) >= OTHERS}
+
+
+def _size_ratios(experiments: Sequence[Experiment], name: str) -> dict[str, float]:
+    """By file, the largest size of a signal over its usual one in the others."""
+    sizes = {e.name: float(np.abs(_together(v)).max()) for e in experiments if (v := _values(e, name)).size}
+    usual = {
+        file: float(np.median([s for other, s in sizes.items() if other != file] or [size]))
+        for file, size in sizes.items()
+    }
+    return {file: size / max(usual[file], 1e-300) for file, size in sizes.items()}
 
 
 def _together(values: np.ndarray) -> np.ndarray:

@@ -175,6 +175,8 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
         found = [n if n.decimal == "," else numbers(c, ",") for c, n in zip(cells, found, strict=True)]
     elif any(n.decimal == "." for n in found):
         found = [n if n.decimal == "." else numbers(c, ".") for c, n in zip(cells, found, strict=True)]
+    elif any(map(_ungrouped, found)):  # so 12,345 of others has a decimal comma
+        found = [numbers(c, ",") if n.kind == "text" else n for c, n in zip(cells, found, strict=True)]
     filled = np.any([np.isfinite(n.values) for n in found], axis=0)
     if 0 < np.count_nonzero(filled) < LEAST:
         raise NoTableError(f"{path}, line {above.first}: expected at least {LEAST} rows of numbers but found one")
@@ -194,6 +196,12 @@ def _columns(path: Path, body: Body, above: Head, layout: Layout) -> tuple[list[
                 "the line"
             )
     return found, filled, remarks
+
+
+def _ungrouped(column: Numbers) -> bool:
+    """Whether a column has whole numbers of a thousand and more, in which nobody grouped the thousands."""
+    whole = column.kind == "number" and column.decimal == ""
+    return whole and bool(np.nanmax(np.abs(column.values), initial=0) >= 1000)
 
 
 def _may_be_short(body: Body, filled: np.ndarray, i: int, layout: Layout) -> bool:

@@ -103,8 +103,10 @@ function bodyOf(lines, head, layout) {
 function columnsOf(path, body, head, layout) {
   const width = body.cells[0]?.length ?? 0, cells = Array.from({ length: width }, (_, k) => body.cells.map((row) => row[k]));
   let found = cells.map((c) => numbersIn(c));
+  const ungrouped = (n) => n.kind === "number" && n.decimal === "" && n.values.some((v) => Math.abs(v) >= 1000); // by nobody
   if (found.some((n) => n.decimal === ",")) found = found.map((n, k) => n.decimal === "," ? n : numbersIn(cells[k], ","));
   else if (found.some((n) => n.decimal === ".")) found = found.map((n, k) => n.decimal === "." ? n : numbersIn(cells[k], "."));
+  else if (found.some(ungrouped)) found = found.map((n, k) => n.kind === "text" ? numbersIn(cells[k], ",") : n); // so 12,345 of others has a decimal comma
   const kept = body.cells.map((_, i) => found.some((n) => Number.isFinite(n.values[i]))), total = kept.filter(Boolean).length;
   if (total > 0 && total < words.least) throw new NoTableError(`${path}, line ${head.first}: expected at least ${words.least} rows of numbers but found one`);
   if (!total || found.every((n) => n.bad.filter((i) => kept[i]).length > words.prose * total)) throw new NoTableError(`${path}, line ${head.first}: expected rows of numbers but found text`);
