@@ -190,6 +190,7 @@ def test_advice_on_columns_can_be_followed_where_it_is_given(
         ("[start]\nb = 'rested'\n", "there is no experiment 'b'"),
         ("[start]\na = 'restless'\n", "expected rested"),
         ("[order]\na = '3 mm'\n", "expected a unit like 's'"),
+        ("[order]\na = '95 s'\n", "[order] a: expected the starts of two files at least"),
     ],
 )
 def test_what_bench_file_cannot_mean_is_refused(tmp_path: Path, text: str, words: str) -> None:

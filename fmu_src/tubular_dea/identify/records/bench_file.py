@@ -98,6 +98,11 @@ def read_bench(path: Path, plant: Plant, experiments: Sequence[str]) -> BenchFil
     noise = {k: _noise(f"{path}: [noise]", k, v, known, plant) for k, v in text.get("noise", {}).items()}
     start = {k: _start(path, k, v, experiments, plant) for k, v in text.get("start", {}).items()}
     order = {k: _begin(path, k, v, experiments) for k, v in text.get("order", {}).items()}
+    if len(order) == 1:
+        raise ReadError(
+            f"{path}: [order] {next(iter(order))}: expected the starts of two files at least, on one clock: add that "
+            "of the file before it, as 0 s"
+        )
     columns = choices([f"{k}={v}" for k, v in text.get("columns", {}).items()], plant, f"{path}: [columns]")
     sampling = {k: _amount(f"{path}: [sampling]", k, v, {"rate": "Hz"}) for k, v in text.get("sampling", {}).items()}
     return BenchFile(geometry, noise, start, order, columns, sampling.get("rate"))
