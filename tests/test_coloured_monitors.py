@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -50,3 +52,24 @@ def test_a_monitor_with_slow_noise_may_be_smoothed_over_longer_means(slow: float
 def test_slow_noise_of_a_monitor_is_no_lag() -> None:
     """It was a lag in the line to the tube, a delay and a stop."""
     assert td.discover(recordings(20.0, 40.0)).verdict == "no_effect"
+
+
+def test_a_stated_level_says_nothing_of_a_memory() -> None:
+    """40 Pa with a memory of 30 ms, stated as 40 Pa: "friction_hysteresis", where nothing was missing."""
+    random, time, tables = np.random.default_rng(3), np.arange(int(RATE * LONG)) / RATE, {}
+    for name in "abc":
+        pressure = np.interp(time, [4.0, 10.0], [0.0, 9e3])
+        read = 1e-7 * pressure + 10e-6 * random.standard_normal(time.size)
+        monitor = pressure + 40 * slow_noise(random, time.size, 0.03)
+        columns = {
+            "time [s]": time,
+            "pressure [Pa]": monitor,
+            "voltage [V]": np.where(time > 11, 1e3, 0.0),
+            "displacement [m]": read,
+        }
+        tables[name] = columns
+    found = td.read_recordings(tables)
+    phi = float(np.exp(-1 / (RATE * 0.03)))
+    level = study(replace(found, noise={"pressure": 40.0}), (), PRIOR).monitor_noise["pressure"]
+    assert level == pytest.approx(40 * np.sqrt((1 + phi) / (1 - phi)), rel=0.2)
+    assert study(replace(found, noise={"pressure": 0.0}), (), PRIOR).monitor_noise["pressure"] == 0

@@ -332,7 +332,7 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
 
     1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
-    Where a file rests at first, its colour shows.
+    Where a file rests at first, its colour shows, which a stated level says nothing of.
     """
     found = {s.name: fastest(drives, s.name) for s in recordings.plant.inputs}
     rested = [recordings.starts[e.name] == RESTED for e in recordings.experiments]
@@ -341,11 +341,12 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
         groups.setdefault(round(driven.step, SAME_STEP), []).append(number)
     pace = _pace(recordings, drives)
     for signal in recordings.plant.inputs:
-        if signal.linear and not recordings.noise.get(signal.name):
+        stated = recordings.noise.get(signal.name)
+        if signal.linear and stated != 0:
             records, fast = without_hum(recordings.experiments, signal.name), found[signal.name]
             told = [(step * n[0], n[1]) for step, own in groups.items() if (n := slow_level([records[i] for i in own]))]
             slowest = max((lag for lag, _ in told), default=0.0)
-            longest = sorted(level for lag, level in told if 2 * lag > slowest)[:1]
+            longest = sorted(level for lag, level in told if 2 * lag > slowest)[: 0 if stated else 1]
             rests = [
                 level_at_rest([records[i] for i in own if rested[i]], fast, int(LONG_REST * pace / step))
                 for step, own in groups.items()
