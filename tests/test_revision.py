@@ -430,6 +430,31 @@ def test_an_effect_that_cannot_be_gives_way_to_one_that_may(
     assert search.chosen.ids == (chosen,)
 
 
+@pytest.mark.parametrize(("behind", "chosen"), [(10.0, "lag"), (-300.0, "lag"), (14.0, "slew")])
+def test_a_limit_of_an_effect_takes_its_place_where_it_explains_as_much(
+    monkeypatch: pytest.MonkeyPatch, behind: float, chosen: str
+) -> None:
+    """A lag of 15 ms of a valve was a resonance with a damping of 8: the lag alone had ended at another optimum."""
+    entries = {
+        n: SimpleNamespace(**vars(e), limits=("lag",) if n == "slew" else ()) for n, e in STUDY.catalogue.items()
+    }
+    entries["lag"].shapes = {"lag": (0.5, 1.0)}
+    first, other = option("slew", excess=0.0, z_slow=0.0), option("lag", excess=behind)
+    search = found(BASE, first, gains={"slew": 13000.0})
+    search.study = SimpleNamespace(catalogue=entries)
+    begun: list[list[dict[str, float]]] = []
+
+    def from_starts(study: object, ids: tuple, starts: list[dict[str, float]], refined: tuple) -> object:
+        begun.append(starts)
+        return other.fitted
+
+    monkeypatch.setattr(revision, "best_of_starts", from_starts)
+    refits(monkeypatch, {(("lag",), ()): other})
+    revision.with_limits(search, lambda what: None)
+    assert search.chosen.ids == (chosen,) and [[s["lag"] for s in starts] for starts in begun] == [[0.5, 1.0]]
+    assert search.gains == {chosen: 13000.0 - (behind if chosen == "lag" else 0.0)}
+
+
 def test_where_no_effect_is_left_the_search_begins_anew_from_the_base_they_led_to(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

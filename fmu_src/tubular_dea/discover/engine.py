@@ -31,7 +31,7 @@ from .scores.held_out import with_held_out
 from .scores.power import Sizes, detection_limits, needed
 from .search import second_output, selection
 from .search.restored import restored, restoring
-from .search.revision import Search, with_usual_sizes
+from .search.revision import Search, with_limits, with_usual_sizes
 from .search.rounds import take_round
 from .search.settle import iterated
 
@@ -154,6 +154,7 @@ def discover(
         isolated = channels.isolate(found.base_study, (), fitted, found.base.lack_of_fit.excess, known)
     tell("verdict")
     with_usual_sizes(found)
+    with_limits(found, tell)
     judged = judge(found, turned is not None)
     work = found.study
     before = residuals.tests(found.base_study, (), fitted)

@@ -535,7 +535,7 @@ def _only_steps(experiment: Experiment, name: str, noise: float) -> bool:
     if not len(found):
         return False
     begins, ends = [0, *found.after], [*(found.before + 1), values.size]
-    levels = [values[a:b] for a, b in zip(begins, ends, strict=True)]
+    levels = [values[a:b] for a, b in zip(begins, ends, strict=True) if a < b]
     off = np.concatenate([level - level.mean() for level in levels])
     return _written(values, found) or bool(np.std(off) <= LEVEL_ALONE * noise)
 
