@@ -617,6 +617,20 @@ def test_a_distance_that_falls_is_asked_about(tmp_path: Path, capsys: pytest.Cap
         read_folder(folder, PLANT, ["displacement=4[-1 um]"])
 
 
+@pytest.mark.parametrize(("unit", "more"), [("1 degC", 1.0), ("1 degF", 5 / 9), ("1 K", 1.0)])
+def test_what_counts_from_a_reading_is_a_difference(tmp_path: Path, unit: str, more: float) -> None:
+    """A warming from 20 degC was 273.15 K too large: a column of degC is in K as a temperature is."""
+    m = Build("Block")
+    power, warming = m.input("power", "W", nominal=5), m.state("warming", "K", nominal=20)
+    m.derivative(warming, (4.0 * m.parameter("R", "K/W", 1.0) * power / 4.0 - warming) / m.parameter("tau", "s", 8.0))
+    m.output("reading", "K", 1.0 * warming)
+    plant, time = Plant(m.model(), [Input("power")], [Output("reading")]), np.arange(200) / 10
+    table = {"time [s]": time, "power [W]": np.sin(time), "T1 [degC]": 20 + time}
+    folder = written(tmp_path / "data", table).parent
+    read = read_folder(folder, plant, [f"reading=T1[{unit} from 20]"]).experiments[0].outputs["reading"]
+    np.testing.assert_allclose(read, more * time, atol=1e-9)
+
+
 def test_two_columns_that_may_be_a_signal_are_told(tmp_path: Path) -> None:
     table = headed()
     table["Druck Soll [mbar]"] = table["Druck Ist [mbar]"] = table.pop("pressure [Pa]") / 100

@@ -307,6 +307,14 @@ def converted(values: Amount, unit: str, expected: str) -> Amount:
     return (values * given.factor + (given.offset - wanted.offset)) / wanted.factor
 
 
+def difference(values: Amount, unit: str, expected: str) -> Amount:
+    """How much `values` in `unit` more are in `expected`, wherever their zeros are: 20 degC more are 20 K."""
+    given, wanted = parse(unit), parse(expected)
+    if given.exponents != wanted.exponents:
+        raise UnitError(f"expected a unit like {expected!r} but was given {unit!r}")
+    return values * given.factor / wanted.factor
+
+
 def combined(*powers: tuple[str, int]) -> str:
     """The product of powers of units, written as a unit: ("V/s", 1), ("m", -3) is "V/s/m3". `UnitError` as `parse`."""
     exponents: dict[str, Power] = {}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import ArgumentError, ColumnError
 from ...model.declare import nearest
-from ...model.units import NUMBER, UnitError, converted, is_unit
+from ...model.units import NUMBER, UnitError, converted, difference, is_unit, parse
 from ...plants.plant import Output, Plant
 from ...recordings import Column, ReadError, Table
 from ...recordings.heading import name as plain
@@ -371,6 +371,8 @@ def _in_si(table: Table, name: str, column: Column, choice: Choice | None, expec
         raise ColumnError(f"{problem} or say", {name: f"{column.number}[{expected}]"}, problem)
     times, zero = (choice.factor, choice.zero) if choice else (1.0, 0.0)
     try:
+        if zero and parse(unit).offset != parse(expected).offset:  # 30 degC from 20 are 10 K
+            return Assigned(column, expected, difference((column.values - zero) * times, unit, expected), times)
         return Assigned(column, unit, converted((column.values - zero) * times, unit, expected), times)
     except UnitError as problem:
         raise ReadError(f"{table.heading_place}, column {column.shown}: {problem}") from None
