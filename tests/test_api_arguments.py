@@ -59,7 +59,7 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "no times": (lambda out: td.simulate(**HELD, times=[]), "times: expected at least one time [s] but was given none"),
     "times": (lambda out: td.simulate(**HELD, times="ab"), "times: expected numbers but was given 'ab'"),
-    "tolerance": (lambda out: td.simulate(**HELD, tolerance="x"), "tolerance: expected a number with a unit"),
+    "tolerance": (lambda out: td.simulate(**HELD, tolerance="x"), "tolerance: expected a number but was given 'x'"),
     "no tolerance": (
         lambda out: td.simulate(**HELD, tolerance=None),
         "tolerance: expected a number but was given None",
