@@ -89,7 +89,6 @@ def test_numbers_of_an_options_own_are_not_taken_where_they_fit_worse(monkeypatc
         monkeypatch.setattr(settle, "fitted_option", lambda study, ids, start, refined, r=reached: next(r))
         monkeypatch.setattr(settle, "_closer", lambda before, after: False)
         monkeypatch.setattr(settle, "_with_starts_where_it_ended", lambda *settled: settled)
-        monkeypatch.setattr(settle, "_integrated_well", lambda *begun: begun)
         study, best = iterated(0, option("lag", excess=100.0, z_slow=z_slow))
         assert (study, best.misfit) == (turns, option("lag", excess=[100.0, *left][turns]).misfit)
 
@@ -105,6 +104,5 @@ def test_zeros_that_stood_for_an_effect_and_hid_what_they_have_in_common_go_with
     monkeypatch.setattr(settle, "adjusted", lambda *_: after)
     monkeypatch.setattr(settle, "fitted_option", lambda *_: worse)
     monkeypatch.setattr(settle, "_with_starts_where_it_ended", lambda *settled: settled)
-    monkeypatch.setattr(settle, "_integrated_well", lambda *begun: begun)
     found = iterated(before, one)
     assert found == ((after, worse) if taken else (before, one))

@@ -267,8 +267,6 @@ def identify(
             values = procedure.staged(work, values, tell)
         tell("all parameters jointly")
         work, problem, best = procedure.alternating_fit(work, values, starts, seed, free)
-        if (finer := work.finer_for((), best.values)) is not None:
-            work, problem, best = procedure.alternating_fit(finer, values | best.values, 1, seed, free)
         tell("intervals")
         work = with_starts_at(work, (), best.values)
         problem, best = vanishing(work.problem((), problem.free, problem.fixed), best)

@@ -12,7 +12,7 @@ from ..errors import UserError, list_of_names
 from ..model.declare import Model, Quantity, nearest
 from ..protocol import Protocol
 
-ULPS = 4  # of a time: points of a protocol that are closer are one, where a step ends
+ULPS = 1000  # of a time: points of a protocol that are closer may be one, where a step ends
 
 
 class KernelError(UserError, RuntimeError):

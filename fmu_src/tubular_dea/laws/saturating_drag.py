@@ -49,4 +49,5 @@ def law(at: BalanceSite) -> Effect | None:
     def apply(model: Model) -> Model:
         return at.added(model, -force.symbol * sympy.tanh(v / speed.symbol))
 
-    return at.effect(f"A drag that saturates acts on {at.words}", "Pennestri 2016", apply, force, speed)
+    summary = f"A drag that saturates acts on {at.words}"
+    return at.effect(summary, "Pennestri 2016", apply, force, speed, limits=("dry_friction",))

@@ -78,7 +78,6 @@ def iterated(study: Study, one: Option) -> tuple[Study, Option]:
     that is: then what it is settled with may stand for what it lacks. So it is where files seem to differ far less with
     the option than before: zeros that stood for its effect may have hidden another one.
     """
-    study, one = _integrated_well(study, one)
     complete = clean(one.lack_of_fit) and one.lack_of_fit.coloured == 1
     for turn in range(MOST_SETTLES):
         moved = adjusted(study, one.ids, one.fitted.values, one.fitted.free)
@@ -92,13 +91,6 @@ def iterated(study: Study, one: Option) -> tuple[Study, Option]:
         if abs(gained) < AGREE:
             break
     return _with_starts_where_it_ended(study, one)
-
-
-def _integrated_well(study: Study, one: Option) -> tuple[Study, Option]:
-    """The option, computed and fitted anew with a finer tolerance where its model needs that."""
-    finer = study.finer_for(one.ids, one.fitted.values)
-    again = None if finer is None else fitted_option(finer, one.ids, one.fitted.values, one.refined)
-    return (study, one) if finer is None or again is None else (finer, again)
 
 
 def _with_starts_where_it_ended(study: Study, one: Option) -> tuple[Study, Option]:

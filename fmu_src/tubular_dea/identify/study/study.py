@@ -27,7 +27,7 @@ from ..records.experiment import RESTED, DataError, Experiment, Recordings
 from ..records.growing_noise import with_growing_noise
 from ..records.start import MOVED, ZEROS, is_loose, may_be_filtered, zeroed
 from ..signals import noise as noises
-from ..signals.monitors import COLOURED
+from ..signals.monitors import COLOURED, noise_level
 from ..signals.noise import Noise
 from ..signals.noise_bound import limited
 from ..signals.quiet import pace_of
@@ -242,21 +242,6 @@ class Study:
             [p.marginal for p in pieces],
         )
 
-    def finer_for(self, ids: Ids, values: Mapping[str, float]) -> Study | None:
-        """The study with a finer tolerance, where the error of a model with effects `ids` shows beside noise though
-        that of the declared base does not: with a diode, 1e-4 moved a resistance by a seventh. None where it is well
-        as it is."""
-        if self.tolerance <= ROUGH[-1] or self._errs_little(ids, values):
-            return None
-        return replace(self, tolerance=ROUGH[-1])
-
-    def _errs_little(self, ids: Ids, values: Mapping[str, float]) -> bool:
-        """Whether the integrator's error is nothing beside the noise."""
-        try:
-            return self.problem(ids, [], values, self.pieces).numerical_error(FINER) < NEGLIGIBLE
-        except KernelError:  # no answer there
-            return False
-
     def weighted(self, weights: Sequence[np.ndarray]) -> Study:
         """The study with other weights of the samples, one array a piece."""
         return replace(self, pieces=[replace(p, weight=w) for p, w in zip(self.pieces, weights, strict=True)])
@@ -315,9 +300,13 @@ def log_determinant(pieces: Sequence[Piece]) -> float:
 
 
 def _integrated(work: Study) -> Study:
-    """The study with the roughest tolerance whose error at the declared values is nothing beside the noise."""
-    rough = (replace(work, tolerance=tolerance) for tolerance in ROUGH)
-    return next((r for r in rough if r._errs_little((), work.plant.model.parameter_values())), work)
+    """The study with the rough tolerance, if its error at the declared values is nothing beside the noise."""
+    coarse = replace(work, tolerance=ROUGH)
+    problem = coarse.problem((), [], work.plant.model.parameter_values(), work.pieces)
+    try:
+        return coarse if problem.numerical_error(FINER) < NEGLIGIBLE else work
+    except KernelError:  # no answer there
+        return work
 
 
 def compiled_for(recordings: Recordings, points: int) -> Compiled:
@@ -332,7 +321,8 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
 
     1/f noise is small from sample to sample, and a line that follows its record follows it too. What moves slowly looks
     like more of it, so of records with different sampling steps those with the least count, if they tell noise as slow.
-    Where a file rests at first, its colour shows, which a stated level says nothing of.
+    Where a file rests at first, its colour shows. A stated level says nothing of that; where it is more than what
+    changes from sample to sample, there is one.
     """
     found = {s.name: fastest(drives, s.name) for s in recordings.plant.inputs}
     rested = [recordings.starts[e.name] == RESTED for e in recordings.experiments]
@@ -344,6 +334,8 @@ def _monitor_noise(recordings: Recordings, drives: Sequence[Drive]) -> dict[str,
         stated = recordings.noise.get(signal.name)
         if signal.linear and stated != 0:
             records, fast = without_hum(recordings.experiments, signal.name), found[signal.name]
+            if stated and stated < COLOURED * float(np.median([noise_level(r) for r in records])):
+                continue
             told = [(step * n[0], n[1]) for step, own in groups.items() if (n := slow_level([records[i] for i in own]))]
             slowest = max((lag for lag, _ in told), default=0.0)
             longest = sorted(level for lag, level in told if 2 * lag > slowest)[: 0 if stated else 1]
