@@ -430,9 +430,18 @@ def test_an_effect_that_cannot_be_gives_way_to_one_that_may(
     assert search.chosen.ids == (chosen,)
 
 
-@pytest.mark.parametrize(("behind", "chosen"), [(10.0, "lag"), (-300.0, "lag"), (14.0, "slew")])
+@pytest.mark.parametrize(
+    ("behind", "ended", "chosen"),
+    [
+        (10.0, False, "lag"),
+        (-300.0, False, "lag"),
+        (14.0, False, "slew"),
+        (200.0, True, "lag"),  # a friction that creeps by less than anybody sees is dry
+        (300.0, True, "slew"),
+    ],
+)
 def test_a_limit_of_an_effect_takes_its_place_where_it_explains_as_much(
-    monkeypatch: pytest.MonkeyPatch, behind: float, chosen: str
+    monkeypatch: pytest.MonkeyPatch, behind: float, ended: bool, chosen: str
 ) -> None:
     """A lag of 15 ms of a valve was a resonance with a damping of 8: the lag alone had ended at another optimum."""
     entries = {
@@ -449,6 +458,8 @@ def test_a_limit_of_an_effect_takes_its_place_where_it_explains_as_much(
         return other.fitted
 
     monkeypatch.setattr(revision, "best_of_starts", from_starts)
+    monkeypatch.setattr(revision, "iterated", lambda study, one: (study, one))
+    monkeypatch.setattr(revision, "at_bounds", lambda effect, fitted: {"slew": -1} if ended else {})
     refits(monkeypatch, {(("lag",), ()): other})
     revision.with_limits(search, lambda what: None)
     assert search.chosen.ids == (chosen,) and [[s["lag"] for s in starts] for starts in begun] == [[0.5, 1.0]]

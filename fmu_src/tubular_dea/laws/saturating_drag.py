@@ -26,6 +26,7 @@ from .places import Balance
 KINDS = (Balance,)
 NEEDS = "the balance of a speed"
 SPEEDS = (3e-3, 3e-2, 0.3)  # of the usual speed
+SLOWEST = 1e-3  # of it: what creeps less is dry friction, and is told as that
 
 
 def law(at: BalanceSite) -> Effect | None:
@@ -41,7 +42,7 @@ def law(at: BalanceSite) -> Effect | None:
         at.unit,
         "Speed at which it has three quarters of that",
         0.03 * n,
-        1e-4 * n,
+        SLOWEST * n,
         n,
         shapes=[s * n for s in SPEEDS],
     )

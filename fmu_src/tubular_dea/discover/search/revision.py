@@ -11,8 +11,8 @@ from ...identify.threads import side_by_side
 from ..options.acceptance import bounded_away, clean, denied, far
 from ..options.options import Option, finer_form, fitted_option
 from ..options.refit import best_of_starts
-from ..scores.parameters import unusual
-from .equivalence import CHANCE, FORM_SHARE, error_reach, stands_in
+from ..scores.parameters import at_bounds, unusual
+from .equivalence import CHANCE, FORM_SHARE, error_reach, stands_in, told_apart
 from .rounds import AT_BEST, Progress, Round
 from .settle import iterated
 
@@ -218,7 +218,8 @@ def with_usual_sizes(found: Search) -> None:
 
 
 def with_limits(found: Search, tell: Progress) -> None:
-    """Choose a limit of an effect in its place where it explains as much, fitted from where that one ended.
+    """Choose a limit of an effect in its place where it explains as much, fitted from where that one ended; of one that
+    ended at a bound, where it does but for its form.
 
     A lag of 15 ms of a valve was a resonance with a damping of 8: alone it had ended at another optimum, twice as far
     from the records, from which no step led to where both are.
@@ -237,7 +238,10 @@ def with_limits(found: Search, tell: Progress) -> None:
         ]
         begun = best_of_starts(found.study, ids, [start | shape for shape in shapes], chosen.refined)
         other = None if begun is None else fitted_option(found.study, ids, begun.values, chosen.refined)
-        if other is not None and not other.impossible and chosen.misfit > other.misfit - CHANCE:
+        ended = at_bounds(catalogue[name], chosen.fitted)
+        reach = told_apart(chosen, found.gains.get(name, 0.0)) if ended else CHANCE
+        if other is not None and not other.impossible and chosen.misfit > other.misfit - reach:
+            found.study, other = iterated(found.study, other)
             found.gains[limit] = found.gains.pop(name, 0.0) + other.gain_over(chosen)
             found.chosen, found.rivals = other, sorted([chosen, *found.rivals], key=lambda o: -o.evidence)
 
