@@ -276,9 +276,7 @@ def is_unit(text: str) -> bool:
 
 def factor(unit: str, expected: str) -> float:
     """How many `expected` one `unit` is: mmHg to Pa is 133.322. `UnitError` where the dimensions differ."""
-    given, wanted = parse(unit), parse(expected)
-    if given.exponents != wanted.exponents:
-        raise UnitError(f"expected a unit like {expected!r} but was given {unit!r}")
+    given, wanted = _alike(unit, expected)
     if given.offset != wanted.offset:
         raise UnitError(f"{unit!r} and {expected!r} have zeros of their own: no factor makes one the other")
     return given.factor / wanted.factor * math.tau ** float(_cycles(unit, expected) - _cycles(expected, unit))
@@ -309,10 +307,16 @@ def converted(values: Amount, unit: str, expected: str) -> Amount:
 
 def difference(values: Amount, unit: str, expected: str) -> Amount:
     """How much `values` in `unit` more are in `expected`, wherever their zeros are: 20 degC more are 20 K."""
+    given, wanted = _alike(unit, expected)
+    return values * given.factor / wanted.factor
+
+
+def _alike(unit: str, expected: str) -> tuple[Unit, Unit]:
+    """Both units; `UnitError` where the dimensions differ."""
     given, wanted = parse(unit), parse(expected)
     if given.exponents != wanted.exponents:
         raise UnitError(f"expected a unit like {expected!r} but was given {unit!r}")
-    return values * given.factor / wanted.factor
+    return given, wanted
 
 
 def combined(*powers: tuple[str, int]) -> str:

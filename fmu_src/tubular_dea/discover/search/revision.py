@@ -210,10 +210,7 @@ def with_usual_sizes(found: Search) -> None:
         if pair is None or (impossible and pair[0] not in impossible):
             continue
         if impossible or (_as_clean(found.chosen, rival) and _more_usual(found, pair, rival)):
-            gained = found.gains.pop(pair[0]) + rival.gain_over(found.chosen)
-            found.gains[pair[1]] = gained
-            rest = [found.chosen, *(r for r in found.rivals if r is not rival)]
-            found.chosen, found.rivals = rival, sorted(rest, key=lambda o: -o.evidence)
+            _choose(found, rival, pair)
             return
 
 
@@ -242,8 +239,14 @@ def with_limits(found: Search, tell: Progress) -> None:
         reach = told_apart(chosen, found.gains.get(name, 0.0)) if ended else CHANCE
         if other is not None and not other.impossible and chosen.misfit > other.misfit - reach:
             found.study, other = iterated(found.study, other)
-            found.gains[limit] = found.gains.pop(name, 0.0) + other.gain_over(chosen)
-            found.chosen, found.rivals = other, sorted([chosen, *found.rivals], key=lambda o: -o.evidence)
+            _choose(found, other, (name, limit))
+
+
+def _choose(found: Search, other: Option, pair: tuple[str, str]) -> None:
+    """Choose another option, which has the second effect of a pair in place of the first."""
+    found.gains[pair[1]] = found.gains.pop(pair[0], 0.0) + other.gain_over(found.chosen)
+    rest = [found.chosen, *(r for r in found.rivals if r is not other)]
+    found.chosen, found.rivals = other, sorted(rest, key=lambda o: -o.evidence)
 
 
 def _as_clean(chosen: Option, rival: Option) -> bool:

@@ -46,8 +46,10 @@ def as_read(study: Study, ids: Ids) -> Study:
     """The study without the starts that were estimated: they belong to other parameters."""
     declared = study.plant.model.parameter_values()
     first = [{n: declared.get(n, 0.0) for n in study.unknown(ids, p)} for p in study.pieces]
-    first = [own | read_starts(study.plant, p.case, p.record) for p, own in zip(study.pieces, first, strict=True)]
-    cases = [replace(p.case, own=dict(p.case.own) | own) for p, own in zip(study.pieces, first, strict=True)]
+    cases = [
+        replace(p.case, own=dict(p.case.own) | own | read_starts(study.plant, p.case, p.record))
+        for p, own in zip(study.pieces, first, strict=True)
+    ]
     return replace(study, pieces=carried([replace(p, case=c) for p, c in zip(study.pieces, cases, strict=True)]))
 
 

@@ -59,10 +59,10 @@ def detected(experiment: Experiment, plant: Plant) -> str:
     A static law's output moves at once; what effects remember under a load is unknown. A plant without an equilibrium
     that is declared to start somewhere has not done so where its output begins elsewhere.
     """
-    time, static = experiment.time, not plant.model.states
+    static = not plant.model.states
     if not static and (not experiment.outputs or not (plant.model.curve or unknowns(plant.model))):
         return RESTED
-    loaded = any(_begins_off(time, experiment.inputs[s.name], s.known_zero) for s in plant.inputs)
+    loaded = _loaded(experiment, plant)
     if static:
         return UNKNOWN if loaded else RESTED
     first, *others = [o for o in plant.outputs if o.name in experiment.outputs]
@@ -78,14 +78,18 @@ def with_unknown_starts(recordings: Recordings) -> Recordings | None:
         return None
 
     def may_move(e: Experiment) -> bool:
-        loaded = any(_begins_off(e.time, e.inputs[s.name], s.known_zero) for s in plant.inputs)
-        return loaded and e.start == RESTED and not e.start_said and not e.follows
+        return e.start == RESTED and not e.start_said and not e.follows and _loaded(e, plant)
 
     moving = [may_move(e) for e in recordings.experiments]
     if not any(moving):
         return None
     changed = zip(recordings.experiments, moving, strict=True)
     return replace(recordings, experiments=[replace(e, start=UNKNOWN) if moves else e for e, moves in changed])
+
+
+def _loaded(experiment: Experiment, plant: Plant) -> bool:
+    """Whether an input clearly begins elsewhere than at rest."""
+    return any(_begins_off(experiment.time, experiment.inputs[s.name], s.known_zero) for s in plant.inputs)
 
 
 def _begun_off(experiment: Experiment, plant: Plant, output: Output) -> bool:
